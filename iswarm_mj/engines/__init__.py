@@ -1,0 +1,1 @@
+"""Engines: the same few verbs over different physics back ends."""

@@ -1,0 +1,1 @@
+"""The electrostatic gripper: force laws and what they decide."""

@@ -1,0 +1,1 @@
+"""Optics: who hears whom, and the 32 bits that pass."""

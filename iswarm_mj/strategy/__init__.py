@@ -1,0 +1,1 @@
+"""The vector-based strategy with scouts: pure rules over a robot axis."""
