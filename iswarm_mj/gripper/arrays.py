@@ -1,0 +1,23 @@
+"""The array library of a law's arguments: NumPy, or JAX once somebody has imported it."""
+
+import sys
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Array: TypeAlias = Any
+"""A number, or a NumPy or JAX array of any shape; arguments broadcast."""
+
+
+def array_module(*values: Array) -> Any:
+    """`jax.numpy` if any value is a JAX array or tracer, otherwise `numpy`; never imports JAX."""
+    jax = sys.modules.get("jax")
+    if jax is not None and any(isinstance(value, jax.Array) for value in values):
+        return jax.numpy
+    return np
+
+
+def is_concrete(*values: Array) -> bool:
+    """Whether no value is a JAX tracer, so that its numbers can be looked at."""
+    jax = sys.modules.get("jax")
+    return jax is None or not any(isinstance(value, jax.core.Tracer) for value in values)
