@@ -1,0 +1,76 @@
+"""The engine for CPUs: MuJoCo in C, many worlds on a thread pool."""
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from iswarm_mj.model import ArenaModel
+
+_RAY_HEIGHT = 0.5  # half the height of a robot [mm]
+_RAY_GROUPS = np.array([1, 0, 0, 1, 0, 0], np.uint8)  # walls are in group 0, hulls in group 3
+
+
+class MujocoBatchEngine:
+    """`Engine` on `mujoco.batch`; bit-identical at any number of threads."""
+
+    def __init__(self, arena: ArenaModel, n_worlds: int, n_threads: int):
+        self._arena = arena
+        self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
+        self._qpos = self._batch.bind("qpos")
+        self._force = self._batch.bind("qfrc_applied")
+        self._mocap = self._batch.bind("mocap_pos")
+        self._scratch = mujoco.MjData(arena.model)
+        n = len(arena.hull)
+        self._object = np.full(arena.model.ngeom + 1, 2 * n + 1)  # the last one stands for no hit
+        self._object[arena.hull] = np.arange(n)
+        self._object[arena.walls] = n + np.arange(len(arena.walls))
+
+    def reset(self, poses: np.ndarray, balls: np.ndarray) -> None:
+        """See `Engine.reset`."""
+        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[:, self._arena.qpos] = poses
+        self.move_balls(balls)
+        self._batch.forward()
+
+    def poses(self) -> np.ndarray:
+        """See `Engine.poses`."""
+        return self._qpos[:, self._arena.qpos]
+
+    def advance(self, velocity: np.ndarray, n_substeps: int, worlds: np.ndarray) -> None:
+        """See `Engine.advance`."""
+        self._force[:, self._arena.qpos] = self._arena.servo_gain * velocity
+        self._batch.step(ids=worlds, nstep=n_substeps)
+
+    def contacts(self, world: int) -> np.ndarray:
+        """See `Engine.contacts`."""
+        contact = self._batch.get_data(world, self._scratch).contact
+        pairs = self._object[contact.geom[contact.dist <= 0]]
+        pairs = np.sort(pairs[(pairs < len(self._arena.hull)).all(axis=1)], axis=1)
+        return np.unique(pairs, axis=0)
+
+    def cast_rays(
+        self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `Engine.cast_rays`."""
+        count = np.bincount(world, minlength=self._batch.nsim)
+        ids = np.flatnonzero(count)
+        shape = (len(ids), int(count.max(initial=0)))
+        if not len(ids):
+            return np.zeros(0), np.zeros(0, int)
+        used = np.arange(shape[1]) < count[ids, None]
+        order = np.argsort(world, kind="stable")
+        start, along = np.zeros((*shape, 3)), np.zeros((*shape, 3))
+        start[..., 2], along[..., 2] = 1e3, 1.0  # rays that fill up the block look at the sky
+        exclude = np.zeros(shape, np.int32)
+        start[used] = np.column_stack([origin[order], np.full(len(order), _RAY_HEIGHT)])
+        along[used] = np.column_stack([vector[order], np.zeros(len(order))])
+        exclude[used] = self._arena.body[robot[order]]
+        hit_at, geom = self._batch.ray(start, along, geomgroup=_RAY_GROUPS, bodyexclude=exclude, ids=ids)
+        share, hit = np.empty(len(world)), np.empty(len(world), int)
+        share[order] = np.where(geom[used] < 0, np.inf, hit_at[used])
+        hit[order] = self._object[geom[used]]
+        return share, hit
+
+    def move_balls(self, balls: np.ndarray) -> None:
+        """See `Engine.move_balls`."""
+        self._mocap[:, self._arena.mocap] = balls

@@ -1,0 +1,177 @@
+"""Runs of a swarm: time, worlds, seeds, faults."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco.batch
+import numpy as np
+
+from iswarm_mj import layout, swarm
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Engine
+from iswarm_mj.engines.mujoco_batch import MujocoBatchEngine
+from iswarm_mj.errors import SimulationFault
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.metrics import Measures, measure, new_contacts
+from iswarm_mj.model import ArenaModel, compile_arena
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.swarm import SwarmState
+from iswarm_mj.timing import Stopwatch
+from iswarm_mj.units import mm_from_rd
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """One run of B worlds; world w of seed s has its own random numbers, the same in any batch."""
+
+    n_robots: int
+    steps: int
+    seed: int = 0
+    n_worlds: int = 1
+    n_threads: int = 0
+    """Threads for physics, 0 for one a core; the results do not depend on it."""
+    stop_at: int | None = None
+    """A world is finished when this many balls are delivered; None for all."""
+
+
+class StepView(NamedTuple):
+    """What an observer of a run gets to see after each control step, and once at the start (step 0)."""
+
+    step: int
+    poses: np.ndarray
+    """(B, N, 3) x, y [mm] and yaw [rad]."""
+    state: SwarmState
+    links: Links
+    """Links of the control step that led here; none at the start."""
+    has_priority: np.ndarray
+    """(B, N) bool."""
+    balls: np.ndarray
+    """(B, K, 3) the balls' centres [mm]."""
+    collisions: np.ndarray
+    """(B,) so far."""
+    speed: np.ndarray
+    """(B,) mean distance that the robots moved in this step, per second [mm/s]."""
+
+
+Observer = Callable[[StepView], None]
+
+
+@dataclass
+class Run:
+    """A run in progress: B worlds that `advance` together until each is finished."""
+
+    config: SwarmConfig
+    genome: Genome
+    settings: RunSettings
+    watch: Stopwatch = field(default_factory=Stopwatch)
+
+    def __post_init__(self):
+        c, s = self.config, self.settings
+        layout.check_robots(c.arena, s.n_robots)
+        radii = layout.draw_radii(c.arena, np.random.default_rng([s.seed, 2**32 - 1]))
+        self.arena: ArenaModel = compile_arena(c, s.n_robots, radii)
+        self.engine: Engine = MujocoBatchEngine(self.arena, s.n_worlds, s.n_threads)
+        starts = [_start(c, s.n_robots, radii, np.random.default_rng([s.seed, w])) for w in range(s.n_worlds)]
+        balls = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x) for x in a]), *[b for _, b in starts])
+        n_scouts = round(self.genome.fraction_scouts * s.n_robots)
+        mind = controller.init(s.n_robots, n_scouts)
+        minds = jax.tree.map(lambda a: jnp.broadcast_to(a, (s.n_worlds, *a.shape)), mind)
+        self.state = SwarmState(minds, balls)
+        rules = controller.rules_of(self.genome)
+        self._rules = jax.tree.map(lambda a: jnp.broadcast_to(a, (s.n_worlds,)), rules)
+        key = jax.random.key(s.seed)
+        self._keys = jax.vmap(lambda w: jax.random.fold_in(key, w))(jnp.arange(s.n_worlds))
+        self.step = 0
+        self.collisions = np.zeros(s.n_worlds, int)
+        self.finished_at: list[int | None] = [None] * s.n_worlds
+        self._touching = [np.zeros((0, 2), int)] * s.n_worlds
+        poses = np.stack([p for p, _ in starts])
+        self.engine.reset(poses, self._ball_centres(poses))
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is up or every world is finished."""
+        return self.step >= self.settings.steps or None not in self.finished_at
+
+    def advance(self) -> StepView:
+        """Take one control step.
+
+        Raises:
+            SimulationFault: a robot has no finite pose or is outside the walls.
+        """
+        running = np.array([f is None for f in self.finished_at])
+        worlds = np.flatnonzero(running)
+        before = self.engine.poses()
+        with self.watch("sense"):
+            links, sees_wall = swarm.see(self.config, self.engine, before)
+        with self.watch("act"):
+            self.state, command, priority = jax.block_until_ready(swarm.decide_worlds(
+                self.config, tuple(self.arena.probe.tolist()), self._rules, self.state, before.astype(np.float32),
+                links, sees_wall, self.step, self._keys, running,
+            ))  # fmt: skip
+        self.step += 1
+        with self.watch("physics"):
+            try:
+                touching = swarm.drive(self.config, self.engine, command, worlds)
+            except mujoco.batch.SimulationError as error:
+                raise SimulationFault(f"step {self.step}: MuJoCo stopped: {error}") from None
+            poses = self.engine.poses()
+            self._check(poses)
+            balls = self._ball_centres(poses)
+            self.engine.move_balls(balls)
+        self._count(worlds, touching)
+        moved = np.linalg.norm(poses[..., :2] - before[..., :2], axis=-1).mean(axis=1)
+        return StepView(
+            self.step, poses, self.state, links, np.asarray(priority), balls, self.collisions.copy(),
+            moved / self.config.drive.control_period,
+        )  # fmt: skip
+
+    def start_view(self) -> StepView:
+        """Return the view of the start."""
+        s, poses = self.settings, self.engine.poses()
+        shape = (*poses.shape[:2], swarm.N_SIDES)
+        nobody = Links(np.zeros(shape, np.int32), np.zeros(shape, bool), *[np.zeros(shape)] * 3)
+        priority = np.zeros(poses.shape[:2], bool)
+        balls = self._ball_centres(poses)
+        return StepView(0, poses, self.state, nobody, priority, balls, self.collisions.copy(), np.zeros(s.n_worlds))
+
+    def measures(self, world: int) -> Measures:
+        """Return the measures of a world so far."""
+        return measure(self.state.balls, world, int(self.collisions[world]), self.finished_at[world])
+
+    def _count(self, worlds: np.ndarray, touching: list[np.ndarray]) -> None:
+        delivered = np.asarray(self.state.balls.is_delivered).sum(axis=1)
+        goal = self.settings.stop_at or self.config.arena.n_dust
+        for world, pairs in zip(worlds, touching, strict=True):
+            self.collisions[world] += new_contacts(pairs, self._touching[world], self.settings.n_robots)
+            self._touching[world] = pairs
+            if delivered[world] >= goal:
+                self.finished_at[world] = self.step
+
+    def _ball_centres(self, poses: np.ndarray) -> np.ndarray:
+        return swarm.ball_centres(self.state, poses, self.arena.probe, self.arena.tip_height)
+
+    def _check(self, poses: np.ndarray) -> None:
+        """Raise a SimulationFault if a robot has no finite pose or is outside the walls."""
+        edge = mm_from_rd(self.config.arena.size) / 2
+        lost = ~np.isfinite(poses).all(axis=-1) | ~(np.abs(poses[..., :2]).max(axis=-1) < edge)
+        if lost.any():
+            world = int(np.flatnonzero(lost.any(axis=1))[0])
+            robots = np.flatnonzero(lost[world])
+            names = ", ".join(map(str, robots[:10])) + (" and more" if len(robots) > 10 else "")
+            raise SimulationFault(f"step {self.step}, world {world}: robots {names} left the arena or have no finite pose")
+
+
+def _start(config: SwarmConfig, n_robots: int, radii: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, Balls]:
+    """Start poses (N, 3) and balls of one world."""
+    poses = layout.place_robots(config.arena, n_robots, rng)
+    position = layout.place_balls(config.arena, rng)
+    tool, substrate = layout.draw_works(config.gripper, len(radii), rng)
+    no, zero = np.zeros(len(radii), bool), np.zeros(len(radii), np.int32)
+    f = np.float32
+    return poses, Balls(position.astype(f), radii.astype(f), tool.astype(f), substrate.astype(f), no, no, zero, no, zero)

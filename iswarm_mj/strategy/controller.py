@@ -1,0 +1,200 @@
+"""The vector-based strategy with scouts: what a robot says and does, from what it senses (section 4 of the paper).
+
+One pure function over a robot axis. A robot knows its own memory, what its photodiodes received, and what lies
+under it; it knows neither where it is nor which way it looks.
+"""
+
+import math
+from collections import namedtuple
+from dataclasses import astuple, fields
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.strategy.avoidance import kept_distance, repulsion
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.vectors import Memory, after_motion, heard, standing_on, take_over
+from iswarm_mj.units import mm_from_rd
+
+Rules = namedtuple("Rules", [f.name for f in fields(Genome)])  # the genome's values, as JAX scalars
+
+
+class Mind(NamedTuple):
+    """What N robots carry from one control step to the next."""
+
+    dust: Memory
+    """Way to dust."""
+    dump: Memory
+    """Way to the dump."""
+    is_scout: Array
+    """(N,) bool."""
+
+
+class Observation(NamedTuple):
+    """All that N robots sense in one control step, each with S = 4 sides."""
+
+    is_heard: Array
+    """(N, S) bool, a message arrived on this side and its parity was right."""
+    bearing: Array
+    """(N, S) direction it came from, in the robot's frame [rad]."""
+    distance: Array
+    """(N, S) measured distance of its sender [mm]."""
+    led: Array
+    """(N, S) int32, LED number in the message."""
+    priority: Array
+    """(N, S) bool, priority flag in the message."""
+    dust: Memory
+    """(N, S) vectors to dust in the messages, in their senders' frames."""
+    dump: Memory
+    """(N, S) vectors to the dump in the messages."""
+    sees_wall: Array
+    """(N, 4) bool, a wall reflects the light of this side's LED."""
+    at_dust: Array
+    """(N,) bool, a ball lies beside or beneath the robot."""
+    ball_vector: Array
+    """(N, 2) where it lies, in the robot's frame [mm]."""
+    on_dump: Array
+    """(N,) bool, the robot stands on the dump."""
+    is_loaded: Array
+    """(N,) bool, the robot holds a ball."""
+    grasp_failed: Array
+    """(N,) bool, the robot tried to lift a ball in this step and the ball stayed."""
+
+
+class Command(NamedTuple):
+    """What N robots do in one control step: first turn, then walk."""
+
+    turn: Array
+    """(N,) anticlockwise [rad]."""
+    forward: Array
+    """(N,) [mm], negative backwards."""
+
+
+def rules_of(genome: Genome) -> Rules:
+    """Return the genome's values as JAX scalars, so that another genome needs no compilation."""
+    return Rules(*(jnp.asarray(v, bool if isinstance(v, bool) else jnp.float32) for v in astuple(genome)))
+
+
+def init(n_robots: int, n_scouts: int) -> Mind:
+    """Return the minds at the start: no vectors, the first `n_scouts` robots are scouts."""
+    return Mind(Memory.empty(n_robots), Memory.empty(n_robots), jnp.arange(n_robots) < n_scouts)
+
+
+def priority_flag(rules: Rules, mind: Mind, is_loaded: Array) -> Array:
+    """Whether each robot sends the priority flag (N,)."""
+    return (mind.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
+
+
+def may_pick(config: SwarmConfig, mind: Mind) -> Array:
+    """Whether each robot picks up dust (N,)."""
+    return ~mind.is_scout | config.strategy.scouts_pick
+
+
+def act(
+    config: SwarmConfig, probe_reach: float, rules: Rules, mind: Mind, seen: Observation, key: Array
+) -> tuple[Mind, Command]:
+    """Advance the minds of N robots by one control step, and decide what they do.
+
+    Args:
+        config: limits of the drive, open parameters of the strategy.
+        probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
+        rules: the genome.
+        mind: memories from the step before.
+        seen: what the robots sense now.
+        key: random key of this world and step.
+    """
+    n_sides = seen.is_heard.shape[1]
+    draw = jax.random.uniform(key, (len(mind.is_scout), 3 + 2 * n_sides))
+    mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 3:])
+    wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
+    command = steer(config, wish + avoid(config, rules, seen, follows), limit)
+    command = approach(config, probe_reach, may_pick(config, mind), seen, command)
+    moved = (command.turn, command.forward)
+    return mind._replace(dust=after_motion(mind.dust, *moved), dump=after_motion(mind.dump, *moved)), command
+
+
+def learn(rules: Rules, mind: Mind, seen: Observation, forgets: Array, choice: Array) -> Mind:
+    """Memories after forgetting, listening, and feeling the floor.
+
+    Args:
+        forgets: (N,) bool, the robot forgets both vectors first.
+        choice: (N, 2 S) random numbers that settle which of several equal offers is taken.
+    """
+    n_sides = seen.is_heard.shape[1]
+
+    def listen(own: Memory, sent: Memory, choice: Array) -> Memory:
+        offers = heard(sent, seen.bearing, seen.distance, seen.led).where(seen.is_heard)
+        return take_over(own.where(~forgets), offers, rules.use_hop_count, choice)
+
+    return mind._replace(
+        dust=standing_on(listen(mind.dust, seen.dust, choice[:, :n_sides]), seen.at_dust),
+        dump=standing_on(listen(mind.dump, seen.dump, choice[:, n_sides:]), seen.on_dump),
+    )
+
+
+def choose(
+    config: SwarmConfig, rules: Rules, mind: Mind, seen: Observation, whim: Array, wander: Array
+) -> tuple[Array, Array, Array]:
+    """Where the robots want to go, as unit vectors (N, 2); how far at most (N,) [mm]; whether they follow a vector.
+
+    Empty workers follow their vector to dust, loaded robots theirs to the dump, with the genome's weights as
+    probabilities; otherwise, and always as scouts, robots move at random. A vector shorter than half a step leads
+    nowhere: its robot has arrived.
+
+    Args:
+        whim: (N,) in [0, 1), follow the vector or not.
+        wander: (N,) in [0, 1), the direction of a random move.
+    """
+    loaded = seen.is_loaded
+    vector = jnp.where(loaded[:, None], mind.dump.vector, mind.dust.vector)
+    length = jnp.hypot(vector[:, 0], vector[:, 1])
+    far = length > 0.5 * mm_from_rd(config.drive.step_length)
+    known = jnp.where(loaded, mind.dump.known, mind.dust.known) & far
+    weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
+    follows = known & ~mind.is_scout & (whim < weight)
+    angle = jnp.deg2rad(config.strategy.random_turn) * (2.0 * wander - 1.0)
+    at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
+    wish = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
+    return wish, jnp.where(follows, length, jnp.inf), follows
+
+
+def avoid(config: SwarmConfig, rules: Rules, seen: Observation, follows: Array) -> Array:
+    """Push (N, 2) away from neighbours that are heard too near, and from walls unless a vector is followed."""
+    options = config.strategy
+    near = seen.distance / mm_from_rd(config.optics.communication_radius)
+    weight = jnp.where(seen.priority, options.priority_factor, 1.0) * seen.is_heard
+    push = repulsion(seen.bearing, near, kept_distance(rules, seen.is_loaded, seen.priority), weight)
+    side = jnp.arange(seen.sees_wall.shape[1]) * (math.pi / 2)
+    outward = jnp.stack([jnp.cos(side), jnp.sin(side)], axis=-1)
+    walls = -(seen.sees_wall & ~follows[:, None]).astype(jnp.float32) @ outward
+    return options.avoidance_gain * push + options.wall_gain * walls
+
+
+def steer(config: SwarmConfig, direction: Array, limit: Array) -> Command:
+    """Turn towards `direction` (N, 2), then walk; slower where pushes cancel or the turn is not yet complete."""
+    angle = jnp.arctan2(direction[:, 1], direction[:, 0])
+    turn = _limited_turn(config, angle)
+    pace = jnp.clip(jnp.hypot(direction[:, 0], direction[:, 1]), 0.0, 1.0) * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
+    return Command(turn, jnp.minimum(pace * mm_from_rd(config.drive.step_length), limit))
+
+
+def approach(
+    config: SwarmConfig, probe_reach: float, picks: Array, seen: Observation, command: Command
+) -> Command:
+    """Bring the probe's tip over the ball that an empty robot senses; others go on with `command`."""
+    approaches = seen.at_dust & picks & ~seen.is_loaded & ~seen.grasp_failed
+    x, y = seen.ball_vector[:, 0], seen.ball_vector[:, 1]
+    angle = jnp.arctan2(y, x)
+    turn = _limited_turn(config, angle)
+    step = mm_from_rd(config.drive.step_length)
+    forward = jnp.where(turn == angle, jnp.clip(jnp.hypot(x, y) - probe_reach, -step, step), 0.0)
+    return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
+
+
+def _limited_turn(config: SwarmConfig, angle: Array) -> Array:
+    """Turn of at most `drive.max_turn` towards `angle` [rad]."""
+    limit = math.radians(config.drive.max_turn)
+    return jnp.clip(angle, -limit, limit)

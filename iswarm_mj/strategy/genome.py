@@ -1,0 +1,107 @@
+"""The evolved parameters of a swarm, as the paper's Table 2 lists them."""
+
+import json
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+from iswarm_mj.errors import UserError
+
+
+@dataclass(frozen=True)
+class Genome:
+    """One swarm's strategy; the defaults are type 1 of the paper's Table 2.
+
+    Source: Valdastri et al. (2006), Table 2. The unit sr is the sensory radius, 3.5 rd. The paper prints
+    p(vector-forget) of type 2 as "14%"; the text of section 4.6.1 says 0.14.
+    """
+
+    density_of_robots: float = 0.118
+    """Robots per 1 x 1 rd cell of the arena outside the dump."""
+    fraction_scouts: float = 0.08
+    """Share of the robots that scout."""
+    p_vector_forget: float = 0.29
+    """Probability per step that a robot forgets the vectors in its memory."""
+    use_hop_count: bool = True
+    """A robot takes over a vector only if its hop count is smaller than that of its own."""
+    priority_coll_avoid_dist: float = 0.40
+    """Distance that empty robots keep from robots that send the priority flag [sr]."""
+    empty_coll_avoid_dist: float = 0.65
+    """Distance that empty robots keep from other robots [sr]."""
+    loaded_coll_avoid_dist: float = 0.25
+    """Distance that loaded robots keep from any robot [sr]."""
+    priority_signal_scouts: bool = False
+    """Scouts send the priority flag."""
+    priority_signal_loaded: bool = True
+    """Loaded robots send the priority flag."""
+    weight_find_dust: float = 0.83
+    """Probability per step that an empty robot follows its vector to dust."""
+    weight_find_dump: float = 0.94
+    """Probability per step that a loaded robot follows its vector to the dump."""
+
+    def __post_init__(self):
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.type is bool:
+                if not isinstance(value, bool):
+                    raise UserError(f"{f.name} was {value!r}; it is true or false: correct it in the genome.")
+            elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+                raise UserError(f"{f.name} was {value!r}; it lies within 0 to 1: correct it in the genome.")
+
+
+PRESETS = {
+    "type1": Genome(),
+    "type2": Genome(
+        density_of_robots=0.132,
+        fraction_scouts=0.27,
+        p_vector_forget=0.14,
+        priority_coll_avoid_dist=0.41,
+        empty_coll_avoid_dist=0.77,
+        loaded_coll_avoid_dist=0.27,
+        weight_find_dust=0.82,
+        weight_find_dump=1.00,
+    ),
+}
+"""The two fit types that evolved in the paper (Table 2)."""
+
+
+def load_genome(name: str) -> Genome:
+    """Return a preset by its name, or the genome in a JSON file of Table 2's names.
+
+    A file may leave names out; they keep the value of type 1.
+
+    Raises:
+        UserError: unknown name, unreadable or broken file, unknown parameter, or value out of range.
+    """
+    if name in PRESETS:
+        return PRESETS[name]
+    presets = ", ".join(PRESETS)
+    path = Path(name)
+    if not path.is_file():
+        raise UserError(f"genome was {name!r}; give one of the presets {presets} or the path of a JSON file.")
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"genome file {name} is not readable JSON ({error}); write one object such as "
+            '{"use_hop_count": true, "p_vector_forget": 0.29}.'
+        ) from None
+    if not isinstance(values, dict):
+        raise UserError(
+            f"genome file {name} holds a {type(values).__name__}; write one JSON object such as "
+            '{"use_hop_count": true, "p_vector_forget": 0.29}.'
+        )
+    known = [f.name for f in fields(Genome)]
+    unknown = sorted(set(values) - set(known))
+    if unknown:
+        raise UserError(
+            f"genome file {name} names {', '.join(map(repr, unknown))}; allowed names are {', '.join(known)}."
+        )
+    try:
+        return replace(PRESETS["type1"], **values)
+    except UserError as error:
+        raise UserError(f"genome file {name}: {error}") from None
+
+
+def to_dict(genome: Genome) -> dict:
+    """Return the genome as a JSON object that `load_genome` reads."""
+    return asdict(genome)

@@ -1,0 +1,99 @@
+"""Vector memories: what a robot knows of where dust or the dump lies (section 4.3 of the paper).
+
+All vectors are in the robot's own frame: x ahead, y to the left, lengths in arena units [mm].
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+
+class Memory(NamedTuple):
+    """A remembered vector for each of N robots (any leading shape will do)."""
+
+    vector: Array
+    """(N, 2) float32 [mm], zero where not known."""
+    hop: Array
+    """(N,) int32, number of robots that the vector came through; zero where not known."""
+    known: Array
+    """(N,) bool, whether there is a vector."""
+
+    @staticmethod
+    def empty(n: int) -> "Memory":
+        """Return memories that know nothing."""
+        return Memory(jnp.zeros((n, 2), jnp.float32), jnp.zeros(n, jnp.int32), jnp.zeros(n, bool))
+
+    def where(self, keep: Array) -> "Memory":
+        """These memories where `keep` (N,) holds, nothing elsewhere."""
+        return Memory(
+            jnp.where(keep[..., None], self.vector, 0.0), jnp.where(keep, self.hop, 0), self.known & keep
+        )
+
+
+def rotate(vector: Array, angle: Array) -> Array:
+    """Vectors (..., 2) turned anticlockwise by `angle` (...,) [rad]."""
+    c, s = jnp.cos(angle), jnp.sin(angle)
+    x, y = vector[..., 0], vector[..., 1]
+    return jnp.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+def after_motion(memory: Memory, turn: Array, forward: Array) -> Memory:
+    """Memories after the robots turned by `turn` (N,) [rad] and then walked `forward` (N,) [mm]."""
+    vector = rotate(memory.vector, -turn) - jnp.stack([forward, jnp.zeros_like(forward)], axis=-1)
+    return memory._replace(vector=jnp.where(memory.known[..., None], vector, 0.0))
+
+
+def standing_on(memory: Memory, here: Array) -> Memory:
+    """Memories with the zero vector and hop count 0 where the robot stands at the target, `here` (N,)."""
+    return Memory(
+        jnp.where(here[..., None], 0.0, memory.vector), jnp.where(here, 0, memory.hop), memory.known | here
+    )
+
+
+def heard(sent: Memory, bearing: Array, distance: Array, led: Array) -> Memory:
+    """Vectors that neighbours sent, as they look from the receivers: V_F = V' + Rot(psi) V, hop + 1.
+
+    Source: Valdastri et al. (2006), section 4.3 and Fig. 13(a). V' points from the receiver to the sender: at the
+    bearing of the photodiode, over the measured distance. The sender's LED number tells which of its sides faces
+    the receiver, and so its relative orientation psi = bearing + 180 deg - 90 deg * led.
+
+    Args:
+        sent: vectors in the senders' frames, (...).
+        bearing: direction of the sender in the receiver's frame (...,) [rad].
+        distance: measured distance (...,) [mm].
+        led: number of the sender's LED (...,), counted anticlockwise from its front.
+    """
+    to_sender = distance[..., None] * jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)
+    psi = bearing + jnp.pi - led * (jnp.pi / 2)
+    vector = to_sender + rotate(sent.vector, psi)
+    return Memory(jnp.where(sent.known[..., None], vector, 0.0), jnp.where(sent.known, sent.hop + 1, 0), sent.known)
+
+
+def take_over(own: Memory, offers: Memory, use_hop_count: Array | bool, choice: Array) -> Memory:
+    """Memories after one of the offers was taken over, or none.
+
+    With hop counts a robot takes the offer with the smallest one, if it is smaller than its own or it has no
+    vector. Without, it takes what comes: one of the offers at random.
+
+    Args:
+        own: memories of N robots.
+        offers: memories (N, S), one for each photodiode sector.
+        use_hop_count: the genome's flag.
+        choice: (N, S) random numbers in [0, 1) that settle which of several equal offers is taken.
+    """
+    count = jnp.where(use_hop_count, offers.hop, 0) + choice
+    best = jnp.argmin(jnp.where(offers.known, count, jnp.inf), axis=-1)
+
+    def pick(values: Array) -> Array:
+        index = best.reshape(best.shape + (1,) * (values.ndim - best.ndim))
+        return jnp.take_along_axis(values, index, axis=best.ndim).squeeze(best.ndim)
+
+    offer = Memory(*(pick(values) for values in offers))
+    younger = ~own.known | (offer.hop < own.hop) | ~jnp.asarray(use_hop_count)
+    taken = offer.known & younger
+    return Memory(
+        jnp.where(taken[..., None], offer.vector, own.vector),
+        jnp.where(taken, offer.hop, own.hop),
+        own.known | taken,
+    )

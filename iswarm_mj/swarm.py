@@ -1,0 +1,157 @@
+"""One control step of the swarm: sense, act, drive."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Engine
+from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
+from iswarm_mj.sensors.exchange import exchange
+from iswarm_mj.sensors.floor import probe_tips, sense
+from iswarm_mj.sensors.links import Links, find_links
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, side_centre
+from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.controller import Command, Mind, Observation, Rules
+from iswarm_mj.units import mm_from_rd
+
+
+class SwarmState(NamedTuple):
+    """Everything about one world that is not rigid-body physics."""
+
+    mind: Mind
+    """What the robots remember."""
+    balls: Balls
+    """Where the balls are and who holds them."""
+
+
+def decide(
+    config: SwarmConfig, probe: tuple[float, float], rules: Rules, state: SwarmState, poses: Array, links: Links,
+    sees_wall: Array, step: Array, key: Array,
+) -> tuple[SwarmState, Command, Array]:  # fmt: skip
+    """Hear, feel the floor, grip, think: one world's control step up to the commands. Pure.
+
+    Args:
+        config: everything that is not evolved.
+        probe: the probe's tip ahead of and beside a robot's centre [mm].
+        rules: the genome.
+        state: of the step before.
+        poses: (N, 3) x, y [mm] and yaw [rad].
+        links: who hears whom, without the world axis.
+        sees_wall: (N, 4) bool.
+        step: number of the control step.
+        key: random key of the world.
+
+    Returns:
+        The new state, the commands, and which robots send the priority flag (N,) bool.
+    """
+    n_robots = len(poses)
+    passage_key, fall_key, mind_key = jax.random.split(jax.random.fold_in(key, step), 3)
+    mind, balls = state
+    was_loaded = loaded(balls, n_robots)
+    priority = controller.priority_flag(rules, mind, was_loaded)
+
+    content = Message(jnp.zeros(n_robots, jnp.int32), priority, mind.dust, mind.dump)
+    longest = mm_from_rd(config.strategy.message_range)
+    message, is_heard, distance = exchange(
+        config.optics, longest, content, links.sender, links.led, links.valid, links.distance, passage_key
+    )
+
+    tips = probe_tips(poses, jnp.asarray(probe))
+    balls = carry(balls, tips)
+    reach = mm_from_rd(config.strategy.dust_range)
+    view = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
+    falls = jax.random.bernoulli(fall_key, config.gripper.drop_rate, balls.is_held.shape)
+    picks = controller.may_pick(config, mind)
+    balls, grasp_failed = handle(config.gripper, balls, tips, view, picks, falls)
+
+    seen = Observation(
+        is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
+        dust=message.dust, dump=message.dump, sees_wall=sees_wall, at_dust=view.at_dust,
+        ball_vector=view.ball_vector, on_dump=view.on_dump, is_loaded=loaded(balls, n_robots),
+        grasp_failed=grasp_failed,
+    )  # fmt: skip
+    mind, command = controller.act(config, probe[0], rules, mind, seen, mind_key)
+    return SwarmState(mind, balls), command, priority
+
+
+@partial(jax.jit, static_argnames=("config", "probe"))
+def decide_worlds(config, probe, rules, state, poses, links, sees_wall, step, key, is_running):
+    """`decide` for B worlds at once; those that do not run keep their state."""
+    one_world = partial(decide, config, probe)
+    new, command, priority = jax.vmap(one_world, in_axes=(0, 0, 0, 0, 0, None, 0))(
+        rules, state, poses, links, sees_wall, step, key
+    )
+
+    def keep(new: Array, old: Array) -> Array:
+        return jnp.where(is_running.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+
+    return jax.tree.map(keep, new, state), command, priority
+
+
+def see(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> tuple[Links, np.ndarray]:
+    """Light of this control step: the links (B, N, 4) and which sides see a wall (B, N, 4) bool."""
+
+    def reaches(world, origin, target, receiver, sender):
+        share, hit = engine.cast_rays(world, origin, target - origin, receiver)
+        return (hit == sender) | (share >= 1.0)
+
+    return find_links(poses, config.optics, reaches), find_walls(config, engine, poses)
+
+
+def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.ndarray:
+    """Whether a wall reflects the light of each LED (B, N, 4): the first thing on its axis, within range."""
+    n_worlds, n_robots = poses.shape[:2]
+    side = np.broadcast_to(np.arange(N_SIDES), (n_worlds, n_robots, N_SIDES))
+    x, y, yaw = (poses[..., i, None] for i in range(3))
+    axis = yaw + side * (np.pi / 2)
+    length = mm_from_rd(config.optics.wall_range)
+    reach = HALF_WIDTH + length
+    edge = mm_from_rd(config.arena.size) / 2
+    beyond = np.maximum(abs(x + reach * np.cos(axis)), abs(y + reach * np.sin(axis))) > edge
+    world, robot, led = np.nonzero(beyond)
+    origin = np.column_stack(side_centre(*poses[world, robot].T, led))
+    vector = length * np.column_stack([np.cos(axis[beyond]), np.sin(axis[beyond])])
+    share, hit = engine.cast_rays(world, origin, vector, robot)
+    sees = np.zeros(beyond.shape, bool)
+    sees[beyond] = (share <= 1.0) & (hit >= n_robots)
+    return sees
+
+
+def drive(config: SwarmConfig, engine: Engine, command: Command, worlds: np.ndarray) -> list[np.ndarray]:
+    """Turn on the spot, then walk straight ahead, with the heading measured in between.
+
+    Args:
+        command: turns and distances (B, N).
+        worlds: (W,) indices of the worlds that move.
+
+    Returns:
+        For each of these worlds, the pairs of robots (P, 2) that touched at the end of the turn or of the walk.
+    """
+    options = config.drive
+    velocity = np.zeros((*np.shape(command.turn), 3))
+    velocity[..., 2] = np.asarray(command.turn) / (options.turn_substeps * options.timestep)
+    engine.advance(velocity, options.turn_substeps, worlds)
+    touching = [engine.contacts(w) for w in worlds]
+    yaw = engine.poses()[..., 2]
+    speed = np.asarray(command.forward) / (options.walk_substeps * options.timestep)
+    velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros_like(yaw)], axis=-1)
+    engine.advance(velocity, options.walk_substeps, worlds)
+    return [np.unique(np.concatenate([t, engine.contacts(w)]), axis=0) for t, w in zip(touching, worlds, strict=True)]
+
+
+def ball_centres(state: SwarmState, poses: np.ndarray, probe: np.ndarray, tip_height: float) -> np.ndarray:
+    """World positions (B, K, 3) of the balls' centres after the robots moved to `poses` (B, N, 3) [mm]."""
+    balls = state.balls
+    radius = np.asarray(balls.radius) * 1e3
+    held, holder = np.asarray(balls.is_held), np.asarray(balls.holder)
+    at = np.take_along_axis(poses, holder[..., None], axis=1)
+    c, s = np.cos(at[..., 2]), np.sin(at[..., 2])
+    tip = np.stack([at[..., 0] + c * probe[0] - s * probe[1], at[..., 1] + s * probe[0] + c * probe[1]], axis=-1)
+    xy = np.where(held[..., None], tip, np.asarray(balls.position))
+    return np.concatenate([xy, np.where(held, tip_height - radius, radius)[..., None]], axis=-1)

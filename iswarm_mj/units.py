@@ -1,0 +1,27 @@
+"""The doors between the units that people use and those of the models.
+
+People (configuration, records, plots, command line) use SI, or rd and steps where the paper does. The arena's
+MJCF uses mm, mg and s, so its forces are in nN and its work of adhesion in nN/mm = uJ/m^2. SI itself does not
+work in MuJoCo at this scale: the inertia of a 20 um ball, 4e-20 kg m^2, lies under its smallest allowed value.
+"""
+
+import math
+
+ROBOT_DIAMETER = 2.0 * math.sqrt(2.0) * 1e-3
+"""The unit rd, "the maximum diameter of one robot" (Valdastri et al. 2006, Table 1) [m]: the diagonal of 2 x 2 mm."""
+
+MM = 1e-3
+"""One arena length unit [m]."""
+
+RD = ROBOT_DIAMETER / MM
+"""One robot diameter in arena length units [mm]."""
+
+
+def mm_from_rd(length: float) -> float:
+    """Length in arena units [mm] from one in robot diameters [rd]."""
+    return length * RD
+
+
+def mm_from_m(length: float) -> float:
+    """Length in arena units [mm] from one in metres."""
+    return length / MM
