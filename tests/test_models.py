@@ -55,7 +55,7 @@ class TestEveryModel:
         model, metric = load(name), mujoco.MjModel.from_xml_string("<mujoco/>")
         assert model.opt.sleep_tolerance != metric.opt.sleep_tolerance
         assert model.opt.ccd_tolerance != metric.opt.ccd_tolerance
-        assert (model.geom_solref != [0.02, 1]).all()
+        assert (model.geom_solref != [0.02, 1]).any(axis=1).all()
         assert (model.geom_solimp[:, 2] != 0.001).all()
         assert (model.jnt_solref != [0.02, 1]).any(axis=1).all()
 
@@ -133,10 +133,10 @@ class TestRobot:
         np.testing.assert_allclose(np.sort(body.inertia), 10 / 12 * np.array([5, 5, 8]))
         np.testing.assert_allclose(body.ipos, [0, 0, 0.5])
 
-    def test_drive_has_a_time_constant_of_50_ms_on_every_axis(self):
+    def test_drive_has_a_time_constant_of_one_time_step_on_every_axis(self):
         model = load("robot.xml")
         inertia = [10, 10, 20 / 3]
-        np.testing.assert_allclose(inertia / model.dof_damping, 0.05)
+        np.testing.assert_allclose(inertia / model.dof_damping, model.opt.timestep)
 
     @pytest.mark.parametrize("dof", [0, 1, 2])
     def test_drive_reaches_its_set_point(self, dof):
@@ -147,8 +147,8 @@ class TestRobot:
         for _ in range(12):
             mujoco.mj_step(model, data)
             errors.append(1.2 - data.qvel[dof])
-        # Backward Euler: each step of h = 2 m / kv divides the error by 3.
-        np.testing.assert_allclose(errors, 1.2 / 3.0 ** np.arange(1, 13), rtol=1e-6, atol=1e-9)
+        # Explicit, at the gain m / h: there after one step, and it stays.
+        np.testing.assert_allclose(errors, 0.0, atol=1e-9)
 
     @pytest.mark.parametrize("side", range(4))
     def test_led_is_at_the_middle_of_its_side_and_looks_outward(self, side):
@@ -254,10 +254,14 @@ class TestArena:
         np.testing.assert_allclose(model.geom("floor").size[:2], 24.5 * RD, atol=1e-5)
         for name, direction in zip(("east", "north", "west", "south"), OUTWARD, strict=True):
             wall = model.geom(f"wall_{name}")
-            inner = wall.pos @ direction - wall.size @ np.abs(direction)
-            assert inner == pytest.approx(24.5 * RD, abs=1e-5)
-            assert wall.pos[2] == wall.size[2] == 1.5
-            assert (wall.contype, wall.conaffinity, wall.condim, wall.group) == (1, 1, 1, 0)
+            panel = model.geom(f"panel_{name}")
+            normal = np.zeros(3)
+            mujoco.mju_rotVecQuat(normal, np.array([0.0, 0.0, 1.0]), wall.quat)
+            np.testing.assert_allclose(normal, -np.asarray(direction), atol=1e-9)
+            assert wall.pos @ direction == pytest.approx(24.5 * RD, abs=1e-5)
+            assert panel.pos @ direction - panel.size @ np.abs(direction) == pytest.approx(24.5 * RD, abs=1e-5)
+            assert panel.pos[2] == panel.size[2] == 1.5
+            assert (wall.contype, wall.conaffinity, wall.condim, wall.group) == (1, 1, 1, 3)
 
     @pytest.mark.parametrize("name, x, width", [("dump", 0, 5), ("dust_west", -16, 6), ("dust_east", 16, 6)])
     def test_areas(self, name, x, width):
@@ -294,15 +298,15 @@ class TestComposed:
         assert np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < 3 * SPEED
         assert data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number == 0
 
-    @pytest.mark.parametrize("turned, passes", [(0, False), (45, False), (20, True), (-35, True)])
+    @pytest.mark.parametrize("turned, passes", [(0, False), (20, True), (-35, True)])
     def test_two_robots_driven_together_neither_bounce_nor_sink_in(self, turned, passes):
         model = compose([(-2, 0, turned), (2, 0, 0)], visual=False)
         data = mujoco.MjData(model)
         # The slides turn with the frame: drive along the world's x.
         data.qfrc_applied[:2] = (
-            200 * SPEED * np.array([np.cos(np.radians(turned)), -np.sin(np.radians(turned))])
+            100 * SPEED * np.array([np.cos(np.radians(turned)), -np.sin(np.radians(turned))])
         )
-        data.qfrc_applied[3] = -200 * SPEED
+        data.qfrc_applied[3] = -100 * SPEED
         depths, speeds = [], []
         for _ in range(100):
             mujoco.mj_step(model, data)
@@ -320,7 +324,7 @@ class TestComposed:
         wall = 24.5 * RD
         model = compose([(wall - 2 - 2.3 * i, 0, 0) for i in range(8)], visual=False)
         data = mujoco.MjData(model)
-        data.qfrc_applied[0::3] = 200 * SPEED
+        data.qfrc_applied[0::3] = 100 * SPEED
         for _ in range(100):
             mujoco.mj_step(model, data)
         assert max(-contact.dist for contact in data.contact) <= 0.05

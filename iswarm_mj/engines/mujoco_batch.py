@@ -7,7 +7,7 @@ from mujoco.batch import Batch
 from iswarm_mj.model import ArenaModel
 
 _RAY_HEIGHT = 0.5  # half the height of a robot [mm]
-_RAY_GROUPS = np.array([1, 0, 0, 1, 0, 0], np.uint8)  # walls are in group 0, hulls in group 3
+_RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
 
 
 class MujocoBatchEngine:

@@ -2,21 +2,28 @@
 
 "Communication was restricted to the nearest neighbor" on each photodiode (section 4.3 of the paper). Light goes
 in straight lines, so a robot between two others cuts their link: rays of the physics engine decide, cast from
-the receiving side to the sending LED, for the nearest candidates first.
+the receiving side to the sending LED. They are cast only where the inner and outer circles of the robots between
+leave it open, and only for candidates that are nearer than one that is clear.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from iswarm_mj.config import OpticsConfig
-from iswarm_mj.sensors.optics import N_SIDES, Reception, receive, side_centre
+from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
+from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, Reception, receive, side_centre
 from iswarm_mj.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """(world, origin, target, receiver, sender) of P rays -> (P,) bool: does the ray reach the sender first?"""
+
+CIRCUMRADIUS = HALF_WIDTH * 2**0.5 * (1 + 1e-6)
+"""Nothing of a robot is farther from its centre, so it does not touch a path that passes at more [mm]."""
+
+INRADIUS = HALF_WIDTH * (1 - 1e-6)
+"""Everything nearer to a robot's centre is robot, so it cuts a path that passes at less [mm]."""
 
 
 class Links(NamedTuple):
@@ -35,45 +42,37 @@ class Links(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Pairs (P,) whose light would arrive if nothing stood between, nearest first for each side."""
+    """Pairs (P,) whose light would arrive if nothing stood between; nearest first for each side of a receiver."""
 
-    world: np.ndarray
     receiver: np.ndarray
+    """Index among all B N robots."""
     sender: np.ndarray
+    slot: np.ndarray
+    """Index of the receiver's side among all B N S sides."""
     distance: np.ndarray
     reception: Reception
 
 
-def find_candidates(poses: np.ndarray, optics: OpticsConfig) -> Candidates:
-    """Pairs of robots within reach of each other's light, sorted by world, receiver, side and distance.
+def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig) -> Candidates:
+    """Pairs of robots within reach of each other's light.
 
     Args:
-        poses: (B, N, 3) x, y [mm] and yaw [rad].
+        poses: (B N, 3) x, y [mm] and yaw [rad].
+        around: pairs of robots near each other.
         optics: range, cones and mode.
     """
-    radius = mm_from_rd(optics.communication_radius)
-    pairs = [
-        np.column_stack([np.full(len(found), world), found])
-        for world, xy in enumerate(poses[:, :, :2])
-        if len(found := KDTree(xy, balanced_tree=False, compact_nodes=False).query_pairs(radius, output_type="ndarray"))
-    ]
-    both = np.concatenate(pairs) if pairs else np.zeros((0, 3), dtype=np.int64)
-    world = np.concatenate([both[:, 0], both[:, 0]])
-    receiver = np.concatenate([both[:, 1], both[:, 2]])
-    sender = np.concatenate([both[:, 2], both[:, 1]])
-    at, of = poses[world, receiver], poses[world, sender]
-    dx, dy = of[:, 0] - at[:, 0], of[:, 1] - at[:, 1]
-    reception = receive(dx, dy, at[:, 2], of[:, 2], optics)
+    heading = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    at_receiver, at_sender = ((c[i], s[i]) for c, s in [heading] for i in (around.robot, around.other))
+    reception = receive(around.dx, around.dy, at_receiver, at_sender, optics)
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance))
-    slot = (world * poses.shape[1] + receiver) * N_SIDES + reception.side
-    order = arrives[np.lexsort((reception.effective_distance[arrives], slot[arrives]))]
+    reception = Reception(*(values[arrives] for values in reception))
+    slot = around.robot[arrives] * N_SIDES + reception.side
+    order = np.argsort(slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999)
+    pick = arrives[order]
     return Candidates(
-        world[order],
-        receiver[order],
-        sender[order],
-        np.hypot(dx, dy)[order],
-        Reception(*(np.asarray(values)[order] for values in reception)),
-    )
+        around.robot[pick], around.other[pick], slot[order], np.hypot(around.dx[pick], around.dy[pick]),
+        Reception(*(values[order] for values in reception)),
+    )  # fmt: skip
 
 
 def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit) -> Links:
@@ -85,26 +84,32 @@ def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit) -> Link
         reaches: casts rays; not called if `optics.line_of_sight` is off.
     """
     n_worlds, n_robots = poses.shape[:2]
-    found = find_candidates(poses, optics)
-    slot = (found.world * n_robots + found.receiver) * N_SIDES + found.reception.side
-    chosen = np.zeros(len(slot), dtype=bool)
-    trial = np.flatnonzero(np.diff(slot, prepend=-1))
-    while len(trial):
-        clear = _in_sight(poses, found, trial, reaches) if optics.line_of_sight else np.ones(len(trial), bool)
-        chosen[trial[clear]] = True
-        after = trial[~clear] + 1
-        after = after[after < len(slot)]
-        trial = after[slot[after] == slot[after - 1]]
-    picks = np.flatnonzero(chosen)
-    shape = (n_worlds, n_robots, N_SIDES)
+    around = find_neighbours(poses[..., :2], mm_from_rd(optics.communication_radius) + CIRCUMRADIUS)
+    flat = poses.reshape(-1, 3)
+    found = find_candidates(flat, around, optics)
+    if optics.line_of_sight:
+        origin = np.column_stack(side_centre(*flat[found.receiver].T, found.reception.side))
+        target = np.column_stack(side_centre(*flat[found.sender].T, found.reception.led))
+        gap = clearance(flat, around, found, origin, target)
+        clear = gap > CIRCUMRADIUS
+        nearer_than_clear = np.arange(len(clear)) < _first(clear, found.slot)[found.slot]
+        ask = np.flatnonzero((gap > INRADIUS) & nearer_than_clear)
+        world, receiver = np.divmod(found.receiver[ask], n_robots)
+        clear[ask] = reaches(world, origin[ask], target[ask], receiver, found.sender[ask] % n_robots)
+    else:
+        clear = np.ones(len(found.slot), bool)
+    chosen = np.zeros(len(clear), bool)
+    first = _first(clear, found.slot)
+    chosen[first[first < len(clear)]] = True
+    pick = np.flatnonzero(chosen)
 
     def scatter(values: np.ndarray, dtype: type) -> np.ndarray:
         out = np.zeros(n_worlds * n_robots * N_SIDES, dtype)
-        out[slot[picks]] = values[picks]
-        return out.reshape(shape)
+        out[found.slot[pick]] = values[pick]
+        return out.reshape(n_worlds, n_robots, N_SIDES)
 
     return Links(
-        sender=scatter(found.sender, np.int32),
+        sender=scatter(found.sender % n_robots, np.int32),
         valid=scatter(chosen, np.bool_),
         led=scatter(found.reception.led, np.int32),
         bearing=scatter(found.reception.bearing, np.float32),
@@ -112,9 +117,42 @@ def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit) -> Link
     )
 
 
-def _in_sight(poses: np.ndarray, found: Candidates, trial: np.ndarray, reaches: LedHit) -> np.ndarray:
-    """Cast the rays of the candidates `trial` (P,) from the receiving side to the sending LED."""
-    world, receiver, sender = found.world[trial], found.receiver[trial], found.sender[trial]
-    origin = np.column_stack(side_centre(*poses[world, receiver].T, found.reception.side[trial]))
-    target = np.column_stack(side_centre(*poses[world, sender].T, found.reception.led[trial]))
-    return reaches(world, origin, target, receiver, sender)
+def clearance(
+    poses: np.ndarray, around: Neighbours, found: Candidates, origin: np.ndarray, target: np.ndarray
+) -> np.ndarray:
+    """Distance (P,) between the straight path from `origin` to `target` and the nearest third robot's centre [mm].
+
+    Args:
+        poses: (B N, 3).
+        around: pairs of robots at least as far as light reaches and a robot's circumradius more.
+        found: the receivers and senders.
+        origin: (P, 2) where the paths begin, at the receivers [mm].
+        target: (P, 2) where they end, at the senders [mm].
+    """
+    begin = around.first[found.receiver]
+    key = found.receiver + (found.distance + 2 * CIRCUMRADIUS) / around.radius_and_more
+    count = np.searchsorted(around.key, np.minimum(key, found.receiver + 1.0)) - begin
+    start = np.cumsum(count) - count
+    path = np.repeat(np.arange(len(count)), count)
+    pair = np.arange(len(path)) - np.repeat(start - begin, count)
+    third = around.other[pair]
+    along = target - origin
+    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
+    ux, uy = (along / length[:, None]).T
+    at = poses[found.receiver, :2] - origin
+    x, y = around.dx[pair] + at[path, 0], around.dy[pair] + at[path, 1]
+    ux, uy = ux[path], uy[path]
+    ahead = x * ux + y * uy
+    beyond = ahead - np.clip(ahead, 0.0, length[path])
+    squared = beyond**2 + (y * ux - x * uy) ** 2
+    squared[third == found.sender[path]] = np.inf
+    return np.sqrt(np.minimum.reduceat(squared, start)) if len(start) else np.zeros(0)
+
+
+def _first(which: np.ndarray, slot: np.ndarray) -> np.ndarray:
+    """Index of the first candidate of each slot (max(slot) + 1,) for which `which` (P,) holds, else P."""
+    n = len(which)
+    first = np.full(slot[-1] + 1 if n else 0, n)
+    picks = np.flatnonzero(which)[::-1]
+    first[slot[picks]] = picks
+    return first

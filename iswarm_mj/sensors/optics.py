@@ -33,11 +33,18 @@ class Reception(NamedTuple):
     """Distance at which a sender on both axes would be received alike; infinite where nothing arrives [mm]."""
 
 
-def into_frame(dx: Any, dy: Any, yaw: Any) -> tuple[Any, Any]:
-    """Components ahead and to the left, in a frame at `yaw`, of world vectors (dx, dy)."""
-    xp = _namespace(yaw)
-    c, s = xp.cos(yaw), xp.sin(yaw)
+def into_frame(dx: Any, dy: Any, heading: Any) -> tuple[Any, Any]:
+    """Components ahead and to the left of world vectors (dx, dy), in frames that look along `heading` (cos, sin)."""
+    c, s = heading
     return c * dx + s * dy, c * dy - s * dx
+
+
+def quarter_turns(ahead: Any, left: Any, side: Any) -> tuple[Any, Any]:
+    """Components of (ahead, left) along a side's outward normal and to its left."""
+    xp = _namespace(ahead)
+    c = xp.where(side == 0, 1.0, xp.where(side == 2, -1.0, 0.0))
+    s = xp.where(side == 1, 1.0, xp.where(side == 3, -1.0, 0.0))
+    return into_frame(ahead, left, (c, s))
 
 
 def facing_side(ahead: Any, left: Any) -> Any:
@@ -47,52 +54,65 @@ def facing_side(ahead: Any, left: Any) -> Any:
     return xp.where(front_or_back, xp.where(ahead > 0, 0, 2), xp.where(left > 0, 1, 3))
 
 
-def receive(dx: Any, dy: Any, receiver_yaw: Any, sender_yaw: Any, optics: OpticsConfig) -> Reception:
-    """Reception of light for pairs whose sender is at (dx, dy) from the receiver [mm], in world axes."""
-    ahead, left = into_frame(dx, dy, receiver_yaw)
-    side = facing_side(ahead, left)
-    led = facing_side(*into_frame(-dx, -dy, sender_yaw))
-    if optics.mode == "sector":
-        return _receive_in_sector(dx, dy, receiver_yaw, sender_yaw, side, led, optics)
-    return _receive_power(dx, dy, receiver_yaw, sender_yaw, side, led, optics)
+def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) -> Reception:
+    """Reception of light by pairs of robots.
+
+    Args:
+        dx: world x of the sender less that of the receiver (P,) [mm].
+        dy: likewise y.
+        receiver: cosine and sine (P,), (P,) of the receiver's yaw.
+        sender: cosine and sine of the sender's yaw.
+        optics: mode, range and cones.
+    """
+    at_receiver = into_frame(dx, dy, receiver)
+    at_sender = into_frame(-dx, -dy, sender)
+    rule = _receive_in_sector if optics.mode == "sector" else _receive_power
+    return rule(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), optics)
 
 
-def _receive_in_sector(dx, dy, receiver_yaw, sender_yaw, side, led, optics: OpticsConfig) -> Reception:
+def _receive_in_sector(at_receiver, at_sender, side, led, optics: OpticsConfig) -> Reception:
     """Paper's reception: within range, in the receiver's sector and in the sender's beam, or not at all."""
-    xp = _namespace(dx)
-    distance = xp.hypot(dx, dy)
-    along, across = into_frame(dx, dy, receiver_yaw + side * (math.pi / 2))
-    seen = xp.abs(across) <= along * math.tan(math.radians(optics.photodiode_aperture / 2))
-    along, across = into_frame(-dx, -dy, sender_yaw + led * (math.pi / 2))
-    lit = xp.abs(across) <= along * math.tan(math.radians(optics.led_beam_aperture / 2))
+    xp = _namespace(side)
+    distance = xp.hypot(*at_receiver)
+    seen = _in_cone(*at_receiver, optics.photodiode_aperture)
+    lit = _in_cone(*at_sender, optics.led_beam_aperture)
     received = seen & lit & (distance < mm_from_rd(optics.communication_radius))
     return Reception(side, led, side * (math.pi / 2), xp.where(received, distance, math.inf))
 
 
-def _receive_power(dx, dy, receiver_yaw, sender_yaw, side, led, optics: OpticsConfig) -> Reception:
+def _in_cone(ahead: Any, left: Any, aperture: float) -> Any:
+    """Whether a direction lies in the cone of the side that faces it; `aperture` is its full angle [deg]."""
+    xp = _namespace(ahead)
+    ahead, left = xp.abs(ahead), xp.abs(left)
+    return xp.minimum(ahead, left) <= xp.maximum(ahead, left) * math.tan(math.radians(aperture / 2))
+
+
+def _receive_power(at_receiver, at_sender, side, led, optics: OpticsConfig) -> Reception:
     """Reception by a threshold of power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &
-    Barry 1997, Eq. 8). Each of a side's two photodiodes accepts cos(angle) about an axis splayed from the side's
-    normal; their powers a and b tell the bearing, tan(bearing) tan(splay) = (a - b) / (a + b). The threshold is
-    such that a sender on both axes is received up to `communication_radius`, from centre to centre.
+    Barry 1997, Proc. IEEE 85, 265). Light goes from the middle of the sending side to that of the receiving one.
+    Each of a side's two photodiodes accepts cos(angle) about an axis splayed from the side's normal; their powers a
+    and b tell the bearing, tan(bearing) tan(splay) = (a - b) / (a + b). The threshold is such that a sender on both
+    axes is received up to `communication_radius`, from centre to centre.
     """
-    xp = _namespace(dx)
-    receiver_axis = receiver_yaw + side * (math.pi / 2)
-    sender_axis = sender_yaw + led * (math.pi / 2)
-    gap_x = dx + HALF_WIDTH * (xp.cos(sender_axis) - xp.cos(receiver_axis))
-    gap_y = dy + HALF_WIDTH * (xp.sin(sender_axis) - xp.sin(receiver_axis))
-    gap = xp.maximum(xp.hypot(gap_x, gap_y), 1e-6)
+    xp = _namespace(side)
+    along_r, across_r = quarter_turns(*at_receiver, side)
+    along_s, across_s = quarter_turns(*at_sender, led)
+    distance = xp.maximum(xp.hypot(along_r, across_r), 1e-6)
+    # The sender's normal, seen from the receiving side: the angle between both normals follows from the two views.
+    cos = -(along_r * along_s + across_r * across_s) / distance**2
+    sin = -(along_r * across_s - across_r * along_s) / distance**2
+    gap_along, gap_across = along_r - HALF_WIDTH + HALF_WIDTH * cos, across_r - HALF_WIDTH * sin
+    gap = xp.maximum(xp.hypot(gap_along, gap_across), 1e-6)
+    off_axis = (along_s - HALF_WIDTH + HALF_WIDTH * cos) / gap
     order = -math.log(2) / math.log(math.cos(math.radians(optics.led_beam_aperture / 2)))
-    along, _ = into_frame(-gap_x, -gap_y, sender_axis)
-    lobe = xp.clip(along / gap, 0.0, 1.0) ** order
-    along, across = into_frame(gap_x, gap_y, receiver_axis)
+    lobe = xp.clip(off_axis, 0.0, 1.0) ** order
     splay = math.radians(optics.photodiode_splay)
-    a = xp.maximum(along * math.cos(splay) + across * math.sin(splay), 0.0) / gap
-    b = xp.maximum(along * math.cos(splay) - across * math.sin(splay), 0.0) / gap
-    total = a + b
-    bearing = side * (math.pi / 2) + xp.arctan((a - b) / xp.maximum(total, 1e-9) / math.tan(splay))
-    gain = lobe * total / (2 * math.cos(splay))
+    a = xp.maximum(gap_along * math.cos(splay) + gap_across * math.sin(splay), 0.0) / gap
+    b = xp.maximum(gap_along * math.cos(splay) - gap_across * math.sin(splay), 0.0) / gap
+    bearing = side * (math.pi / 2) + xp.arctan((a - b) / xp.maximum(a + b, 1e-9) / math.tan(splay))
+    gain = lobe * (a + b) / (2 * math.cos(splay))
     effective = gap / xp.sqrt(xp.maximum(gain, 1e-12)) + 2 * HALF_WIDTH
     received = effective < mm_from_rd(optics.communication_radius)
     return Reception(side, led, bearing, xp.where(received, effective, math.inf))

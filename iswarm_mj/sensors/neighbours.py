@@ -1,0 +1,44 @@
+"""Pairs of robots near each other, by a k-d tree for each world."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import KDTree
+
+
+class Neighbours(NamedTuple):
+    """Ordered pairs (P,) of robots of the same world, sorted by the first, then by distance.
+
+    Indices count among all B N robots.
+    """
+
+    robot: np.ndarray
+    other: np.ndarray
+    dx: np.ndarray
+    """World x of the other less that of the robot [mm]."""
+    dy: np.ndarray
+    first: np.ndarray
+    """(B N + 1,) where each robot's pairs begin."""
+    key: np.ndarray
+    """Sorting key of the pairs (P,): robot + distance / radius_and_more."""
+    radius_and_more: float
+    """A length that is more than any of the distances [mm]."""
+
+
+def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
+    """Pairs of robots at (B, N, 2) that are at most `radius` apart [mm]."""
+    n_worlds, n_robots = xy.shape[:2]
+    found = [
+        n_robots * world + KDTree(at, balanced_tree=False, compact_nodes=False).query_pairs(radius, output_type="ndarray")
+        for world, at in enumerate(xy)
+    ]
+    pairs = np.concatenate(found)
+    robot, other = pairs.T.ravel(), pairs[:, ::-1].T.ravel()
+    x, y = xy.reshape(-1, 2).T
+    dx, dy = x[other] - x[robot], y[other] - y[robot]
+    more = 1.001 * radius
+    key = robot + np.hypot(dx, dy) / more
+    order = np.argsort(key)
+    robot, key = robot[order], key[order]
+    first = np.searchsorted(robot, np.arange(n_worlds * n_robots + 1))
+    return Neighbours(robot, other[order], dx[order], dy[order], first, key, more)
