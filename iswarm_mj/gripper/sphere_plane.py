@@ -1,6 +1,6 @@
 """Bispherical sums of a sphere above a plane, to full precision from contact to far away.
 
-For a >= 0.6 the sums themselves; below, their Mellin expansion in a, whose error there is below 1e-11.
+For a >= 0.5 the sums themselves; below, their Mellin expansion in a, whose error there is below 3e-12.
 """
 
 import math
@@ -10,13 +10,15 @@ import numpy as np
 
 from iswarm_mj.gripper.arrays import Array, array_module
 
-SWITCH = 0.6
+SWITCH = 0.5
 """Bispherical parameter a, with cosh a = 1 + D/R, between the two forms."""
 
-ORDERS = np.arange(1, 51)
-"""Orders of the sums kept; exp(-50 * 0.6) is 1e-13."""
+ORDERS = np.arange(1, 66)
+"""Orders of the sums kept; exp(-65 * 0.5) is 8e-15."""
 
-_BERNOULLI = [Fraction(*b) for b in ((1, 6), (-1, 30), (1, 42), (-1, 30), (5, 66), (-691, 2730), (7, 6))]
+_BERNOULLI = [
+    Fraction(*b) for b in ((1, 6), (-1, 30), (1, 42), (-1, 30), (5, 66), (-691, 2730), (7, 6), (-3617, 510))
+]
 
 MELLIN = [
     (2 * j - 1, float((2 ** (2 * j - 1) - 1) * b**2 / (j * math.factorial(2 * j))))
