@@ -3,7 +3,8 @@
 Lengths are in millimetres here, as in the recording: at this scale the viewer's camera moves well.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -45,12 +46,22 @@ BALL_CLASS_OFFSET = 10
 """A ball's class is this plus its state."""
 _BALL_CLASSES = (
     (10, "on the floor", (25, 25, 25)),
-    (11, "held", (255, 255, 255)),
+    (11, "held", (255, 225, 90)),
     (12, "delivered", (20, 110, 45)),
 )
 
+FRONT_RADIUS = 0.1
+"""Radius of the dot at a robot's front, in lengths of a robot."""
+
 _FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (150, 190, 240)
 _LINK, _TRAIL, _FRONT = (95, 95, 105), (40, 90, 230), (255, 255, 255)
+_LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
+
+**Balls**: black on the floor, yellow held, dark green delivered; drawn enlarged, above the robots.
+
+**Lines**: grey from a robot to the one it hears, blue the trail of a loaded robot.
+
+**Floor**: yellow the dump, light blue the dust. All lengths are in millimetres."""
 _SHEET = 0.02
 """Thickness of what is painted on the floor [mm]."""
 
@@ -67,11 +78,10 @@ def _walls(arena_size: float, height: float) -> rr.Boxes3D:
     """Four walls of `height` around the square arena [mm]; they stand outside it."""
     half, thick = arena_size / 2, height / 2
     offset, length = half + thick / 2, half + thick
-    centres = [(offset, 0, 0), (-offset, 0, 0), (0, offset, 0), (0, -offset, 0)]
-    half_sizes = [(thick / 2, length, height / 2)] * 2 + [(length, thick / 2, height / 2)] * 2
-    return rr.Boxes3D(
-        centers=np.array(centres) + (0, 0, height / 2), half_sizes=half_sizes, colors=_WALL, fill_mode="solid"
-    )
+    middle = height / 2
+    centres = [(offset, 0, middle), (-offset, 0, middle), (0, offset, middle), (0, -offset, middle)]
+    half_sizes = [(thick / 2, length, middle)] * 2 + [(length, thick / 2, middle)] * 2
+    return rr.Boxes3D(centers=centres, half_sizes=half_sizes, colors=_WALL, fill_mode="solid")
 
 
 def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
@@ -87,22 +97,44 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     areas = np.reshape(scene.dust_areas, (-1, 4)) * MILLIMETRES
     yield "world/arena/dust_areas", _sheet(areas, 2 * _SHEET, _DUST_AREA)
     yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False)
-    yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=0.12 * size[0])
+    yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
     radii = np.asarray(scene.ball_radius) * MILLIMETRES
     yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False)
     yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(2.5), show_labels=False)
     yield LINKS, rr.LineStrips3D.from_fields(colors=_LINK, radii=rr.Radius.ui_points(0.6))
     yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
     for entity, colour in ((DUST_VECTORS, SERIES["series/known/dust"][1]), (DUMP_VECTORS, (205, 150, 0))):
-        yield entity, rr.Arrows3D.from_fields(colors=colour, radii=0.06 * size[0])
+        yield entity, rr.Arrows3D.from_fields(colors=colour, radii=0.03 * size[0])
     for entity, (name, colour) in SERIES.items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
+
+
+def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if is_dataclass(value) and not isinstance(value, type):
+            value = asdict(value)
+        if isinstance(value, np.ndarray | np.generic):
+            value = value.tolist()
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{name}.")
+        else:
+            yield name, value if isinstance(value, bool | int | float | str) else str(value)
+
+
+def table(config: Mapping[str, Any]) -> str:
+    """Return a legend and the configuration as a table, in Markdown."""
+    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(config))
+    return f"{_LEGEND}\n\n| Parameter | Value |\n|:--|:--|\n{rows}\n"
 
 
 def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial3DView:
     """Return a view from above, slightly from the south, on the whole arena."""
     size = scene.arena_size * MILLIMETRES
-    eye = rrb.EyeControls3D(position=(0, -0.08 * size, 1.0 * size), look_target=(0, 0, 0), eye_up=(0, 0, 1))
+    eye = rrb.EyeControls3D(
+        position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1)
+    )
     return rrb.Spatial3DView(
         origin="world",
         name=name,
@@ -127,8 +159,12 @@ def _plot(origin: str, name: str, corner: str, **more: Any) -> rrb.TimeSeriesVie
 
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout: the arena on the left; the time series and the configuration on the right."""
-    arena = _arena_view(scene, "Arena (mm)", (DUST_VECTORS, DUMP_VECTORS))
-    memory = _arena_view(scene, "Memory: vectors to dust and dump (mm)", (LINKS, TRAILS, BALL_MARKERS))
+    views = rrb.Tabs(
+        _arena_view(scene, "Arena (mm)", (DUST_VECTORS, DUMP_VECTORS)),
+        _arena_view(scene, "Vectors to dust (mm)", (DUMP_VECTORS, LINKS, TRAILS)),
+        _arena_view(scene, "Vectors to the dump (mm)", (DUST_VECTORS, LINKS, TRAILS)),
+        active_tab=0,
+    )
     plots = rrb.Vertical(
         _plot("series/balls", "Balls", "LeftTop"),
         _plot("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05))),
@@ -138,7 +174,7 @@ def layout(scene: Scene) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Tabs(arena, memory, active_tab=0),
+            views,
             rrb.Tabs(plots, rrb.TextDocumentView(origin=CONFIG, name="Configuration"), active_tab=0),
             column_shares=[2, 1],
         ),

@@ -5,8 +5,7 @@ Written column by column, a block of frames at a time: never a call per robot or
 """
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, is_dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,6 +22,9 @@ from iswarm_mj.trajectory import Frames, Scene
 TRAIL_FRAMES = 20
 """A trail reaches this many frames back."""
 
+_FLUSH_SECONDS = 30.0
+"""Rerun can wait for ever on a writer that met a full disk."""
+
 
 def robot_classes(is_loaded: np.ndarray, is_scout: np.ndarray, has_priority: np.ndarray) -> np.ndarray:
     """Classes of `blueprint.ROBOT_CLASSES`: load before scout before worker, twice that, plus priority.
@@ -38,7 +40,9 @@ def robot_classes(is_loaded: np.ndarray, is_scout: np.ndarray, has_priority: np.
     return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
 
 
-def link_segments(centres: np.ndarray, sender: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def link_segments(
+    centres: np.ndarray, sender: np.ndarray, valid: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Segments from receivers to senders, with the number of them in each frame.
 
     Args:
@@ -80,39 +84,18 @@ def world_vectors(vector: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
-    for key, value in values.items():
-        name = f"{prefix}{key}"
-        if is_dataclass(value) and not isinstance(value, type):
-            value = asdict(value)
-        if isinstance(value, np.ndarray | np.generic):
-            value = value.tolist()
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{name}.")
-        else:
-            yield name, value if isinstance(value, bool | int | float | str) else str(value)
-
-
-def _markdown(config: Mapping[str, Any]) -> str:
-    """Return the configuration as a table."""
-    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in _flat(config))
-    return f"| Parameter | Value |\n|:--|:--|\n{rows}\n"
-
-
 def _strips(points: np.ndarray, lengths: np.ndarray) -> pa.Array:
-    """Line strips of the given lengths from consecutive (P, 3) points; made whole, as rerun loops over them."""
-    batch = rr.components.LineStrip3DBatch._ARROW_DATATYPE
-    flat = pa.array(np.ascontiguousarray(points, np.float32).reshape(-1))
+    """Line strips of the given lengths from consecutive (P, 3) points; without a loop over them."""
+    vectors = rr.encodings.Vec3DBatch(np.ascontiguousarray(points, np.float32)).as_arrow_array()
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-    inner = pa.FixedSizeListArray.from_arrays(flat, type=batch.value_type)
-    return pa.ListArray.from_arrays(pa.array(offsets), inner, type=batch)
+    return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
 
 
 class Recording:
     """A Rerun file of one world, written block by block.
 
-    Leaving the `with` block, also by an exception, completes the file. Blocks appended before a kill are readable.
+    Leaving the `with` block, also by an exception, completes the file.
+    Blocks appended before a kill are readable.
     """
 
     def __init__(
@@ -135,54 +118,69 @@ class Recording:
         Raises:
             UserError: the file cannot be written, or recording is switched off by the environment.
         """
-        self._scene = scene
+        self._path, self._scene = str(path), scene
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
         self._last_step = -1
-        try:
-            Path(path).open("wb").close()
-        except OSError as error:
-            raise UserError(
-                f"The recording {str(path)!r} cannot be written ({error.strerror}): give a file name in an existing "
-                "folder that you may write to."
-            ) from error
         self._stream = rr.RecordingStream(application)
         if not rr.is_enabled(self._stream):
             raise UserError(
                 f"The environment variable RERUN={os.environ.get('RERUN', '')} switches recordings off: "
                 "unset it, set it to 1, or run without a recording."
             )
-        self._stream.save(path, default_blueprint=look.layout(scene))
+        try:
+            Path(path).open("wb").close()
+            self._stream.save(path, default_blueprint=look.layout(scene))
+        except (OSError, RuntimeError) as error:
+            raise UserError(
+                f"The recording {self._path!r} cannot be written ({error}): "
+                "give a file name in an existing folder that you may write to."
+            ) from error
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
         self._stream.send_recording_name(Path(path).stem)
-        for name, values in (("config", dict(_flat(config))), ("run", dict(_flat(properties)))):
+        for name, values in (("config", dict(look.flatten(config))), ("run", dict(look.flatten(properties)))):
             if values:
-                # As arrow arrays: rerun else casts a value to the type that this name first had in the process.
+                # As arrow arrays: rerun otherwise casts a value to the type its name first had.
                 arrays = {key: pa.array([value]) for key, value in values.items()}
                 self._stream.send_property(name, rr.AnyValues(**arrays))
         for entity, archetype in look.static_entities(scene):
             self._stream.log(entity, archetype, static=True, strict=True)
-        text = rr.TextDocument(_markdown(config), media_type=rr.MediaType.MARKDOWN)
+        text = rr.TextDocument(look.table(config), media_type=rr.MediaType.MARKDOWN)
         self._stream.log(look.CONFIG, text, static=True, strict=True)
-        self._stream.flush()
+        self._flush()
 
     def __enter__(self) -> "Recording":
         """Return the open recording."""
-        self._stream.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Complete and close the file; exceptions pass."""
-        self._stream.__exit__(kind, error, traceback)
-        self._stream.disconnect()
+        try:
+            self._flush()
+        except UserError:
+            if error is None:
+                raise
+        finally:
+            self._stream.disconnect()
+
+    def _flush(self) -> None:
+        """Hand all to the file; the disk may be full."""
+        try:
+            self._stream.flush(timeout_sec=_FLUSH_SECONDS)
+        except RuntimeError as error:
+            raise UserError(
+                f"The recording {self._path!r} could not be written to its end ({error}): "
+                "make room on the disk, or give a file elsewhere."
+            ) from error
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.
 
         Raises:
             SimulationFault: a pose, a ball or a known vector is not finite.
+            UserError: the disk is full.
             ValueError: steps do not increase.
         """
         if len(frames) == 0:
@@ -207,14 +205,16 @@ class Recording:
         self._arrows(look.DUST_VECTORS, top, yaw, frames.dust_vector, frames.dust_known)
         self._arrows(look.DUMP_VECTORS, top, yaw, frames.dump_vector, frames.dump_known)
         self._series(frames)
-        self._stream.flush()
+        self._flush()
         self._last_step = int(step[-1])
 
     def _check(self, frames: Frames) -> None:
         """Refuse what the viewer would silently draw wrong."""
         steps = np.diff(frames.step, prepend=self._last_step)
         if np.any(steps <= 0):
-            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
+            raise ValueError(
+                f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}."
+            )
         everything = {
             "pose": ("robots", ~np.isfinite(frames.pose).all(-1)),
             "position": ("balls", ~np.isfinite(frames.ball_position).all(-1)),
@@ -244,15 +244,15 @@ class Recording:
         )
         self._send(look.ROBOTS, columns, [n_robots] * n_frames)
         fronts = centres + 0.34 * size[0] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-        fronts[..., 2] = size[2]
+        fronts[..., 2] = size[2] + look.FRONT_RADIUS * size[0]
         self._send(look.FRONTS, rr.Points3D.columns(positions=fronts.reshape(-1, 3)), [n_robots] * n_frames)
 
     def _balls(self, frames: Frames) -> None:
-        """Points of true size; above the robots, markers that stay visible when the whole arena is in view."""
+        """Points of true size; above the robots, markers that stay visible with the whole arena in view."""
         n_frames, n_balls, _ = frames.ball_position.shape
         positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
         classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
-        above = positions + (0, 0, 1.5 * self._scene.robot_size[2] * MILLIMETRES)
+        above = positions + np.array([0, 0, 1.5 * self._scene.robot_size[2] * MILLIMETRES])
         for entity, shown in ((look.BALLS, positions), (look.BALL_MARKERS, above)):
             columns = rr.Points3D.columns(positions=shown, class_ids=classes)
             self._send(entity, columns, [n_balls] * n_frames)
