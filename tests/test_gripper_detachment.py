@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from iswarm_mj.gripper.adhesion import dmt_pull_off
 from iswarm_mj.gripper.detachment import (
+    CONTACT_GAP,
     EQ3_CONSTANT,
     PRINTED_EQ3_CONSTANT,
     PROBE_RADIUS,
+    RELEASE_GAP,
     VARIATION_OBJECT_SUBSTRATE,
     VARIATION_TOOL_OBJECT,
     WORK_OBJECT_SUBSTRATE,
@@ -27,7 +29,7 @@ from iswarm_mj.gripper.detachment import (
     release_voltage,
     scattered_work,
 )
-from iswarm_mj.gripper.electrostatics import VACUUM_PERMITTIVITY, asymptotic_force, pick_force
+from iswarm_mj.gripper.electrostatics import VACUUM_PERMITTIVITY, asymptotic_force, pick_force, release_force
 from iswarm_mj.gripper.humidity import humidity_factor
 
 RADII = np.linspace(15e-6, 25e-6, 21)
@@ -85,14 +87,12 @@ def test_independence_of_the_radius_comes_from_the_gap_held():
 
 def test_weight_helps_release_and_hinders_grasp():
     radius = 20e-6
-    weight_as_work = ball_weight(radius) / (2 * math.pi * radius)
-    assert release_voltage(radius, WORK_TOOL_OBJECT + 2 * weight_as_work) > release_voltage(radius)
-    without = release_voltage(radius, WORK_TOOL_OBJECT + weight_as_work)
-    force = dmt_pull_off(radius, WORK_TOOL_OBJECT)
-    ratio = 1 - ball_weight(radius) / force
-    assert (release_voltage(radius) / without) ** 2 == pytest.approx(ratio, rel=1e-9)
-    lighter = grasp_voltage(radius, work_object_substrate=WORK_OBJECT_SUBSTRATE - weight_as_work)
-    assert lighter < grasp_voltage(radius)
+    weight = 4 / 3 * math.pi * radius**3 * 7400 * 9.81
+    lift = pick_force(grasp_voltage(radius), CONTACT_GAP, radius, PROBE_RADIUS)
+    adhesion = 2 * math.pi * radius * (WORK_OBJECT_SUBSTRATE - WORK_TOOL_OBJECT)
+    assert lift - adhesion == pytest.approx(weight, rel=1e-9)
+    push = release_force(release_voltage(radius), RELEASE_GAP, radius, PROBE_RADIUS)
+    assert push - 2 * math.pi * radius * WORK_TOOL_OBJECT == pytest.approx(-weight, rel=1e-9)
 
 
 def test_no_lift_without_contact_below_fifty_volts():
