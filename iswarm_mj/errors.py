@@ -1,7 +1,7 @@
 """Errors that a user can mend: one sentence, no traceback."""
 
 
-class UserError(ValueError):
+class UserError(Exception):
     """Something given from outside is not acceptable.
 
     The message is one sentence that says what was given, what is allowed and how to mend it.

@@ -1,7 +1,8 @@
 """The evolved parameters of a swarm, as the paper's Table 2 lists them."""
 
 import json
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from iswarm_mj.errors import UserError
@@ -102,6 +103,6 @@ def load_genome(name: str) -> Genome:
         raise UserError(f"genome file {name}: {error}") from None
 
 
-def to_dict(genome: Genome) -> dict:
-    """Return the genome as a JSON object that `load_genome` reads."""
-    return asdict(genome)
+def overridden(genome: Genome, values: Mapping[str, float | bool | None]) -> Genome:
+    """Return the genome with those values that are not None in place of its own."""
+    return replace(genome, **{name: value for name, value in values.items() if value is not None})

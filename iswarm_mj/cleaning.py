@@ -1,0 +1,135 @@
+"""The main job: a cleaning run with its files, its progress and its summary."""
+
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Protocol
+
+import jax
+from tqdm import tqdm
+
+from iswarm_mj import __version__, results
+from iswarm_mj.compilation import keep_compiled_programs
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.rollout import Run, RunSettings, StepView
+from iswarm_mj.snapshot import FrameBuffer, scene_of
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.trajectory import Frames, Scene
+
+BLOCK = 64
+"""Frames that are written at a time."""
+
+
+class Sink(Protocol):
+    """Where frames go."""
+
+    def append(self, frames: Frames) -> None:
+        """Take a block of frames."""
+        ...
+
+
+def clean(
+    config: SwarmConfig, genome: Genome, settings: RunSettings, engine: str, out: Path, record: bool
+) -> dict[str, Any]:
+    """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
+
+    Raises:
+        UserError: `out` cannot be written to.
+        SimulationFault: the run had to stop; what was recorded so far is in `out`.
+    """
+    results.prepare(out)
+    keep_compiled_programs()
+    started = time.perf_counter()
+    with jax.default_device(jax.devices("cpu")[0]):
+        run = Run(config, genome, settings)
+        with ExitStack() as stack:
+            recorder = stack.enter_context(Recorder(run, out)) if record else None
+            _advance(run, recorder)
+    content = results.result(run, engine, time.perf_counter() - started)
+    results.write_result(out, content)
+    print(summary(content, out))
+    return content
+
+
+def _advance(run: Run, recorder: "Recorder | None") -> None:
+    """Take all steps, with a progress bar on a terminal."""
+    settings = run.settings
+    goal = (settings.stop_at or run.config.arena.n_dust) * settings.n_worlds
+    with tqdm(total=settings.steps, unit="step", disable=not sys.stderr.isatty()) as bar:
+        while not run.is_over:
+            view = run.advance()
+            if recorder is not None:
+                recorder.add(view)
+            bar.update()
+            if run.step % 10 == 0:
+                delivered = sum(run.measures(w).delivered for w in range(settings.n_worlds))
+                bar.set_postfix_str(f"delivered {delivered} of {goal}", refresh=False)
+
+
+class Recorder:
+    """Records the first world of a run; what it has is written on leaving, whatever the reason."""
+
+    def __init__(self, run: Run, out: Path):
+        from iswarm_mj.record import Recording
+
+        self._run, self._out = run, out
+        start = run.start_view()
+        self._scene: Scene = scene_of(run.config, start, world=0)
+        self._buffer = FrameBuffer(world=0)
+        self._blocks: list[Frames] = []
+        settings = {"genome": asdict(run.genome), "run": asdict(run.settings), **asdict(run.config)}
+        self._recording = Recording(out / results.RECORDING, self._scene, settings, _properties(run))
+        self._buffer.add(start)
+
+    def __enter__(self) -> "Recorder":
+        """Return the recorder."""
+        return self
+
+    def __exit__(self, *reason: Any) -> None:
+        """Write what is left."""
+        with self._run.watch("record"):
+            try:
+                self._write()
+            finally:
+                self._recording.__exit__(*reason)
+                results.write_trajectory(self._out, self._scene, Frames.concatenate(self._blocks))
+
+    def add(self, view: StepView) -> None:
+        """Take in a step; write a block when there are enough."""
+        with self._run.watch("record"):
+            self._buffer.add(view)
+            if len(self._buffer) >= BLOCK:
+                self._write()
+
+    def _write(self) -> None:
+        if len(self._buffer):
+            self._blocks.append(self._buffer.take())
+            self._recording.append(self._blocks[-1])
+
+
+def _properties(run: Run) -> Mapping[str, Any]:
+    """What identifies a run among recordings."""
+    return {"version": __version__, "seed": run.settings.seed, "n_robots": run.settings.n_robots}
+
+
+def summary(content: Mapping[str, Any], out: Path) -> str:
+    """Readable summary of result.json."""
+
+    def show(name: str) -> str:
+        values = content[name] if isinstance(content[name], list) else [content[name]]
+        return ", ".join("-" if v is None else f"{v:.1f}" if isinstance(v, float) else str(v) for v in values)
+
+    lines = [
+        ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}"),
+        ("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}"),
+        ("finished at", f"step {show('finished_at')} (goal {content['stop_at']}; ran {content['steps']} steps)"),
+        ("carriage", f"{show('mean_carriage_steps')} steps on average"),
+        ("collisions", show("collisions")),
+        ("fitness", show("fitness")),
+        ("time", f"{content['wall_s']:.1f} s, {1e3 * content['wall_s'] / content['steps']:.1f} ms per control step"),
+        ("results", str(out)),
+    ]
+    return "\n".join(f"{name:>12}  {text}" for name, text in lines)

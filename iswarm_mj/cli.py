@@ -1,0 +1,137 @@
+"""The command `iswarm`."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, make_dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from iswarm_mj.compilation import quieten
+from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig, check
+from iswarm_mj.errors import SimulationFault, UserError
+from iswarm_mj.strategy.genome import Genome, load_genome, overridden
+
+GenomeOverrides = make_dataclass(
+    "GenomeOverrides",
+    [
+        (f.name, Annotated[f.type | None, tyro.conf.arg(help="Instead of the genome's value.")], None)  # type: ignore
+        for f in fields(Genome)
+    ],
+    frozen=True,
+)
+GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
+
+
+@dataclass(frozen=True)
+class Swarm:
+    """Settings that every command on a swarm has."""
+
+    genome: str = "type1"
+    """A preset, type1 or type2 of the paper's Table 2, or a JSON file of its parameters."""
+    robots: int | None = None
+    """Number of robots; given neither this nor the density, the genome's density counts."""
+    density: float | None = None
+    """Robots per 1 x 1 rd cell outside the dump."""
+    seed: int = 0
+    """Seed of all random numbers."""
+    worlds: int = 1
+    """Number of independent worlds at once."""
+    engine: str = "mujoco"
+    """Physics engine: mujoco (C, on CPUs)."""
+    threads: int = 0
+    """Threads for the physics, 0 for one a core; the results do not depend on it."""
+    override: Annotated[GenomeOverrides, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
+    arena: ArenaConfig = field(default_factory=ArenaConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    optics: OpticsConfig = field(default_factory=OpticsConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+    strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+        """Return the configuration, the genome and the number of robots.
+
+        Raises:
+            UserError: something given is out of range.
+        """
+        from iswarm_mj.layout import check_robots, robots_for
+
+        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
+        check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
+        check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
+        check("engine", self.engine, "mujoco", self.engine == "mujoco")
+        genome = overridden(load_genome(self.genome), vars(self.override))
+        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        if self.robots is not None and self.density is not None:
+            raise UserError("--robots and --density were both given; one of them is enough: leave the other out.")
+        density = genome.density_of_robots if self.density is None else self.density
+        n_robots = robots_for(config.arena, density) if self.robots is None else self.robots
+        check_robots(config.arena, n_robots)
+        return config, genome, n_robots
+
+
+@dataclass(frozen=True)
+class Clean(Swarm):
+    """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
+
+    steps: int = 800
+    """Control steps at most."""
+    stop_at: int | None = None
+    """Finish when this many balls are delivered; all of them by default."""
+    out: Path = Path("runs/clean")
+    """Directory for the results; those of an earlier run in it are replaced."""
+    record: bool = True
+    """Record the first world to trajectory.npz and clean.rrd."""
+
+    def run(self) -> None:
+        """Run the command."""
+        config, genome, n_robots = self.checked()
+        check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
+        n_dust = config.arena.n_dust
+        stop_at = n_dust if self.stop_at is None else self.stop_at
+        check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
+        from iswarm_mj.cleaning import clean
+        from iswarm_mj.rollout import RunSettings
+
+        settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, self.threads, stop_at)
+        clean(config, genome, settings, self.engine, self.out, self.record)
+
+
+@dataclass(frozen=True)
+class Bench(Swarm):
+    """Time the control step and its parts on this machine; prints one JSON line."""
+
+    steps: int = 200
+    """Control steps that are timed."""
+    warm_up: int = 20
+    """Control steps before that."""
+    record: bool = False
+    """Record too, to a temporary file."""
+
+    def run(self) -> None:
+        """Run the command."""
+        config, genome, n_robots = self.checked()
+        check("steps", self.steps, "between 1 and 100000", 1 <= self.steps <= 100_000)
+        check("warm_up", self.warm_up, "between 1 and 100000", 1 <= self.warm_up <= 100_000)
+        from iswarm_mj.benchmark import bench
+        from iswarm_mj.rollout import RunSettings
+
+        settings = RunSettings(n_robots, self.warm_up + self.steps, self.seed, self.worlds, self.threads)
+        bench(config, genome, settings, self.engine, self.warm_up, self.record)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of `iswarm`; exits with 2 on bad input and 1 on a fault of the simulation."""
+    quieten()
+    try:
+        commands = {"clean": Clean, "bench": Bench}
+        tyro.extras.subcommand_cli_from_dict(commands, prog="iswarm", args=arguments).run()
+    except UserError as error:
+        print(f"iswarm: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except SimulationFault as fault:
+        print(f"iswarm: {fault}", file=sys.stderr)
+        raise SystemExit(1) from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None

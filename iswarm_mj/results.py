@@ -1,0 +1,94 @@
+"""What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj import __version__
+from iswarm_mj.errors import UserError
+from iswarm_mj.metrics import Measures, fitness
+from iswarm_mj.rollout import Run
+from iswarm_mj.trajectory import Frames, Scene
+
+RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
+
+
+def prepare(out: Path) -> None:
+    """Make the output directory, or say why it cannot be written to; results of an earlier run in it go.
+
+    Raises:
+        UserError: the directory cannot be made or written to.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        probe = out / ".writable"
+        probe.touch()
+        probe.unlink()
+        for name in (RESULT, TRAJECTORY, RECORDING):
+            (out / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"--out was {out}, which cannot be written to ({error.strerror}); "
+            "it must be a directory of yours, or a path where one can be made: choose another."
+        ) from None
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`, which takes its place when the block ends well."""
+    part = path.with_name(f".{os.getpid()}-{path.name}")
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def result(run: Run, engine: str, wall_s: float) -> dict[str, Any]:
+    """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists."""
+    settings = run.settings
+    measures = [run.measures(world) for world in range(settings.n_worlds)]
+    scores = [fitness(m, settings.n_robots, run.config.arena.n_dust, settings.steps) for m in measures]
+
+    def each(values: list[Any]) -> Any:
+        return values[0] if settings.n_worlds == 1 else values
+
+    return {
+        "version": __version__,
+        "seed": settings.seed,
+        "engine": engine,
+        "n_worlds": settings.n_worlds,
+        "n_robots": settings.n_robots,
+        "n_dust": run.config.arena.n_dust,
+        "max_steps": settings.steps,
+        "stop_at": settings.stop_at,
+        "steps": run.step,
+        **{name: each([getattr(m, name) for m in measures]) for name in Measures._fields},
+        "fitness": each(scores),
+        "wall_s": round(wall_s, 3),
+        "seconds": {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
+        "genome": asdict(run.genome),
+        "config": asdict(run.config),
+    }
+
+
+def write_result(out: Path, content: dict[str, Any]) -> None:
+    """Write result.json."""
+    with whole(out / RESULT) as part:
+        part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def write_trajectory(out: Path, scene: Scene, frames: Frames) -> None:
+    """Write trajectory.npz: the arrays of `Frames` and, with the prefix scene_, of `Scene`."""
+    arrays = {f.name: getattr(frames, f.name) for f in fields(frames)}
+    arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
+    with whole(out / TRAJECTORY) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
+
+
