@@ -1,9 +1,18 @@
 """A synthetic trajectory, written in uneven blocks and read back."""
 
-from dataclasses import fields
+import os
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
+import pytest
+from rerun.chunk import RrdReader
 
+from iswarm_mj import record
+from iswarm_mj.errors import SimulationFault, UserError
+from iswarm_mj.record import Recording
 from iswarm_mj.trajectory import Frames, Scene
 
 PERIOD = 0.4
@@ -68,10 +77,10 @@ def make_frames(scene, n_frames=50, seed=0):
         knows |= (valid & (rng.random((n, 4)) < 0.15)).any(1) & (rng.random((2, n)) < 0.8)
         knows &= rng.random((2, n)) > 0.02
         cos, sin = np.cos(yaw), np.sin(yaw)
-        body = [
-            np.stack([cos * d[:, 0] + sin * d[:, 1], -sin * d[:, 0] + cos * d[:, 1]], -1) for d in (goal - xy, -xy)
-        ]
-        body = [np.where(known[:, None], b, np.nan) for b, known in zip(body, knows, strict=True)]
+        body = []
+        for (dx, dy), known in zip(((goal - xy).T, -xy.T), knows, strict=True):
+            vector = np.stack([cos * dx + sin * dy, -sin * dx + cos * dy], -1)
+            body.append(np.where(known[:, None], vector, np.nan))
         one = {
             "step": np.int32(step),
             "pose": np.column_stack([xy, yaw]).astype(np.float32),
@@ -96,3 +105,285 @@ def make_frames(scene, n_frames=50, seed=0):
 
 def cut(frames, start, stop):
     return Frames(**{f.name: getattr(frames, f.name)[start:stop] for f in fields(Frames)})
+
+
+def write(path, scene, frames, cuts=(1, 6, 23), config=None):
+    with Recording(path, scene, config or {}, {}) as recording:
+        for start, stop in zip((0, *cuts), (*cuts, len(frames)), strict=True):
+            recording.append(cut(frames, start, stop))
+
+
+def read(path):
+    """All columns of a recording: entity -> column -> list with one entry a row, in the order of steps."""
+    rows = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        for row in chunk.to_record_batch().to_pylist():
+            rows.setdefault(chunk.entity_path, []).append(row)
+    columns = {}
+    for entity, group in rows.items():
+        moving = sorted((row for row in group if "step" in row), key=lambda row: row["step"])
+        columns[entity] = {name: [row[name] for row in moving] for name in moving[0]} if moving else group[0]
+    return columns
+
+
+def column(recorded, entity, name):
+    return [np.array(row) for row in recorded[entity][name]]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A scene, its frames, and what was read back from their recording."""
+    scene = make_scene()
+    frames = make_frames(scene)
+    path = tmp_path_factory.mktemp("record") / "run.rrd"
+    write(path, scene, frames)
+    return scene, frames, read(path)
+
+
+def test_the_synthetic_run_has_something_to_show():
+    frames = make_frames(make_scene())
+    assert frames.is_loaded.any() and frames.has_priority.any() and (frames.ball_state == 1).any()
+    assert frames.link_valid.any() and not frames.link_valid.all()
+    assert frames.dust_known.any() and not frames.dust_known.all()
+
+
+def test_timelines(run):
+    _, frames, recorded = run
+    for entity, columns in recorded.items():
+        if "step" in columns:
+            assert columns["step"] == frames.step.tolist(), entity
+            seconds = [t.total_seconds() for t in columns["sim_time"]]
+            np.testing.assert_allclose(seconds, frames.step * PERIOD, atol=1e-6)
+
+
+def test_robots_stand_where_they_stood(run):
+    _, frames, recorded = run
+    centres = np.stack(column(recorded, "/world/robots/body", "Boxes3D:centers"))
+    np.testing.assert_allclose(centres[..., :2], 1e3 * frames.pose[..., :2], atol=1e-3)
+    np.testing.assert_allclose(centres[..., 2], 0.5, atol=1e-6)
+    x, y, z, w = np.moveaxis(np.stack(column(recorded, "/world/robots/body", "Boxes3D:quaternions")), -1, 0)
+    assert not x.any() and not y.any()
+    turn = np.exp(1j * (2 * np.arctan2(z, w) - frames.pose[..., 2]))
+    np.testing.assert_allclose(turn, 1.0, atol=1e-5)
+    fronts = np.stack(column(recorded, "/world/robots/front", "Points3D:positions")) - centres
+    ahead = (fronts[..., 0] + 1j * fronts[..., 1]) * np.exp(-1j * frames.pose[..., 2])
+    np.testing.assert_allclose(np.angle(ahead), 0.0, atol=1e-3)
+
+
+def test_colours_tell_the_state(run):
+    scene, frames, recorded = run
+    classes = np.stack(column(recorded, "/world/robots/body", "Boxes3D:class_ids"))
+    loaded, priority = frames.is_loaded, frames.has_priority
+    scout = np.broadcast_to(scene.is_scout, loaded.shape)
+    assert (classes == 0).sum() == (~loaded & ~scout & ~priority).sum() > 0
+    assert (classes == 2).sum() == (~loaded & scout & ~priority).sum() > 0
+    assert (classes == 4).sum() == (loaded & ~priority).sum() > 0
+    assert (classes == 5).sum() == (loaded & priority).sum() > 0
+
+
+def test_state_precedence_by_hand():
+    is_loaded = np.array([[False, False, False, False, True, True, True]])
+    is_scout = np.array([False, False, True, True, False, True, True])
+    has_priority = np.array([[False, True, False, True, False, False, True]])
+    assert record.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+
+
+def test_balls(run):
+    _, frames, recorded = run
+    true_size, marker = "/world/balls/true_size", "/world/balls/marker"
+    positions = np.stack(column(recorded, true_size, "Points3D:positions"))
+    np.testing.assert_allclose(positions, 1e3 * frames.ball_position, atol=1e-3)
+    markers = np.stack(column(recorded, marker, "Points3D:positions"))
+    np.testing.assert_allclose(markers[..., :2], positions[..., :2], atol=1e-6)
+    for entity in (true_size, marker):
+        classes = np.stack(column(recorded, entity, "Points3D:class_ids"))
+        np.testing.assert_array_equal(classes, frames.ball_state + 10)
+
+
+def test_links_reach_from_receiver_to_sender(run):
+    _, frames, recorded = run
+    for t, strips in enumerate(recorded["/world/links"]["LineStrips3D:strips"]):
+        wanted = [
+            (frames.pose[t, i, :2], frames.pose[t, frames.link_sender[t, i, s], :2])
+            for i, s in zip(*np.nonzero(frames.link_valid[t]), strict=True)
+        ]
+        assert len(strips) == len(wanted)
+        if wanted:
+            np.testing.assert_allclose(np.array(strips)[..., :2], 1e3 * np.array(wanted), atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["dust", "dump"])
+def test_arrows_start_at_those_who_know(run, kind):
+    _, frames, recorded = run
+    known, vector = getattr(frames, f"{kind}_known"), getattr(frames, f"{kind}_vector")
+    origins = column(recorded, f"/world/memory/{kind}", "Arrows3D:origins")
+    vectors = column(recorded, f"/world/memory/{kind}", "Arrows3D:vectors")
+    for t in range(len(frames)):
+        who = np.flatnonzero(known[t])
+        assert len(origins[t]) == len(vectors[t]) == len(who)
+        for i, origin, arrow in zip(who, origins[t], vectors[t], strict=True):
+            np.testing.assert_allclose(origin[:2], 1e3 * frames.pose[t, i, :2], atol=1e-3)
+            turned = complex(*vector[t, i]) * np.exp(1j * frames.pose[t, i, 2])
+            np.testing.assert_allclose(arrow, [1e3 * turned.real, 1e3 * turned.imag, 0], atol=1e-3)
+
+
+def test_arrows_turn_with_the_robot():
+    """A robot that looks north (yaw 90 degrees): ahead is north, left is west."""
+    turned = record.world_vectors(np.array([[3.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), np.full(3, np.pi / 2))
+    np.testing.assert_allclose(turned, [[0, 3], [-2, 0], [-2, 3]], atol=1e-12)
+
+
+def test_dump_arrows_meet_at_the_dump(run):
+    """In this run all robots remember the centre of the arena."""
+    _, _, recorded = run
+    dump = "/world/memory/dump"
+    origins = [row for row in column(recorded, dump, "Arrows3D:origins") if len(row)]
+    vectors = [row for row in column(recorded, dump, "Arrows3D:vectors") if len(row)]
+    tips = np.concatenate(origins) + np.concatenate(vectors)
+    np.testing.assert_allclose(tips[:, :2], 0, atol=1e-3)
+
+
+def test_trails_of_loaded_robots_cross_blocks(run):
+    _, frames, recorded = run
+    for t, strips in enumerate(recorded["/world/trails"]["LineStrips3D:strips"]):
+        who = np.flatnonzero(frames.is_loaded[t])
+        assert len(strips) == len(who)
+        for i, strip in zip(who, strips, strict=True):
+            past = frames.pose[max(0, t - record.TRAIL_FRAMES) : t + 1, i, :2]
+            np.testing.assert_allclose(np.array(strip)[:, :2], 1e3 * past, atol=1e-3)
+
+
+def test_time_series(run):
+    _, frames, recorded = run
+    wanted = {
+        "balls/delivered": frames.delivered,
+        "balls/picked": frames.picked,
+        "collisions": frames.collisions,
+        "known/dust": frames.dust_known.sum(1) / 40,
+        "known/dump": frames.dump_known.sum(1) / 40,
+        "mean_speed": 1e3 * frames.mean_speed,
+    }
+    for name, values in wanted.items():
+        recorded_values = np.concatenate(column(recorded, f"/series/{name}", "Scalars:scalars"))
+        np.testing.assert_allclose(recorded_values, values, rtol=1e-6, err_msg=name)
+
+
+def test_blocks_make_no_difference(run, tmp_path):
+    scene, frames, recorded = run
+    write(tmp_path / "one.rrd", scene, frames, cuts=())
+    again = read(tmp_path / "one.rrd")
+    assert again.keys() == recorded.keys()
+    for entity in again:
+        if "step" in again[entity]:
+            for name in again[entity].keys() - {"rerun.controls.RowId"}:
+                assert again[entity][name] == recorded[entity][name], (entity, name)
+
+
+def test_configuration_and_properties_keep_their_types(tmp_path):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 2)
+    for value in (3, 0.25, "no|ne", True):
+        path = tmp_path / "run.rrd"
+        with Recording(path, scene, {"a": {"b": value}, "none": None}, {"b": np.float64(2.5)}) as recording:
+            recording.append(frames)
+        recorded = read(path)
+        assert recorded["/__properties/config"]["a.b"] == [value]
+        assert recorded["/__properties/run"]["b"] == [2.5]
+        assert f"| a.b | {str(value).replace('|', '/')} |" in recorded["/config"]["TextDocument:text"][0]
+
+
+def test_a_layout_is_embedded(tmp_path):
+    scene = make_scene(5, 2)
+    write(tmp_path / "run.rrd", scene, make_frames(scene, 2), cuts=())
+    assert len(RrdReader(tmp_path / "run.rrd").blueprints()) == 1
+
+
+@pytest.mark.parametrize("fault", [SimulationFault("step 6"), KeyboardInterrupt()])
+def test_an_exception_leaves_a_complete_file(tmp_path, fault):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    path = tmp_path / "run.rrd"
+    with pytest.raises(type(fault)), Recording(path, scene, {}, {}) as recording:
+        recording.append(cut(frames, 0, 6))
+        raise fault
+    assert read(path)["/world/links"]["step"] == list(range(6))
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True, capture_output=True)
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_blocks_before_a_kill_are_readable(tmp_path):
+    path = tmp_path / "run.rrd"
+    code = (
+        "import os, sys; sys.path.insert(0, sys.argv[2]); import test_record as t; s = t.make_scene(5, 2);"
+        "f = t.make_frames(s, 9); r = t.Recording(sys.argv[1], s, {}, {}).__enter__();"
+        "r.append(t.cut(f, 0, 4)); r.append(t.cut(f, 4, 7)); os.kill(os.getpid(), 9)"
+    )
+    root = Path(record.__file__).parents[1]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    subprocess.run([sys.executable, "-c", code, path, Path(__file__).parent], env=environment, check=False)
+    assert read(path)["/world/links"]["step"] == list(range(7))
+
+
+def test_switched_off_by_the_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv("RERUN", "0")
+    old = tmp_path / "run.rrd"
+    old.write_text("old")
+    with pytest.raises(UserError, match=r"RERUN=0.*unset"):
+        Recording(old, make_scene(5, 2), {}, {})
+    assert old.read_text() == "old"
+
+
+def test_unwritable_places(tmp_path):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "run.rrd", tmp_path / "missing" / "run.rrd", tmp_path):
+        with pytest.raises(UserError, match="cannot be written"):
+            Recording(path, make_scene(5, 2), {}, {})
+
+
+@pytest.mark.parametrize("name", ["pose", "ball_position", "dump_vector"])
+def test_values_that_are_not_finite_are_refused(tmp_path, name):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    bad = replace(frames, dump_known=np.ones((9, 5), bool), dump_vector=np.zeros((9, 5, 2), np.float32))
+    getattr(bad, name)[5:, 1] = np.nan
+    with (
+        pytest.raises(SimulationFault, match=r"Step 5: .* 1 is not finite"),
+        Recording(tmp_path / "r", scene, {}, {}) as recording,
+    ):
+        recording.append(bad)
+
+
+def test_steps_must_increase(tmp_path):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    with Recording(tmp_path / "run.rrd", scene, {}, {}) as recording:
+        recording.append(cut(frames, 0, 5))
+        recording.append(cut(frames, 5, 5))
+        with pytest.raises(ValueError, match="increase"):
+            recording.append(cut(frames, 4, 9))
+        recording.append(cut(frames, 5, 9))
+
+
+def test_a_world_without_balls_links_or_knowledge(tmp_path):
+    scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0))
+    frames = make_frames(make_scene(5, 2), 4)
+    none = {
+        name: np.zeros_like(getattr(frames, name))
+        for name in ("link_valid", "dust_known", "dump_known", "is_loaded")
+    }
+    bare = replace(
+        frames, ball_position=frames.ball_position[:, :0], ball_state=frames.ball_state[:, :0], **none
+    )
+    write(tmp_path / "run.rrd", scene, bare, cuts=())
+    recorded = read(tmp_path / "run.rrd")
+    assert recorded["/world/links"]["LineStrips3D:strips"] == [[]] * 4
+    assert recorded["/world/balls/true_size"]["Points3D:positions"] == [[]] * 4
+
+
+def test_bytes_per_frame(tmp_path):
+    scene = make_scene(280, 72)
+    frames = make_frames(scene, 65)
+    for stop, name in ((1, "short"), (65, "long")):
+        write(tmp_path / name, scene, cut(frames, 0, stop), cuts=())
+    grown = (tmp_path / "long").stat().st_size - (tmp_path / "short").stat().st_size
+    assert grown / 64 < 25e3
