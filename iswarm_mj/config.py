@@ -171,12 +171,14 @@ class StrategyConfig:
     """A random move turns by up to this angle to either side [deg]."""
     scouts_pick: bool = False
     """Scouts pick up dust too."""
-    avoidance_gain: float = 2.0
+    avoidance_gain: float = 8.0
     """Weight of the repulsion against the wish to go somewhere, which has weight 1."""
     priority_factor: float = 2.0
     """Repulsion by robots that send the priority flag, relative to that by others."""
     wall_gain: float = 2.0
     """Weight of a wall's repulsion on a robot that follows no vector."""
+    forget_on_arrival: bool = True
+    """A robot forgets a vector that led it to where there is nothing."""
     message_range: float = 49.0
     """Longest vector that a message can carry [rd]."""
 

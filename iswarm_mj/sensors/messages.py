@@ -7,8 +7,9 @@
           31     parity: makes the number of ones even
 
 The layout is a choice; the paper gives the capacity, the LED's two bits, the flag, the two vectors and the hop
-count. Bearings are counted anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps up
-to the codec's `max_range`, where longer ones end too. Hop counts saturate at 14; 15 stands for "no vector".
+count. Bearings are counted anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps
+up to the codec's `max_range`, where longer ones end too. A hop count of 15 stands for "no vector": what came
+through more than 14 robots is not sent on, so that rumours die out.
 """
 
 from typing import NamedTuple
@@ -44,7 +45,7 @@ def pack_vector(memory: Memory, max_range: float) -> Array:
     x, y = memory.vector[..., 0], memory.vector[..., 1]
     bearing = jnp.round(jnp.arctan2(y, x) * (BEARINGS / (2 * jnp.pi))).astype(jnp.int32) % BEARINGS
     distance = jnp.clip(jnp.round(jnp.hypot(x, y) * (RANGES / max_range)), 0, RANGES).astype(jnp.int32)
-    hop = jnp.where(memory.known, jnp.minimum(memory.hop, MAX_HOP), NO_VECTOR)
+    hop = jnp.where(memory.known & (memory.hop <= MAX_HOP), memory.hop, NO_VECTOR)
     return (bearing | (distance << 5) | (hop << 10)).astype(jnp.uint32)
 
 

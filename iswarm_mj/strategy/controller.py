@@ -109,6 +109,10 @@ def act(
     n_sides = seen.is_heard.shape[1]
     draw = jax.random.uniform(key, (len(mind.is_scout), 3 + 2 * n_sides))
     mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 3:])
+    if config.strategy.forget_on_arrival:
+        mind = mind._replace(
+            dust=disappointed(config, mind.dust, seen.at_dust), dump=disappointed(config, mind.dump, seen.on_dump)
+        )
     wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
     command = steer(config, wish + avoid(config, rules, seen, follows), limit)
     command = approach(config, probe_reach, may_pick(config, mind), seen, command)
@@ -133,6 +137,12 @@ def learn(rules: Rules, mind: Mind, seen: Observation, forgets: Array, choice: A
         dust=standing_on(listen(mind.dust, seen.dust, choice[:, :n_sides]), seen.at_dust),
         dump=standing_on(listen(mind.dump, seen.dump, choice[:, n_sides:]), seen.on_dump),
     )
+
+
+def disappointed(config: SwarmConfig, memory: Memory, is_there: Array) -> Memory:
+    """Memories without the vectors that led to nothing: too short to follow, and the target is not there."""
+    length = jnp.hypot(memory.vector[:, 0], memory.vector[:, 1])
+    return memory.where(is_there | (length > 0.5 * mm_from_rd(config.drive.step_length)))
 
 
 def choose(

@@ -74,7 +74,7 @@ def take_over(own: Memory, offers: Memory, use_hop_count: Array | bool, choice: 
     """Memories after one of the offers was taken over, or none.
 
     With hop counts a robot takes the offer with the smallest one, if it is smaller than its own or it has no
-    vector. Without, it takes what comes: one of the offers at random.
+    vector. Without, it takes what comes, one of the offers at random, and counts no hops.
 
     Args:
         own: memories of N robots.
@@ -82,8 +82,8 @@ def take_over(own: Memory, offers: Memory, use_hop_count: Array | bool, choice: 
         use_hop_count: the genome's flag.
         choice: (N, S) random numbers in [0, 1) that settle which of several equal offers is taken.
     """
-    count = jnp.where(use_hop_count, offers.hop, 0) + choice
-    best = jnp.argmin(jnp.where(offers.known, count, jnp.inf), axis=-1)
+    offers = offers._replace(hop=jnp.where(use_hop_count, offers.hop, 0))
+    best = jnp.argmin(jnp.where(offers.known, offers.hop + choice, jnp.inf), axis=-1)
 
     def pick(values: Array) -> Array:
         index = best.reshape(best.shape + (1,) * (values.ndim - best.ndim))
