@@ -132,9 +132,7 @@ def table(config: Mapping[str, Any]) -> str:
 def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial3DView:
     """Return a view from above, slightly from the south, on the whole arena."""
     size = scene.arena_size * MILLIMETRES
-    eye = rrb.EyeControls3D(
-        position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1)
-    )
+    eye = rrb.EyeControls3D(position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1))
     return rrb.Spatial3DView(
         origin="world",
         name=name,

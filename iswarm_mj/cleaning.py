@@ -125,11 +125,17 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
     lines = [
         ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}"),
         ("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}"),
-        ("finished at", f"step {show('finished_at')} (goal {content['stop_at']}; ran {content['steps']} steps)"),
+        (
+            "finished at",
+            f"step {show('finished_at')} (goal {content['stop_at']}; ran {content['steps']} steps)",
+        ),
         ("carriage", f"{show('mean_carriage_steps')} steps on average"),
         ("collisions", show("collisions")),
         ("fitness", show("fitness")),
-        ("time", f"{content['wall_s']:.1f} s, {1e3 * content['wall_s'] / content['steps']:.1f} ms per control step"),
+        (
+            "time",
+            f"{content['wall_s']:.1f} s, {1e3 * content['wall_s'] / content['steps']:.1f} ms per control step",
+        ),
         ("results", str(out)),
     ]
     return "\n".join(f"{name:>12}  {text}" for name, text in lines)

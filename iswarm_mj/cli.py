@@ -4,12 +4,20 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
 from iswarm_mj.compilation import quieten
-from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig, check
+from iswarm_mj.config import (
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+    check,
+)
 from iswarm_mj.errors import SimulationFault, UserError
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 
@@ -42,7 +50,7 @@ class Swarm:
     """Physics engine: mujoco (C, on CPUs)."""
     threads: int = 0
     """Threads for the physics, 0 for one a core; the results do not depend on it."""
-    override: Annotated[GenomeOverrides, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
+    override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     optics: OpticsConfig = field(default_factory=OpticsConfig)

@@ -40,15 +40,25 @@ class ArenaConfig:
 
     def __post_init__(self):
         check("arena.size", self.size, "between 10 and 500 rd", 10 <= self.size <= 500)
-        check("arena.dump_size", self.dump_size, "between 1 rd and half the arena", 1 <= self.dump_size <= self.size / 2)
+        check(
+            "arena.dump_size",
+            self.dump_size,
+            "between 1 rd and half the arena",
+            1 <= self.dump_size <= self.size / 2,
+        )
         check("arena.dust_area_size", self.dust_area_size, "positive", self.dust_area_size > 0)
         reach = self.dust_area_offset + self.dust_area_size / 2
         check("arena.dust_area_offset", self.dust_area_offset, "such that the dust areas lie inside the walls",
-              0 <= self.dust_area_offset and reach <= self.size / 2)  # fmt: skip
+              self.dust_area_offset >= 0 and reach <= self.size / 2)  # fmt: skip
         check("arena.dust_area_offset", self.dust_area_offset, "such that the dust areas lie outside the dump",
               self.dust_area_offset - self.dust_area_size / 2 >= self.dump_size / 2)  # fmt: skip
         check("arena.n_dust", self.n_dust, "between 1 and 10000", 1 <= self.n_dust <= 10_000)
-        check("arena.ball_radius_min", self.ball_radius_min, "between 1e-6 and 1e-4 m", 1e-6 <= self.ball_radius_min <= 1e-4)
+        check(
+            "arena.ball_radius_min",
+            self.ball_radius_min,
+            "between 1e-6 and 1e-4 m",
+            1e-6 <= self.ball_radius_min <= 1e-4,
+        )
         check("arena.ball_radius_max", self.ball_radius_max, "between ball-radius-min and 1e-4 m",
               self.ball_radius_min <= self.ball_radius_max <= 1e-4)  # fmt: skip
 
@@ -70,7 +80,12 @@ class DriveConfig:
 
     def __post_init__(self):
         check("drive.step_length", self.step_length, "above 0 and at most 1 rd", 0 < self.step_length <= 1)
-        check("drive.control_period", self.control_period, "between 0.1 and 100 s", 0.1 <= self.control_period <= 100)
+        check(
+            "drive.control_period",
+            self.control_period,
+            "between 0.1 and 100 s",
+            0.1 <= self.control_period <= 100,
+        )
         check("drive.turn_substeps", self.turn_substeps, "between 1 and 100", 1 <= self.turn_substeps <= 100)
         check("drive.walk_substeps", self.walk_substeps, "between 1 and 100", 1 <= self.walk_substeps <= 100)
         check("drive.max_turn", self.max_turn, "above 0 and at most 180 deg", 0 < self.max_turn <= 180)
@@ -113,7 +128,12 @@ class OpticsConfig:
               0 < self.led_beam_aperture <= 90)  # fmt: skip
         check("optics.photodiode_aperture", self.photodiode_aperture, "above 0 and at most 90 deg",
               0 < self.photodiode_aperture <= 90)  # fmt: skip
-        check("optics.photodiode_splay", self.photodiode_splay, "between 1 and 44 deg", 1 <= self.photodiode_splay <= 44)
+        check(
+            "optics.photodiode_splay",
+            self.photodiode_splay,
+            "between 1 and 44 deg",
+            1 <= self.photodiode_splay <= 44,
+        )
         check("optics.error_distance_measure", self.error_distance_measure, "within 0 to 1",
               0 <= self.error_distance_measure <= 1)  # fmt: skip
         check("optics.error_in_communication", self.error_in_communication, "within 0 to 0.9",
@@ -151,11 +171,26 @@ class GripperConfig:
     def __post_init__(self):
         for name in ("grasp_voltage", "release_voltage"):
             check(f"gripper.{name}", getattr(self, name), "within 0 to 1000 V", 0 <= getattr(self, name) <= 1000)
-        check("gripper.relative_humidity", self.relative_humidity, "within 0 to 100 %", 0 <= self.relative_humidity <= 100)
-        check("gripper.release_gap", self.release_gap, "between 1e-6 and 2e-5 m", 1e-6 <= self.release_gap <= 2e-5)
+        check(
+            "gripper.relative_humidity",
+            self.relative_humidity,
+            "within 0 to 100 %",
+            0 <= self.relative_humidity <= 100,
+        )
+        check(
+            "gripper.release_gap",
+            self.release_gap,
+            "between 1e-6 and 2e-5 m",
+            1e-6 <= self.release_gap <= 2e-5,
+        )
         check("gripper.tool_reach", self.tool_reach, "above 0 and at most 1e-3 m", 0 < self.tool_reach <= 1e-3)
         for name in ("work_tool_object", "work_object_substrate"):
-            check(f"gripper.{name}", getattr(self, name), "above 0 and at most 10 J/m^2", 0 < getattr(self, name) <= 10)
+            check(
+                f"gripper.{name}",
+                getattr(self, name),
+                "above 0 and at most 10 J/m^2",
+                0 < getattr(self, name) <= 10,
+            )
         for name in ("spread_tool_object", "spread_object_substrate"):
             check(f"gripper.{name}", getattr(self, name), "within 0 to 2", 0 <= getattr(self, name) <= 2)
         check("gripper.drop_rate", self.drop_rate, "within 0 to 1", 0 <= self.drop_rate <= 1)
@@ -187,7 +222,12 @@ class StrategyConfig:
         check("strategy.random_turn", self.random_turn, "within 0 to 180 deg", 0 <= self.random_turn <= 180)
         for name in ("avoidance_gain", "priority_factor", "wall_gain"):
             check(f"strategy.{name}", getattr(self, name), "within 0 to 100", 0 <= getattr(self, name) <= 100)
-        check("strategy.message_range", self.message_range, "above 0 and at most 1000 rd", 0 < self.message_range <= 1000)
+        check(
+            "strategy.message_range",
+            self.message_range,
+            "above 0 and at most 1000 rd",
+            0 < self.message_range <= 1000,
+        )
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import numpy as np
 
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.errors import UserError
+from iswarm_mj.gripper.detachment import scattered_work
 from iswarm_mj.gripper.humidity import humidity_factor
 from iswarm_mj.units import RD
 
@@ -58,11 +59,6 @@ def draw_radii(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
 def draw_works(gripper: GripperConfig, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Works of adhesion of n balls to tool and floor (n,), (n,), log-normal, at the air's humidity [J/m^2]."""
     factor = float(humidity_factor(gripper.relative_humidity))
-
-    def spread(median: float, cv: float) -> np.ndarray:
-        return median * factor * np.exp(np.sqrt(np.log1p(cv**2)) * rng.standard_normal(n))
-
-    return (
-        spread(gripper.work_tool_object, gripper.spread_tool_object),
-        spread(gripper.work_object_substrate, gripper.spread_object_substrate),
-    )
+    tool = scattered_work(gripper.work_tool_object, gripper.spread_tool_object, rng.standard_normal(n))
+    floor = scattered_work(gripper.work_object_substrate, gripper.spread_object_substrate, rng.standard_normal(n))
+    return factor * np.asarray(tool), factor * np.asarray(floor)

@@ -55,8 +55,3 @@ def fitness(measures: Measures, n_robots: int, n_dust: int, max_steps: int) -> f
     if measures.delivered == n_dust and measures.finished_at is not None:
         points += 10.0 * (max_steps - measures.finished_at)
     return points
-
-
-def new_contacts(now: np.ndarray, before: np.ndarray, n_robots: int) -> int:
-    """Number of pairs (P, 2) in `now` that are not in `before` (Q, 2)."""
-    return len(np.setdiff1d(now @ [n_robots, 1], before @ [n_robots, 1], assume_unique=True))

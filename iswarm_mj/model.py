@@ -57,6 +57,8 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
     robot = mujoco.MjSpec.from_file(str(directory / "robot.xml"))
     if not visual:
         robot.delete(robot.body("visual"))
+        for site in list(robot.sites):
+            robot.delete(site)
     _tune_drive(robot, config.drive.timestep)
     for i in range(n_robots):
         spec.attach(robot, prefix=f"robot{i}/", frame=spec.worldbody.add_frame())
@@ -70,6 +72,8 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
 def compile_arena(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool = False) -> ArenaModel:
     """Compile the arena and find its robots and balls. Arguments as for `arena_spec`."""
     model = arena_spec(config, n_robots, ball_radius, visual).compile()
+    robot = mujoco.MjSpec.from_file(str(models_directory() / "robot.xml"))
+    tip = robot.body("robot").pos + robot.site("probe_tip").pos
     robots = [f"robot{i}/" for i in range(n_robots)]
     qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in robots]
     return ArenaModel(
@@ -79,8 +83,8 @@ def compile_arena(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, v
         walls=np.array([model.geom(f"wall_{side}").id for side in ("east", "north", "west", "south")]),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))]),
-        probe=np.array(model.site("robot0/probe_tip").pos[:2]),
-        tip_height=float(model.site("robot0/probe_tip").pos[2]),
+        probe=np.array(tip[:2]),
+        tip_height=float(tip[2]),
         servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
     )
 

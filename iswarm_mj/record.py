@@ -40,9 +40,7 @@ def robot_classes(is_loaded: np.ndarray, is_scout: np.ndarray, has_priority: np.
     return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
 
 
-def link_segments(
-    centres: np.ndarray, sender: np.ndarray, valid: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def link_segments(centres: np.ndarray, sender: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Segments from receivers to senders, with the number of them in each frame.
 
     Args:
@@ -212,9 +210,7 @@ class Recording:
         """Refuse what the viewer would silently draw wrong."""
         steps = np.diff(frames.step, prepend=self._last_step)
         if np.any(steps <= 0):
-            raise ValueError(
-                f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}."
-            )
+            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
         everything = {
             "pose": ("robots", ~np.isfinite(frames.pose).all(-1)),
             "position": ("balls", ~np.isfinite(frames.ball_position).all(-1)),
@@ -268,9 +264,7 @@ class Recording:
         self._send(look.TRAILS, columns, np.count_nonzero(frames.is_loaded, axis=1))
         self._before = history[-TRAIL_FRAMES:]
 
-    def _arrows(
-        self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray
-    ) -> None:
+    def _arrows(self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray) -> None:
         """Arrows from the robots that know a vector, turned to the world."""
         vectors = np.zeros((np.count_nonzero(known), 3), np.float32)
         vectors[:, :2] = world_vectors(vector[known], yaw[known]) * MILLIMETRES

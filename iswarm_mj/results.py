@@ -90,5 +90,3 @@ def write_trajectory(out: Path, scene: Scene, frames: Frames) -> None:
     arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
     with whole(out / TRAJECTORY) as part, part.open("wb") as file:
         np.savez(file, **arrays)
-
-

@@ -15,9 +15,10 @@ from iswarm_mj.engines.base import Engine
 from iswarm_mj.engines.mujoco_batch import MujocoBatchEngine
 from iswarm_mj.errors import SimulationFault
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.metrics import Measures, measure, new_contacts
+from iswarm_mj.metrics import Measures, measure
 from iswarm_mj.model import ArenaModel, compile_arena
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.swarm import SwarmState
@@ -61,6 +62,14 @@ class StepView(NamedTuple):
 Observer = Callable[[StepView], None]
 
 
+class Start(NamedTuple):
+    """How one world begins."""
+
+    poses: np.ndarray
+    """(N, 3) x, y [mm] and yaw [rad]."""
+    balls: Balls
+
+
 @dataclass
 class Run:
     """A run in progress: B worlds that `advance` together until each is finished."""
@@ -68,16 +77,18 @@ class Run:
     config: SwarmConfig
     genome: Genome
     settings: RunSettings
+    starts: list[Start] | None = None
+    """How each world begins; drawn by the seed if not given."""
     watch: Stopwatch = field(default_factory=Stopwatch)
 
     def __post_init__(self):
         c, s = self.config, self.settings
         layout.check_robots(c.arena, s.n_robots)
-        radii = layout.draw_radii(c.arena, np.random.default_rng([s.seed, 2**32 - 1]))
-        self.arena: ArenaModel = compile_arena(c, s.n_robots, radii)
+        if self.starts is None:
+            self.starts = [draw_start(c, s, world) for world in range(s.n_worlds)]
+        self.arena: ArenaModel = compile_arena(c, s.n_robots, np.asarray(self.starts[0].balls.radius, float))
         self.engine: Engine = MujocoBatchEngine(self.arena, s.n_worlds, s.n_threads)
-        starts = [_start(c, s.n_robots, radii, np.random.default_rng([s.seed, w])) for w in range(s.n_worlds)]
-        balls = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x) for x in a]), *[b for _, b in starts])
+        balls = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x) for x in a]), *[b for _, b in self.starts])
         n_scouts = round(self.genome.fraction_scouts * s.n_robots)
         mind = controller.init(s.n_robots, n_scouts)
         minds = jax.tree.map(lambda a: jnp.broadcast_to(a, (s.n_worlds, *a.shape)), mind)
@@ -89,8 +100,8 @@ class Run:
         self.step = 0
         self.collisions = np.zeros(s.n_worlds, int)
         self.finished_at: list[int | None] = [None] * s.n_worlds
-        self._touching = [np.zeros((0, 2), int)] * s.n_worlds
-        poses = np.stack([p for p, _ in starts])
+        self._touching = [np.zeros(0, int)] * s.n_worlds
+        poses = np.stack([p for p, _ in self.starts])
         self.engine.reset(poses, self._ball_centres(poses))
 
     @property
@@ -134,7 +145,7 @@ class Run:
     def start_view(self) -> StepView:
         """Return the view of the start."""
         s, poses = self.settings, self.engine.poses()
-        shape = (*poses.shape[:2], swarm.N_SIDES)
+        shape = (*poses.shape[:2], N_SIDES)
         nobody = Links(np.zeros(shape, np.int32), np.zeros(shape, bool), *[np.zeros(shape)] * 3)
         priority = np.zeros(poses.shape[:2], bool)
         balls = self._ball_centres(poses)
@@ -148,7 +159,7 @@ class Run:
         delivered = np.asarray(self.state.balls.is_delivered).sum(axis=1)
         goal = self.settings.stop_at or self.config.arena.n_dust
         for world, pairs in zip(worlds, touching, strict=True):
-            self.collisions[world] += new_contacts(pairs, self._touching[world], self.settings.n_robots)
+            self.collisions[world] += len(np.setdiff1d(pairs, self._touching[world], assume_unique=True))
             self._touching[world] = pairs
             if delivered[world] >= goal:
                 self.finished_at[world] = self.step
@@ -164,14 +175,18 @@ class Run:
             world = int(np.flatnonzero(lost.any(axis=1))[0])
             robots = np.flatnonzero(lost[world])
             names = ", ".join(map(str, robots[:10])) + (" and more" if len(robots) > 10 else "")
-            raise SimulationFault(f"step {self.step}, world {world}: robots {names} left the arena or have no finite pose")
+            raise SimulationFault(
+                f"step {self.step}, world {world}: robots {names} left the arena or have no finite pose"
+            )
 
 
-def _start(config: SwarmConfig, n_robots: int, radii: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, Balls]:
-    """Start poses (N, 3) and balls of one world."""
-    poses = layout.place_robots(config.arena, n_robots, rng)
+def draw_start(config: SwarmConfig, settings: RunSettings, world: int) -> Start:
+    """Draw how a world begins; all worlds of a seed have balls of the same radii, since they share one model."""
+    radii = layout.draw_radii(config.arena, np.random.default_rng([settings.seed, 2**32 - 1]))
+    rng = np.random.default_rng([settings.seed, world])
+    poses = layout.place_robots(config.arena, settings.n_robots, rng)
     position = layout.place_balls(config.arena, rng)
-    tool, substrate = layout.draw_works(config.gripper, len(radii), rng)
+    works = layout.draw_works(config.gripper, len(radii), rng)
+    floats = (a.astype(np.float32) for a in (position, radii, *works))
     no, zero = np.zeros(len(radii), bool), np.zeros(len(radii), np.int32)
-    f = np.float32
-    return poses, Balls(position.astype(f), radii.astype(f), tool.astype(f), substrate.astype(f), no, no, zero, no, zero)
+    return Start(poses, Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero))

@@ -1,6 +1,7 @@
 """From steps of a run to frames of a trajectory: the door from arena units to SI."""
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class FrameBuffer:
 
     def __init__(self, world: int):
         self._world = world
-        self._views: list[dict[str, np.ndarray]] = []
+        self._views: list[dict[str, Any]] = []
 
     def __len__(self) -> int:
         """Return the number of frames that wait."""
@@ -63,7 +64,7 @@ class FrameBuffer:
         return Frames(**block)
 
 
-def _frame(view: StepView, world: int) -> dict[str, np.ndarray]:
+def _frame(view: StepView, world: int) -> dict[str, Any]:
     """One world's step, in arena units; `take` converts whole blocks."""
     mind, balls = view.state
     held, delivered = np.asarray(balls.is_held)[world], np.asarray(balls.is_delivered)[world]

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
@@ -15,7 +15,7 @@ from iswarm_mj.sensors.exchange import exchange
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, side_centre
+from iswarm_mj.sensors.optics import HALF_WIDTH, side_centres
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import Command, Mind, Observation, Rules
 from iswarm_mj.units import mm_from_rd
@@ -106,20 +106,16 @@ def see(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> tuple[Links, 
 
 def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.ndarray:
     """Whether a wall reflects the light of each LED (B, N, 4): the first thing on its axis, within range."""
-    n_worlds, n_robots = poses.shape[:2]
-    side = np.broadcast_to(np.arange(N_SIDES), (n_worlds, n_robots, N_SIDES))
-    x, y, yaw = (poses[..., i, None] for i in range(3))
-    axis = yaw + side * (np.pi / 2)
     length = mm_from_rd(config.optics.wall_range)
-    reach = HALF_WIDTH + length
     edge = mm_from_rd(config.arena.size) / 2
-    beyond = np.maximum(abs(x + reach * np.cos(axis)), abs(y + reach * np.sin(axis))) > edge
-    world, robot, led = np.nonzero(beyond)
-    origin = np.column_stack(side_centre(*poses[world, robot].T, led))
-    vector = length * np.column_stack([np.cos(axis[beyond]), np.sin(axis[beyond])])
+    leds = side_centres(poses)
+    outward = (leds - poses[..., None, :2]) * (length / HALF_WIDTH)
+    beyond = np.abs(leds + outward).max(axis=-1) > edge
+    world, robot, _ = np.nonzero(beyond)
+    origin, vector = leds[beyond], outward[beyond]
     share, hit = engine.cast_rays(world, origin, vector, robot)
     sees = np.zeros(beyond.shape, bool)
-    sees[beyond] = (share <= 1.0) & (hit >= n_robots)
+    sees[beyond] = (share <= 1.0) & (hit >= poses.shape[1])
     return sees
 
 
@@ -131,18 +127,17 @@ def drive(config: SwarmConfig, engine: Engine, command: Command, worlds: np.ndar
         worlds: (W,) indices of the worlds that move.
 
     Returns:
-        For each of these worlds, the pairs of robots (P, 2) that touched at the end of the turn or of the walk.
+        For each of these worlds, the pairs of robots (P,) that touch at the end, as `Engine.contacts` numbers them.
     """
     options = config.drive
     velocity = np.zeros((*np.shape(command.turn), 3))
     velocity[..., 2] = np.asarray(command.turn) / (options.turn_substeps * options.timestep)
     engine.advance(velocity, options.turn_substeps, worlds)
-    touching = [engine.contacts(w) for w in worlds]
     yaw = engine.poses()[..., 2]
     speed = np.asarray(command.forward) / (options.walk_substeps * options.timestep)
     velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros_like(yaw)], axis=-1)
     engine.advance(velocity, options.walk_substeps, worlds)
-    return [np.unique(np.concatenate([t, engine.contacts(w)]), axis=0) for t, w in zip(touching, worlds, strict=True)]
+    return [engine.contacts(w) for w in worlds]
 
 
 def ball_centres(state: SwarmState, poses: np.ndarray, probe: np.ndarray, tip_height: float) -> np.ndarray:

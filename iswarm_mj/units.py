@@ -6,6 +6,7 @@ work in MuJoCo at this scale: the inertia of a 20 um ball, 4e-20 kg m^2, lies un
 """
 
 import math
+from typing import Any
 
 ROBOT_DIAMETER = 2.0 * math.sqrt(2.0) * 1e-3
 """The unit rd, "the maximum diameter of one robot" (Valdastri et al. 2006, Table 1) [m]: the diagonal of 2 x 2 mm."""
@@ -22,6 +23,6 @@ def mm_from_rd(length: float) -> float:
     return length * RD
 
 
-def mm_from_m(length: float) -> float:
+def mm_from_m(length: Any) -> Any:
     """Length in arena units [mm] from one in metres."""
     return length / MM

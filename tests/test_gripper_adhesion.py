@@ -73,18 +73,14 @@ def test_tabor_parameter_has_no_dimension():
     mu = tabor_parameter(20e-6, 1.41e-3, 45.5e9, 0.2e-9)
     assert mu**3 == pytest.approx(20e-6 * 1.41e-3**2 / (45.5e9**2 * 0.2e-9**3), rel=1e-12)
     metre, joule = 7.0, 11.0
-    other = tabor_parameter(
-        20e-6 * metre, 1.41e-3 * joule / metre**2, 45.5e9 * joule / metre**3, 0.2e-9 * metre
-    )
+    other = tabor_parameter(20e-6 * metre, 1.41e-3 * joule / metre**2, 45.5e9 * joule / metre**3, 0.2e-9 * metre)
     assert other == pytest.approx(mu, rel=1e-12)
     assert 0.07 < mu < 0.6
 
 
 def test_van_der_waals_limits():
     hamaker, radius = 1e-19, 20e-6
-    assert van_der_waals_force(hamaker, radius, 1e-11) == pytest.approx(
-        hamaker * radius / (6 * 1e-22), rel=1e-5
-    )
+    assert van_der_waals_force(hamaker, radius, 1e-11) == pytest.approx(hamaker * radius / (6 * 1e-22), rel=1e-5)
     # Far away: two small bodies' worth of a sphere's volume against a half-space, 1/z^4.
     far = van_der_waals_force(hamaker, radius, np.array([1.0, 2.0]))
     assert far[0] / far[1] == pytest.approx(16, rel=1e-3)

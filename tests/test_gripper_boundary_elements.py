@@ -24,9 +24,7 @@ def solve_sphere(gap, halvings):
 
 def test_ring_potential_on_the_axis_and_far_away():
     # On the axis all of the ring is equally far: 2 pi r' / (4 pi distance).
-    assert bem.ring_potential(0.0, 3.0, 2.0, 0.5) == pytest.approx(
-        2.0 / (2 * math.hypot(2.0, 2.5)), rel=1e-14
-    )
+    assert bem.ring_potential(0.0, 3.0, 2.0, 0.5) == pytest.approx(2.0 / (2 * math.hypot(2.0, 2.5)), rel=1e-14)
     assert bem.ring_potential(3e5, 4e5, 2.0, 0.5) == pytest.approx(2.0 / (2 * 5e5), rel=1e-5)
 
 
@@ -88,14 +86,10 @@ def test_probe_length_matters_little_at_small_gaps():
 def test_shipped_table_between_its_points(task):
     rng = np.random.default_rng(5)
     for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 8), 2 ** rng.uniform(-5.6, 2.3, 8), strict=True):
-        assert probe_factor(task, gap, probe) == pytest.approx(
-            bem.extrapolated_factor(gap, probe, task), rel=4e-4
-        )
+        assert probe_factor(task, gap, probe) == pytest.approx(bem.extrapolated_factor(gap, probe, task), rel=4e-4)
 
 
 @pytest.mark.parametrize("radius", [15.0, 20.0, 25.0])
 def test_shipped_table_at_the_effective_gap_of_contact(radius):
     fine = [bem.shape_factor(0.2 / radius, 13 / radius, "pick", h) for h in (1, 2)]
-    assert probe_factor("pick", 0.2 / radius, 13 / radius) == pytest.approx(
-        (4 * fine[1] - fine[0]) / 3, rel=1e-4
-    )
+    assert probe_factor("pick", 0.2 / radius, 13 / radius) == pytest.approx((4 * fine[1] - fine[0]) / 3, rel=1e-4)

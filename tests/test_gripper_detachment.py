@@ -45,16 +45,12 @@ def test_constant_of_eq_3_follows_from_eqs_1_and_2():
 
 def test_printed_and_corrected_range_at_five_micrometres():
     work = np.array([0.01, 1.0])
-    np.testing.assert_allclose(
-        detachment_voltage(work, 5e-6, PRINTED_EQ3_CONSTANT), [122.8, 1227.6], rtol=1e-3
-    )
+    np.testing.assert_allclose(detachment_voltage(work, 5e-6, PRINTED_EQ3_CONSTANT), [122.8, 1227.6], rtol=1e-3)
     np.testing.assert_allclose(detachment_voltage(work, 5e-6), [106.3, 1062.7], rtol=1e-3)
 
 
 def test_weights():
-    np.testing.assert_allclose(
-        ball_weight(np.array([15e-6, 20e-6, 25e-6])), [1.02e-9, 2.42e-9, 4.72e-9], rtol=0.01
-    )
+    np.testing.assert_allclose(ball_weight(np.array([15e-6, 20e-6, 25e-6])), [1.02e-9, 2.42e-9, 4.72e-9], rtol=0.01)
 
 
 def test_grasp_voltage_at_ten_percent_humidity():

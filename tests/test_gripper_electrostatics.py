@@ -35,9 +35,7 @@ def test_sphere_plane_table():
     gap_ratio, capacitance, force = SPHERE_PLANE.T
     unit = math.pi * VACUUM_PERMITTIVITY
     np.testing.assert_allclose(sphere_plane_force(1.0, gap_ratio * R, R) / unit, force, rtol=1e-10)
-    np.testing.assert_allclose(
-        sphere_plane_capacitance(gap_ratio * R, R) / (4 * unit * R), capacitance, rtol=1e-10
-    )
+    np.testing.assert_allclose(sphere_plane_capacitance(gap_ratio * R, R) / (4 * unit * R), capacitance, rtol=1e-10)
 
 
 def test_sphere_plane_table_in_float32():
@@ -55,9 +53,7 @@ def test_sphere_plane_regimes_meet():
     switch = math.cosh(SWITCH) - 1
     below, above = switch * (1 - 1e-13), switch * (1 + 1e-13)
     assert force_series(below) == pytest.approx(force_series(above), rel=3e-12)
-    assert sphere_plane_capacitance(below, 1.0) == pytest.approx(
-        sphere_plane_capacitance(above, 1.0), rel=3e-12
-    )
+    assert sphere_plane_capacitance(below, 1.0) == pytest.approx(sphere_plane_capacitance(above, 1.0), rel=3e-12)
 
 
 def test_sphere_plane_limits():
@@ -96,9 +92,7 @@ def test_probe_table_against_another_solver(task, column):
     np.testing.assert_allclose(factor, CYLINDER[:, column], rtol=3e-3)
 
 
-@pytest.mark.parametrize(
-    ("radius", "factor"), [(15, 0.9035), (17.5, 0.8976), (20, 0.8945), (23, 0.8934), (25, 0.8938)]
-)
+@pytest.mark.parametrize(("radius", "factor"), [(15, 0.9035), (17.5, 0.8976), (20, 0.8945), (23, 0.8934), (25, 0.8938)])
 def test_release_factor_of_the_bench(radius, factor):
     assert probe_factor("release", 5 / radius, 13 / radius) == pytest.approx(factor, abs=5e-4)
 
@@ -178,9 +172,7 @@ def test_sphere_plane_gradient_on_both_sides_of_the_switch():
     x = np.array([1e-3, 0.1, 0.127, 0.128, 1.0, 50.0])
     slope = jax.vmap(jax.grad(force_series))(jnp.asarray(x, jnp.float32))
     step = 1e-4 * x
-    np.testing.assert_allclose(
-        slope, (force_series(x + step) - force_series(x - step)) / (2 * step), rtol=1e-4
-    )
+    np.testing.assert_allclose(slope, (force_series(x + step) - force_series(x - step)) / (2 * step), rtol=1e-4)
 
 
 @pytest.mark.parametrize("task", FORCES)
@@ -201,9 +193,7 @@ def test_forces_broadcast():
 
 
 @pytest.mark.parametrize("task", FORCES)
-@pytest.mark.parametrize(
-    ("gap", "probe"), [(1e-9, 13e-6), (1e-3, 13e-6), (5e-6, 1e-8), (5e-6, 1e-3), (0, 13e-6)]
-)
+@pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (1e-3, 13e-6), (5e-6, 1e-8), (5e-6, 1e-3), (0, 13e-6)])
 def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
     with pytest.raises(UserError, match=r"is .*, outside the table's .* to .*; change"):
         FORCES[task](30.0, np.array([5e-6, gap]), 20e-6, probe)

@@ -368,12 +368,9 @@ def test_a_world_without_balls_links_or_knowledge(tmp_path):
     scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0))
     frames = make_frames(make_scene(5, 2), 4)
     none = {
-        name: np.zeros_like(getattr(frames, name))
-        for name in ("link_valid", "dust_known", "dump_known", "is_loaded")
+        name: np.zeros_like(getattr(frames, name)) for name in ("link_valid", "dust_known", "dump_known", "is_loaded")
     }
-    bare = replace(
-        frames, ball_position=frames.ball_position[:, :0], ball_state=frames.ball_state[:, :0], **none
-    )
+    bare = replace(frames, ball_position=frames.ball_position[:, :0], ball_state=frames.ball_state[:, :0], **none)
     write(tmp_path / "run.rrd", scene, bare, cuts=())
     recorded = read(tmp_path / "run.rrd")
     assert recorded["/world/links"]["LineStrips3D:strips"] == [[]] * 4

@@ -27,7 +27,10 @@ class Engine(Protocol):
         ...
 
     def contacts(self, world: int) -> np.ndarray:
-        """Return the pairs (P, 2) of robots in contact in the last physics step of a world, lower index first."""
+        """Return the pairs of robots in contact in the last physics step of a world.
+
+        Each pair is one sorted number (P,): lower index * N + higher index.
+        """
         ...
 
     def cast_rays(

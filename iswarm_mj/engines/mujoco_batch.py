@@ -44,9 +44,10 @@ class MujocoBatchEngine:
     def contacts(self, world: int) -> np.ndarray:
         """See `Engine.contacts`."""
         contact = self._batch.get_data(world, self._scratch).contact
-        pairs = self._object[contact.geom[contact.dist <= 0]]
-        pairs = np.sort(pairs[(pairs < len(self._arena.hull)).all(axis=1)], axis=1)
-        return np.unique(pairs, axis=0)
+        first, second = self._object[contact.geom[contact.dist <= 0]].T
+        n = len(self._arena.hull)
+        robots = (first < n) & (second < n)
+        return np.unique((np.minimum(first, second) * n + np.maximum(first, second))[robots])
 
     def cast_rays(
         self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray

@@ -2,7 +2,7 @@
 
 import math
 
-from iswarm_mj.gripper.arrays import Array, array_module
+from iswarm_mj.arrays import Array, array_module
 
 
 def work_of_adhesion(surface_energy_1: Array, surface_energy_2: Array) -> Array:
@@ -53,9 +53,7 @@ def dmt_pull_off(radius: Array, work: Array) -> Array:
     return 2 * math.pi * radius * work
 
 
-def tabor_parameter(
-    radius: Array, work: Array, reduced_modulus: Array, equilibrium_separation: Array
-) -> Array:
+def tabor_parameter(radius: Array, work: Array, reduced_modulus: Array, equilibrium_separation: Array) -> Array:
     """Tabor parameter mu = (R W^2 / (E*^2 z0^3))^(1/3), elastic stretch over the range of adhesion.
 
     Source: Tabor 1977. Small: DMT; large: JKR. The Maugis parameter is lambda = 1.157 mu.

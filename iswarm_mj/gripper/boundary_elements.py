@@ -37,9 +37,7 @@ class Elements:
     end: np.ndarray
 
 
-def cut(
-    curve: Curve, length: tuple[float, float], size: Callable[..., np.ndarray], halvings: int
-) -> Elements:
+def cut(curve: Curve, length: tuple[float, float], size: Callable[..., np.ndarray], halvings: int) -> Elements:
     """Elements of length `RESOLUTION` * size(r, z) between two arc lengths, each halved some times."""
     s = length[0] + (length[1] - length[0]) * (1 - np.cos(np.linspace(0, np.pi, 20001))) / 2
     density = 1 / size(*curve(s))
@@ -85,9 +83,7 @@ def _influence(r: np.ndarray, z: np.ndarray, part: Elements, side: float) -> np.
     return potential
 
 
-def charge_densities(
-    parts: list[Elements], potentials: list[Callable[..., np.ndarray] | float]
-) -> list[np.ndarray]:
+def charge_densities(parts: list[Elements], potentials: list[Callable[..., np.ndarray] | float]) -> list[np.ndarray]:
     """Charge densities of the elements of each part that hold the parts at their potentials above the plane.
 
     Args:

@@ -9,8 +9,8 @@ while the tool touches it.
 
 import math
 
+from iswarm_mj.arrays import Array, array_module
 from iswarm_mj.gripper.adhesion import dmt_pull_off
-from iswarm_mj.gripper.arrays import Array, array_module
 from iswarm_mj.gripper.electrostatics import VACUUM_PERMITTIVITY, pick_force, release_force
 
 WORK_TOOL_OBJECT = 1.41e-3

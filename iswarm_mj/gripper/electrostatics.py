@@ -3,8 +3,8 @@
 import math
 from typing import Literal
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.errors import UserError
-from iswarm_mj.gripper.arrays import Array
 from iswarm_mj.gripper.probe_table import probe_factor
 from iswarm_mj.gripper.sphere_plane import capacitance_series, force_series
 

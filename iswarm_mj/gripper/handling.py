@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.detachment import is_grasped, is_released
 from iswarm_mj.sensors.floor import FloorView
@@ -71,9 +71,11 @@ def handle(
     was_loaded = loaded(balls, n_robots)
     gap = jnp.linalg.norm(balls.position[view.ball] - tips, axis=-1)
     tries = view.at_dust & picks & ~was_loaded & (gap <= gripper.tool_reach * 1e3)
-    at_ball = tries[None] & (view.ball[None] == jnp.arange(len(balls.radius))[:, None])
-    rank = jnp.where(at_ball, gap[None], jnp.inf)
-    lifts = at_ball.any(axis=1) & is_grasped(
+    n_balls = len(balls.radius)
+    nearest = jnp.full(n_balls, jnp.inf).at[view.ball].min(jnp.where(tries, gap, jnp.inf))
+    first = tries & (gap == nearest[view.ball])
+    winner = jnp.full(n_balls, n_robots).at[view.ball].min(jnp.where(first, jnp.arange(n_robots), n_robots))
+    lifts = (winner < n_robots) & is_grasped(
         gripper.grasp_voltage, balls.radius, balls.work_tool_object, balls.work_object_substrate
     )
     over_dump = view.tip_on_dump[balls.holder]
@@ -87,7 +89,7 @@ def handle(
     balls = balls._replace(
         is_held=is_held,
         is_delivered=balls.is_delivered | released | (dropped & over_dump),
-        holder=jnp.where(lifts, jnp.argmin(rank, axis=1), balls.holder).astype(jnp.int32),
+        holder=jnp.where(lifts, winner, balls.holder).astype(jnp.int32),
         was_picked=balls.was_picked | lifts,
         carried_steps=balls.carried_steps + is_held,
     )

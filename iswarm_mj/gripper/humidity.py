@@ -5,8 +5,8 @@ Relative humidity is a percentage everywhere, 0 to 100.
 
 from typing import Literal
 
+from iswarm_mj.arrays import Array, array_module
 from iswarm_mj.errors import UserError
-from iswarm_mj.gripper.arrays import Array, array_module
 
 GAS_CONSTANT = 8.31446
 """[J/(mol K)]"""
@@ -80,9 +80,7 @@ def meniscus_work(
     return 2 * WATER_SURFACE_TENSION * wet * xp.maximum(0.0, 1 - rough_gap / height)
 
 
-def humid_work(
-    work: Array, relative_humidity: Array, model: Literal["empirical", "meniscus"] = "empirical"
-) -> Array:
+def humid_work(work: Array, relative_humidity: Array, model: Literal["empirical", "meniscus"] = "empirical") -> Array:
     """Work of adhesion at a humidity, W h(RH), or W plus that of a meniscus on rough surfaces.
 
     Source and validity: `humidity_factor` and `meniscus_work`.

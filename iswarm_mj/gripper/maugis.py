@@ -2,7 +2,7 @@
 
 import math
 
-from iswarm_mj.gripper.arrays import Array, array_module
+from iswarm_mj.arrays import Array, array_module
 
 GOLDEN = (math.sqrt(5) - 1) / 2
 

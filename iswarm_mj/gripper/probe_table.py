@@ -9,8 +9,8 @@ from importlib.resources import files
 
 import numpy as np
 
+from iswarm_mj.arrays import Array, array_module, is_concrete
 from iswarm_mj.errors import UserError
-from iswarm_mj.gripper.arrays import Array, array_module, is_concrete
 
 GAP_EXPONENTS = np.arange(-27, 7) / 3
 """log2 of D/R in the table, 1/512 to 4."""

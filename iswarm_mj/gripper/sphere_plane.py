@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from iswarm_mj.gripper.arrays import Array, array_module
+from iswarm_mj.arrays import Array, array_module
 
 SWITCH = 0.5
 """Bispherical parameter a, with cosh a = 1 + D/R, between the two forms."""
@@ -16,9 +16,7 @@ SWITCH = 0.5
 ORDERS = np.arange(1, 66)
 """Orders of the sums kept; exp(-65 * 0.5) is 8e-15."""
 
-_BERNOULLI = [
-    Fraction(*b) for b in ((1, 6), (-1, 30), (1, 42), (-1, 30), (5, 66), (-691, 2730), (7, 6), (-3617, 510))
-]
+_BERNOULLI = [Fraction(*b) for b in ((1, 6), (-1, 30), (1, 42), (-1, 30), (5, 66), (-691, 2730), (7, 6), (-3617, 510))]
 
 MELLIN = [
     (2 * j - 1, float((2 ** (2 * j - 1) - 1) * b**2 / (j * math.factorial(2 * j))))
@@ -62,9 +60,7 @@ def force_series(gap_ratio: Array) -> Array:
     log = np.euler_gamma + xp.log(2 / a)
     near = 1 / a**2 + log * (1 / a - coth) / a - sum(c * a**k * (k / a + coth) for k, c in MELLIN)
     a = xp.maximum(parameter, SWITCH)[..., None]
-    terms = (
-        (ORDERS * _coth(xp, ORDERS * a) - _coth(xp, a)) * 2 * xp.exp(-ORDERS * a) / -xp.expm1(-2 * ORDERS * a)
-    )
+    terms = (ORDERS * _coth(xp, ORDERS * a) - _coth(xp, a)) * 2 * xp.exp(-ORDERS * a) / -xp.expm1(-2 * ORDERS * a)
     return 2 * xp.where(parameter < SWITCH, near, xp.sum(terms, axis=-1))
 
 

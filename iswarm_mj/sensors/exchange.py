@@ -2,8 +2,8 @@
 
 import jax
 import jax.numpy as jnp
-from jax import Array
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.messages import Message, corrupt, pack, unpack
 

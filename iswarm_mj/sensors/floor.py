@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.strategy.vectors import rotate
 
 
@@ -39,11 +39,12 @@ def sense(poses: Array, tips: Array, balls: Array, is_lying: Array, dump_size: f
         dump_size: edge of the square dump around the origin [mm].
         reach: sensing range for dust [mm].
     """
-    offset = balls[None] - poses[:, None, :2]
-    distance = jnp.where(is_lying[None], jnp.hypot(offset[..., 0], offset[..., 1]), jnp.inf)
-    ball = jnp.argmin(distance, axis=1).astype(jnp.int32)
-    nearest = jnp.take_along_axis(distance, ball[:, None], axis=1)[:, 0]
-    at_dust = nearest < reach
+    offset = balls[:, None] - poses[None, :, :2]
+    squared = jnp.where(is_lying[:, None], (offset**2).sum(axis=-1), jnp.inf)
+    nearest = squared.min(axis=0)
+    # As argmin, which XLA does not vectorise on CPUs.
+    ball = jnp.where(squared == nearest, jnp.arange(len(balls), dtype=jnp.int32)[:, None], 0).max(axis=0)
+    at_dust = nearest < reach**2
     vector = rotate(balls[ball] - poses[:, :2], -poses[:, 2])
     return FloorView(
         on_dump=jnp.abs(poses[:, :2]).max(axis=1) <= dump_size / 2,

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
-from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, Reception, receive, side_centre
+from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, Reception, receive, side_centres
 from iswarm_mj.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -29,27 +30,27 @@ INRADIUS = HALF_WIDTH * (1 - 1e-6)
 class Links(NamedTuple):
     """What each of the S = 4 sides of N robots receives in B worlds."""
 
-    sender: np.ndarray
+    sender: Array
     """(B, N, S) int32; meaningless where not `valid`."""
-    valid: np.ndarray
+    valid: Array
     """(B, N, S) bool."""
-    led: np.ndarray
+    led: Array
     """(B, N, S) int32, the sender's LED."""
-    bearing: np.ndarray
+    bearing: Array
     """(B, N, S) float32, in the receiver's frame [rad]."""
-    distance: np.ndarray
+    distance: Array
     """(B, N, S) float32, true distance between the centres [mm]."""
 
 
 class Candidates(NamedTuple):
     """Pairs (P,) whose light would arrive if nothing stood between; nearest first for each side of a receiver."""
 
-    receiver: np.ndarray
+    receiver: Array
     """Index among all B N robots."""
-    sender: np.ndarray
-    slot: np.ndarray
+    sender: Array
+    slot: Array
     """Index of the receiver's side among all B N S sides."""
-    distance: np.ndarray
+    distance: Array
     reception: Reception
 
 
@@ -70,7 +71,7 @@ def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig)
     order = np.argsort(slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999)
     pick = arrives[order]
     return Candidates(
-        around.robot[pick], around.other[pick], slot[order], np.hypot(around.dx[pick], around.dy[pick]),
+        around.robot[pick], around.other[pick], slot[order], around.distance[pick],
         Reception(*(values[order] for values in reception)),
     )  # fmt: skip
 
@@ -87,17 +88,9 @@ def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit) -> Link
     around = find_neighbours(poses[..., :2], mm_from_rd(optics.communication_radius) + CIRCUMRADIUS)
     flat = poses.reshape(-1, 3)
     found = find_candidates(flat, around, optics)
-    if optics.line_of_sight:
-        origin = np.column_stack(side_centre(*flat[found.receiver].T, found.reception.side))
-        target = np.column_stack(side_centre(*flat[found.sender].T, found.reception.led))
-        gap = clearance(flat, around, found, origin, target)
-        clear = gap > CIRCUMRADIUS
-        nearer_than_clear = np.arange(len(clear)) < _first(clear, found.slot)[found.slot]
-        ask = np.flatnonzero((gap > INRADIUS) & nearer_than_clear)
-        world, receiver = np.divmod(found.receiver[ask], n_robots)
-        clear[ask] = reaches(world, origin[ask], target[ask], receiver, found.sender[ask] % n_robots)
-    else:
-        clear = np.ones(len(found.slot), bool)
+    clear = (
+        _in_sight(flat, around, found, n_robots, reaches) if optics.line_of_sight else np.ones(len(found.slot), bool)
+    )
     chosen = np.zeros(len(clear), bool)
     first = _first(clear, found.slot)
     chosen[first[first < len(clear)]] = True
@@ -117,35 +110,54 @@ def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit) -> Link
     )
 
 
+def _in_sight(poses: np.ndarray, around: Neighbours, found: Candidates, n_robots: int, reaches: LedHit) -> np.ndarray:
+    """Whether nothing stands between (P,) bool; False also where a nearer candidate of the same side is clear."""
+    sides = side_centres(poses)
+    origin, target = sides[found.receiver, found.reception.side], sides[found.sender, found.reception.led]
+    nearest = np.diff(found.slot, prepend=-1) > 0
+    gap = np.full(len(nearest), -1.0)
+    gap[nearest] = clearance(poses, around, found, np.flatnonzero(nearest), origin, target)
+    settled = np.zeros(found.slot[-1] + 1 if len(nearest) else 0, bool)
+    settled[found.slot[gap > CIRCUMRADIUS]] = True
+    others = np.flatnonzero(~nearest & ~settled[found.slot])
+    gap[others] = clearance(poses, around, found, others, origin, target)
+    clear = gap > CIRCUMRADIUS
+    ask = np.flatnonzero((gap > INRADIUS) & (np.arange(len(clear)) < _first(clear, found.slot)[found.slot]))
+    world, receiver = np.divmod(found.receiver[ask], n_robots)
+    clear[ask] = reaches(world, origin[ask], target[ask], receiver, found.sender[ask] % n_robots)
+    return clear
+
+
 def clearance(
-    poses: np.ndarray, around: Neighbours, found: Candidates, origin: np.ndarray, target: np.ndarray
-) -> np.ndarray:
-    """Distance (P,) between the straight path from `origin` to `target` and the nearest third robot's centre [mm].
+    poses: np.ndarray, around: Neighbours, found: Candidates, which: np.ndarray, origin: np.ndarray,
+    target: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Distance (W,) between the straight light path of a candidate and the nearest third robot's centre [mm].
 
     Args:
         poses: (B N, 3).
         around: pairs of robots at least as far as light reaches and a robot's circumradius more.
-        found: the receivers and senders.
+        found: P candidates.
+        which: (W,) indices of the candidates in question.
         origin: (P, 2) where the paths begin, at the receivers [mm].
         target: (P, 2) where they end, at the senders [mm].
     """
-    begin = around.first[found.receiver]
-    key = found.receiver + (found.distance + 2 * CIRCUMRADIUS) / around.radius_and_more
-    count = np.searchsorted(around.key, np.minimum(key, found.receiver + 1.0)) - begin
+    receiver, origin, target = found.receiver[which], origin[which], target[which]
+    begin = around.first[receiver]
+    reach = (found.distance[which] + CIRCUMRADIUS) / around.radius_and_more
+    count = np.searchsorted(around.key, receiver + np.minimum(reach, 1.0)) - begin
     start = np.cumsum(count) - count
     path = np.repeat(np.arange(len(count)), count)
-    pair = np.arange(len(path)) - np.repeat(start - begin, count)
-    third = around.other[pair]
+    pair = np.arange(len(path)) + np.repeat(begin - start, count)
     along = target - origin
     length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
     ux, uy = (along / length[:, None]).T
-    at = poses[found.receiver, :2] - origin
-    x, y = around.dx[pair] + at[path, 0], around.dy[pair] + at[path, 1]
-    ux, uy = ux[path], uy[path]
+    x, y = (poses[receiver, :2] - origin).T
+    x, y, ux, uy = around.dx[pair] + x[path], around.dy[pair] + y[path], ux[path], uy[path]
     ahead = x * ux + y * uy
     beyond = ahead - np.clip(ahead, 0.0, length[path])
     squared = beyond**2 + (y * ux - x * uy) ** 2
-    squared[third == found.sender[path]] = np.inf
+    squared[around.other[pair] == found.sender[which][path]] = np.inf
     return np.sqrt(np.minimum.reduceat(squared, start)) if len(start) else np.zeros(0)
 
 

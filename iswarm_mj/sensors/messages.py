@@ -15,8 +15,8 @@ through more than 14 robots is not sent on, so that rumours die out.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.strategy.vectors import Memory
 
 BEARINGS = 32

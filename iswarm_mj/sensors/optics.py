@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from iswarm_mj.arrays import array_module
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.units import mm_from_rd
 
@@ -41,7 +42,7 @@ def into_frame(dx: Any, dy: Any, heading: Any) -> tuple[Any, Any]:
 
 def quarter_turns(ahead: Any, left: Any, side: Any) -> tuple[Any, Any]:
     """Components of (ahead, left) along a side's outward normal and to its left."""
-    xp = _namespace(ahead)
+    xp = array_module(ahead)
     c = xp.where(side == 0, 1.0, xp.where(side == 2, -1.0, 0.0))
     s = xp.where(side == 1, 1.0, xp.where(side == 3, -1.0, 0.0))
     return into_frame(ahead, left, (c, s))
@@ -49,9 +50,8 @@ def quarter_turns(ahead: Any, left: Any, side: Any) -> tuple[Any, Any]:
 
 def facing_side(ahead: Any, left: Any) -> Any:
     """Number of the side that looks towards (ahead, left)."""
-    xp = _namespace(ahead)
-    front_or_back = xp.abs(ahead) >= xp.abs(left)
-    return xp.where(front_or_back, xp.where(ahead > 0, 0, 2), xp.where(left > 0, 1, 3))
+    xp = array_module(ahead)
+    return xp.where(xp.abs(ahead) >= xp.abs(left), 2 * (ahead < 0), 1 + 2 * (left < 0))
 
 
 def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) -> Reception:
@@ -64,30 +64,30 @@ def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) 
         sender: cosine and sine of the sender's yaw.
         optics: mode, range and cones.
     """
-    at_receiver = into_frame(dx, dy, receiver)
+    at_receiver: Any = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
     rule = _receive_in_sector if optics.mode == "sector" else _receive_power
     return rule(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), optics)
 
 
-def _receive_in_sector(at_receiver, at_sender, side, led, optics: OpticsConfig) -> Reception:
+def _receive_in_sector(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
     """Paper's reception: within range, in the receiver's sector and in the sender's beam, or not at all."""
-    xp = _namespace(side)
+    xp = array_module(side)
     distance = xp.hypot(*at_receiver)
-    seen = _in_cone(*at_receiver, optics.photodiode_aperture)
-    lit = _in_cone(*at_sender, optics.led_beam_aperture)
+    seen = _in_cone(at_receiver[0], at_receiver[1], optics.photodiode_aperture)
+    lit = _in_cone(at_sender[0], at_sender[1], optics.led_beam_aperture)
     received = seen & lit & (distance < mm_from_rd(optics.communication_radius))
     return Reception(side, led, side * (math.pi / 2), xp.where(received, distance, math.inf))
 
 
 def _in_cone(ahead: Any, left: Any, aperture: float) -> Any:
     """Whether a direction lies in the cone of the side that faces it; `aperture` is its full angle [deg]."""
-    xp = _namespace(ahead)
+    xp = array_module(ahead)
     ahead, left = xp.abs(ahead), xp.abs(left)
     return xp.minimum(ahead, left) <= xp.maximum(ahead, left) * math.tan(math.radians(aperture / 2))
 
 
-def _receive_power(at_receiver, at_sender, side, led, optics: OpticsConfig) -> Reception:
+def _receive_power(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
     """Reception by a threshold of power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &
@@ -96,9 +96,9 @@ def _receive_power(at_receiver, at_sender, side, led, optics: OpticsConfig) -> R
     and b tell the bearing, tan(bearing) tan(splay) = (a - b) / (a + b). The threshold is such that a sender on both
     axes is received up to `communication_radius`, from centre to centre.
     """
-    xp = _namespace(side)
-    along_r, across_r = quarter_turns(*at_receiver, side)
-    along_s, across_s = quarter_turns(*at_sender, led)
+    xp = array_module(side)
+    along_r, across_r = quarter_turns(at_receiver[0], at_receiver[1], side)
+    along_s, across_s = quarter_turns(at_sender[0], at_sender[1], led)
     distance = xp.maximum(xp.hypot(along_r, across_r), 1e-6)
     # The sender's normal, seen from the receiving side: the angle between both normals follows from the two views.
     cos = -(along_r * along_s + across_r * across_s) / distance**2
@@ -118,15 +118,8 @@ def _receive_power(at_receiver, at_sender, side, led, optics: OpticsConfig) -> R
     return Reception(side, led, bearing, xp.where(received, effective, math.inf))
 
 
-def side_centre(x: Any, y: Any, yaw: Any, side: Any) -> tuple[Any, Any]:
-    """World position (x, y) of the middle of a side, where the LED sits [mm]."""
-    xp = _namespace(yaw)
-    axis = yaw + side * (math.pi / 2)
-    return x + HALF_WIDTH * xp.cos(axis), y + HALF_WIDTH * xp.sin(axis)
-
-
-def _namespace(array: Any) -> Any:
-    """Return the array module of `array`: NumPy's, or JAX's for its arrays."""
-    if isinstance(array, np.ndarray | float | int | np.generic):
-        return np
-    return array.__array_namespace__()
+def side_centres(poses: np.ndarray) -> np.ndarray:
+    """World positions (..., 4, 2) of the middles of the sides, where the LEDs sit, of robots at (..., 3) [mm, rad]."""
+    c, s = HALF_WIDTH * np.cos(poses[..., 2]), HALF_WIDTH * np.sin(poses[..., 2])
+    outward = np.stack([c, s, -s, c, -c, -s, s, -c], axis=-1).reshape(*c.shape, N_SIDES, 2)
+    return poses[..., None, :2] + outward

@@ -1,16 +1,17 @@
 """Collision avoidance by potential fields, with a priority flag (section 4.1 of the paper)."""
 
+from typing import Any
+
 import jax.numpy as jnp
-from jax import Array
 
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.arrays import Array
 
 
-def kept_distance(genome: Genome, is_loaded: Array, priority: Array) -> Array:
+def kept_distance(genome: Any, is_loaded: Array, priority: Array) -> Array:
     """Distance to keep from each neighbour (N, S) [sr], after Table 2.
 
     Args:
-        genome: the three distances.
+        genome: a `Genome`, or its values as JAX scalars.
         is_loaded: (N,) bool, of the robot itself.
         priority: (N, S) bool, whether the neighbour sends the priority flag.
     """

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax import Array
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.avoidance import kept_distance, repulsion
 from iswarm_mj.strategy.genome import Genome
@@ -111,7 +111,8 @@ def act(
     mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 3:])
     if config.strategy.forget_on_arrival:
         mind = mind._replace(
-            dust=disappointed(config, mind.dust, seen.at_dust), dump=disappointed(config, mind.dump, seen.on_dump)
+            dust=disappointed(config, mind.dust, seen.at_dust),
+            dump=disappointed(config, mind.dump, seen.on_dump),
         )
     wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
     command = steer(config, wish + avoid(config, rules, seen, follows), limit)
@@ -191,9 +192,7 @@ def steer(config: SwarmConfig, direction: Array, limit: Array) -> Command:
     return Command(turn, jnp.minimum(pace * mm_from_rd(config.drive.step_length), limit))
 
 
-def approach(
-    config: SwarmConfig, probe_reach: float, picks: Array, seen: Observation, command: Command
-) -> Command:
+def approach(config: SwarmConfig, probe_reach: float, picks: Array, seen: Observation, command: Command) -> Command:
     """Bring the probe's tip over the ball that an empty robot senses; others go on with `command`."""
     approaches = seen.at_dust & picks & ~seen.is_loaded & ~seen.grasp_failed
     x, y = seen.ball_vector[:, 0], seen.ball_vector[:, 1]

@@ -6,7 +6,8 @@ All vectors are in the robot's own frame: x ahead, y to the left, lengths in are
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
+
+from iswarm_mj.arrays import Array
 
 
 class Memory(NamedTuple):
@@ -26,9 +27,7 @@ class Memory(NamedTuple):
 
     def where(self, keep: Array) -> "Memory":
         """These memories where `keep` (N,) holds, nothing elsewhere."""
-        return Memory(
-            jnp.where(keep[..., None], self.vector, 0.0), jnp.where(keep, self.hop, 0), self.known & keep
-        )
+        return Memory(jnp.where(keep[..., None], self.vector, 0.0), jnp.where(keep, self.hop, 0), self.known & keep)
 
 
 def rotate(vector: Array, angle: Array) -> Array:
@@ -46,9 +45,7 @@ def after_motion(memory: Memory, turn: Array, forward: Array) -> Memory:
 
 def standing_on(memory: Memory, here: Array) -> Memory:
     """Memories with the zero vector and hop count 0 where the robot stands at the target, `here` (N,)."""
-    return Memory(
-        jnp.where(here[..., None], 0.0, memory.vector), jnp.where(here, 0, memory.hop), memory.known | here
-    )
+    return Memory(jnp.where(here[..., None], 0.0, memory.vector), jnp.where(here, 0, memory.hop), memory.known | here)
 
 
 def heard(sent: Memory, bearing: Array, distance: Array, led: Array) -> Memory:
