@@ -17,7 +17,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.rollout import Run, RunSettings, StepView
 from iswarm_mj.snapshot import FrameBuffer, scene_of
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.trajectory import Frames, Scene
+from iswarm_mj.trajectory import RECORDING, Frames, Scene
 
 BLOCK = 64
 """Frames that are written at a time."""
@@ -81,7 +81,7 @@ class Recorder:
         self._buffer = FrameBuffer(world=0)
         self._blocks: list[Frames] = []
         settings = {"genome": asdict(run.genome), "run": asdict(run.settings), **asdict(run.config)}
-        self._recording = Recording(out / results.RECORDING, self._scene, settings, _properties(run))
+        self._recording = Recording(out / RECORDING, self._scene, settings, _properties(run))
         self._buffer.add(start)
 
     def __enter__(self) -> "Recorder":

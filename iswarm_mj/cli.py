@@ -129,11 +129,40 @@ class Bench(Swarm):
         bench(config, genome, settings, self.engine, self.warm_up, self.record)
 
 
+@dataclass(frozen=True)
+class Picture:
+    """Render one step of a recorded run to a PNG, off-screen."""
+
+    directory: tyro.conf.Positional[Path] = Path("runs/clean")
+    """The --out of a run of `iswarm clean`."""
+    step: int = 100
+    """Control step, from 0 for the start."""
+    camera: str = "above"
+    """above or oblique."""
+    width: int = 1280
+    """[pixels]"""
+    height: int = 1280
+    """[pixels]"""
+    ball_scale: float = 15.0
+    """The balls are drawn this many times larger, or they would not show."""
+    out: Path = Path("swarm.png")
+    """The file to write."""
+
+    def run(self) -> None:
+        """Run the command."""
+        check("width", self.width, "between 16 and 8192 pixels", 16 <= self.width <= 8192)
+        check("height", self.height, "between 16 and 8192 pixels", 16 <= self.height <= 8192)
+        check("ball_scale", self.ball_scale, "between 1 and 1000", 1 <= self.ball_scale <= 1000)
+        from iswarm_mj.picture import render
+
+        render(self.directory, self.step, self.camera, (self.width, self.height), self.ball_scale, self.out)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input and 1 on a fault of the simulation."""
     quieten()
     try:
-        commands = {"clean": Clean, "bench": Bench}
+        commands = {"clean": Clean, "picture": Picture, "bench": Bench}
         tyro.extras.subcommand_cli_from_dict(commands, prog="iswarm", args=arguments).run()
     except UserError as error:
         print(f"iswarm: {error}", file=sys.stderr)

@@ -57,15 +57,17 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
     robot = mujoco.MjSpec.from_file(str(directory / "robot.xml"))
     if not visual:
         robot.delete(robot.body("visual"))
-        for site in list(robot.sites):
-            robot.delete(site)
+        for unused in [*robot.sites, *robot.meshes]:
+            robot.delete(unused)
     _tune_drive(robot, config.drive.timestep)
+    looks = _share_materials(robot, spec)
     for i in range(n_robots):
-        spec.attach(robot, prefix=f"robot{i}/", frame=spec.worldbody.add_frame())
+        _attach(robot.body("robot"), spec, f"robot{i}/", looks)
     ball = mujoco.MjSpec.from_file(str(directory / "ball.xml"))
+    looks = _share_materials(ball, spec)
     for k, radius in enumerate(mm_from_m(ball_radius)):
         ball.geom("ball").size[0] = radius
-        spec.attach(ball, prefix=f"ball{k}/", frame=spec.worldbody.add_frame())
+        _attach(ball.body("ball"), spec, f"ball{k}/", looks)
     return spec
 
 
@@ -120,3 +122,26 @@ def _tune_drive(robot: mujoco.MjSpec, timestep: float) -> None:
     inertia = hull.mass / 3 * (hull.size[0] ** 2 + hull.size[1] ** 2)
     for joint, moved in (("x", hull.mass), ("y", hull.mass), ("yaw", inertia)):
         robot.joint(joint).damping[0] = moved / timestep
+
+
+def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec) -> dict[str, str]:
+    """Move the child's materials to `spec`, once for all its copies; return the material of each of its geoms.
+
+    Attaching would copy them with every robot, which takes minutes for a thousand.
+    """
+    looks = {geom.name: geom.material for geom in child.geoms}
+    for material in list(child.materials):
+        if material.name in looks.values():
+            traits = ("rgba", "specular", "shininess", "emission", "metallic", "roughness", "reflectance")
+            spec.add_material(name=material.name, **{trait: getattr(material, trait) for trait in traits})
+        child.delete(material)
+    for geom in child.geoms:
+        geom.material = ""
+    return looks
+
+
+def _attach(body: mujoco.MjsBody, spec: mujoco.MjSpec, prefix: str, looks: dict[str, str]) -> None:
+    """Attach a copy of `body` to the world, with the shared materials."""
+    spec.worldbody.add_frame().attach_body(body, prefix, "")
+    for geom, material in looks.items():
+        spec.geom(prefix + geom).material = material

@@ -14,9 +14,7 @@ from iswarm_mj import __version__
 from iswarm_mj.errors import UserError
 from iswarm_mj.metrics import Measures, fitness
 from iswarm_mj.rollout import Run
-from iswarm_mj.trajectory import Frames, Scene
-
-RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
+from iswarm_mj.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
 
 
 def prepare(out: Path) -> None:

@@ -5,6 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
+"""Names of a run's files."""
+
 
 class Scene(NamedTuple):
     """What does not change during the run of one world. SI units throughout."""

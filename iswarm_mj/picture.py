@@ -1,0 +1,101 @@
+"""A picture of a run, rendered off-screen by MuJoCo from the run's directory."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.errors import UserError
+from iswarm_mj.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.units import mm_from_m
+
+EMPTY, LOADED, SCOUT = (0.86, 0.1, 0.08, 1.0), (0.12, 0.25, 0.85, 1.0), (0.1, 0.6, 0.25, 1.0)
+"""Colours of the robots: those of the paper's Figs. 12 and 16, and green for scouts."""
+
+
+def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
+    """Return the arena's configuration and the trajectory's arrays of a recorded run.
+
+    Raises:
+        UserError: the directory holds no recorded run.
+    """
+    try:
+        arena = json.loads((directory / RESULT).read_text(encoding="utf-8"))["config"]["arena"]
+        with np.load(directory / TRAJECTORY) as file:
+            return SwarmConfig(arena=ArenaConfig(**arena)), dict(file)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(
+            f"The directory was {directory}, where no {RESULT} with {TRAJECTORY} can be read ({error}); "
+            "give the --out of a run of `iswarm clean` that was recorded."
+        ) from None
+
+
+def render(directory: Path, step: int, camera: str, size: tuple[int, int], ball_scale: float, out: Path) -> None:
+    """Render one frame of a run to a PNG.
+
+    Args:
+        directory: the `--out` of the run.
+        step: control step, from 0 for the start.
+        camera: name of a camera in `models/arena.xml`.
+        size: width and height [pixels].
+        ball_scale: the balls are drawn this many times larger, since 20 um does not show beside 139 mm.
+        out: the file to write.
+
+    Raises:
+        UserError: no such run, step or camera, or no off-screen OpenGL, or `out` cannot be written to.
+    """
+    config, frames = load(directory)
+    last = int(frames["step"][-1])
+    if not 0 <= step <= last:
+        raise UserError(f"--step was {step}; the run has steps 0 to {last}: choose one of these.")
+    renderer, data = _scene(config, frames, step, camera, size, ball_scale)
+    with renderer:
+        renderer.update_scene(data, camera)
+        pixels = renderer.render()
+    from PIL import Image
+
+    try:
+        Image.fromarray(pixels).save(out)
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"--out was {out}, which cannot be written ({error}): give another name ending in .png."
+        ) from None
+
+
+def _scene(
+    config: SwarmConfig, frames: dict[str, np.ndarray], step: int, camera: str, size: tuple[int, int], ball_scale: float
+) -> Any:
+    """Return renderer and data, posed and coloured as in frame `step`."""
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")
+    import mujoco
+
+    from iswarm_mj.model import compile_arena
+
+    n_robots = frames["pose"].shape[1]
+    arena = compile_arena(config, n_robots, frames["scene_ball_radius"], visual=True)
+    model, data = arena.model, mujoco.MjData(arena.model)
+    cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
+    if camera not in cameras:
+        raise UserError(f"--camera was {camera!r}; the arena has {', '.join(cameras)}: choose one of these.")
+    pose = frames["pose"][step].astype(float)
+    data.qpos[arena.qpos] = np.column_stack([mm_from_m(pose[:, :2]), pose[:, 2]])
+    data.mocap_pos[arena.mocap] = mm_from_m(frames["ball_position"][step])
+    for robot in range(n_robots):
+        loaded, scout = frames["is_loaded"][step, robot], frames["scene_is_scout"][robot]
+        model.geom(f"robot{robot}/substrate").rgba = LOADED if loaded else SCOUT if scout else EMPTY
+    for ball in range(len(arena.mocap)):
+        model.geom(f"ball{ball}/ball").size[0] *= ball_scale
+    mujoco.mj_forward(model, data)
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    try:
+        return mujoco.Renderer(model, size[1], size[0], max_geom=model.ngeom + 100), data
+    except Exception as error:
+        raise UserError(
+            f"Off-screen OpenGL did not start ({error}); MUJOCO_GL must be egl or osmesa and its library there: "
+            "on Debian, apt-get install libegl1 libgl1-mesa-dri."
+        ) from None
