@@ -1,0 +1,15 @@
+"""One small arena for all tests that run a swarm: JAX compiles once for each configuration and number of robots."""
+
+import pytest
+
+from iswarm_mj.compilation import keep_compiled_programs, quieten
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+
+quieten()
+keep_compiled_programs()
+
+
+@pytest.fixture(scope="session")
+def small():
+    """15 x 15 rd, a dump of 3 x 3 rd, 24 balls in two areas of 3 x 3 rd."""
+    return SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))

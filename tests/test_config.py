@@ -1,0 +1,135 @@
+"""Table 1's values, and the limits of each option."""
+
+import math
+from dataclasses import fields, is_dataclass
+
+import pytest
+
+from iswarm_mj.config import (
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+    check,
+)
+from iswarm_mj.errors import UserError
+from iswarm_mj.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
+
+GROUPS = [ArenaConfig, DriveConfig, OpticsConfig, GripperConfig, StrategyConfig]
+FLOATS = [(group, f.name) for group in GROUPS for f in fields(group) if f.type is float]
+
+
+def test_defaults_are_table_1():
+    config = SwarmConfig()
+    assert (config.arena.size, config.arena.n_dust) == (49.0, 72)
+    assert config.drive.step_length == 0.5
+    optics = config.optics
+    assert (optics.communication_radius, optics.led_beam_aperture) == (3.5, 60.0)
+    assert (optics.error_distance_measure, optics.error_in_communication) == (0.1, 0.1)
+    assert (optics.p_communication_break, optics.mode) == (0.1, "sector")
+
+
+def test_choices_where_the_paper_is_silent():
+    config = SwarmConfig()
+    assert (config.arena.dump_size, config.arena.dust_area_size, config.arena.dust_area_offset) == (5.0, 6.0, 16.0)
+    assert (config.arena.ball_radius_min, config.arena.ball_radius_max) == (15e-6, 25e-6)
+    assert (config.drive.control_period, config.drive.timestep) == (1.0, 0.1)
+    assert (config.strategy.dust_range, config.strategy.random_turn) == (0.75, 30.0)
+    assert not config.strategy.scouts_pick and config.gripper.drop_rate == 0.0
+
+
+def test_units():
+    """The diagonal of 2 x 2 mm; 0.5 rd a second is 1.414 mm/s."""
+    assert pytest.approx(2 * math.sqrt(2)) == RD == ROBOT_DIAMETER / MM
+    assert mm_from_rd(0.5) == pytest.approx(math.sqrt(2))
+    assert mm_from_m(20e-6) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    "drive, timestep",
+    [(DriveConfig(control_period=2.0), 0.2), (DriveConfig(turn_substeps=10, walk_substeps=30), 0.025)],
+)
+def test_physics_step(drive, timestep):
+    assert drive.timestep == pytest.approx(timestep)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("group, name", FLOATS)
+def test_every_float_refuses_what_is_not_finite(group, name, value):
+    with pytest.raises(UserError, match=r"--[a-z]+\.[a-z-]+ was .*(nan|inf)"):
+        group(**{name: value})
+
+
+@pytest.mark.parametrize(
+    "group, name, good, bad",
+    [
+        (ArenaConfig, "size", [38, 500], [9.9, 37.9, 501]),
+        (ArenaConfig, "dump_size", [1, 24.5], [0.9, 26.1, 0]),
+        (ArenaConfig, "dust_area_size", [0.1, 17], [0, -1, 17.1]),
+        (ArenaConfig, "dust_area_offset", [5.5, 21.5], [5.4, 21.6, -16]),
+        (ArenaConfig, "n_dust", [1, 10_000], [0, -1, 10_001]),
+        (ArenaConfig, "ball_radius_min", [1e-6, 25e-6], [0, 9e-7, 26e-6]),
+        (ArenaConfig, "ball_radius_max", [15e-6, 1e-4], [14e-6, 1.1e-4]),
+        (DriveConfig, "step_length", [0.01, 1], [0, -0.5, 1.1]),
+        (DriveConfig, "control_period", [0.1, 100], [0, -1, 101]),
+        (DriveConfig, "turn_substeps", [1, 100], [0, 101]),
+        (DriveConfig, "walk_substeps", [1, 100], [0, 101]),
+        (DriveConfig, "max_turn", [1, 180], [0, 181]),
+        (OpticsConfig, "communication_radius", [0.1, 20], [0, 21]),
+        (OpticsConfig, "led_beam_aperture", [1, 90], [0, 91]),
+        (OpticsConfig, "photodiode_aperture", [60, 90], [0, 91]),
+        (OpticsConfig, "photodiode_splay", [1, 44], [0, 45]),
+        (OpticsConfig, "error_distance_measure", [0, 1], [-0.1, 1.1]),
+        (OpticsConfig, "error_in_communication", [0, 0.9], [-0.1, 1]),
+        (OpticsConfig, "p_communication_break", [0, 1], [-0.1, 1.1]),
+        (OpticsConfig, "wall_range", [0, 10], [-1, 11]),
+        (GripperConfig, "grasp_voltage", [0, 1000], [-1, 1001]),
+        (GripperConfig, "release_voltage", [0, 1000], [-1, 1001]),
+        (GripperConfig, "relative_humidity", [0, 100], [-1, 101]),
+        (GripperConfig, "release_gap", [1e-6, 2e-5], [0, 1e-4]),
+        (GripperConfig, "tool_reach", [1e-5, 1e-3], [0, 2e-3]),
+        (GripperConfig, "work_tool_object", [1e-5, 10], [0, 11]),
+        (GripperConfig, "work_object_substrate", [1e-5, 10], [0, 11]),
+        (GripperConfig, "spread_tool_object", [0, 2], [-0.1, 2.1]),
+        (GripperConfig, "spread_object_substrate", [0, 2], [-0.1, 2.1]),
+        (GripperConfig, "drop_rate", [0, 1], [-0.1, 1.1]),
+        (StrategyConfig, "dust_range", [0.1, 5], [0, 5.1]),
+        (StrategyConfig, "random_turn", [0, 180], [-1, 181]),
+        (StrategyConfig, "avoidance_gain", [0, 100], [-1, 101]),
+        (StrategyConfig, "priority_factor", [0, 100], [-1, 101]),
+        (StrategyConfig, "wall_gain", [0, 100], [-1, 101]),
+        (StrategyConfig, "message_range", [1, 1000], [0, 1001]),
+    ],
+)
+def test_limits(group, name, good, bad):
+    for value in good:
+        assert getattr(group(**{name: value}), name) == value
+    for value in bad:
+        with pytest.raises(UserError, match=r"^--[a-z]+\.[a-z-]+ was .*; it must be .*: choose such a value\.$"):
+            group(**{name: value})
+
+
+def test_dust_lies_between_dump_and_walls():
+    with pytest.raises(UserError, match="lie inside the walls"):
+        ArenaConfig(dust_area_offset=22)
+    with pytest.raises(UserError, match="lie outside the dump"):
+        ArenaConfig(dust_area_offset=5)
+
+
+def test_message_says_what_was_given_what_is_allowed_and_how_to_mend_it():
+    with pytest.raises(UserError) as caught:
+        check("arena.dump_size", -3.5, "positive", False)
+    assert str(caught.value) == "--arena.dump-size was -3.5; it must be positive: choose such a value."
+
+
+def test_the_floats_are_found():
+    assert len(FLOATS) > 30
+
+
+def test_configurations_can_be_keys():
+    """Programs are compiled once for each configuration."""
+    assert hash(SwarmConfig()) == hash(SwarmConfig())
+    assert SwarmConfig() != SwarmConfig(drive=DriveConfig(max_turn=45))
+    assert all(is_dataclass(f.default_factory) for f in fields(SwarmConfig))
