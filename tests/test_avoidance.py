@@ -1,0 +1,80 @@
+"""Collision avoidance: which distance is kept from whom, and how hard."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import RADIUS, senses_nothing
+
+from iswarm_mj.config import StrategyConfig, SwarmConfig
+from iswarm_mj.strategy.avoidance import kept_distance, repulsion
+from iswarm_mj.strategy.controller import avoid, rules_of
+from iswarm_mj.strategy.genome import PRESETS
+
+CONFIG = SwarmConfig()
+
+
+@pytest.mark.parametrize("preset, to_empty, to_flagged, of_loaded", [("type1", 0.65, 0.40, 0.25),
+                                                                    ("type2", 0.77, 0.41, 0.27)])  # fmt: skip
+def test_distances_of_table_2(preset, to_empty, to_flagged, of_loaded):
+    kept = kept_distance(rules_of(PRESETS[preset]), jnp.array([False, True]), jnp.array([[False, True]] * 2))
+    np.testing.assert_allclose(kept, [[to_empty, to_flagged], [of_loaded, of_loaded]], rtol=1e-6)
+    np.testing.assert_array_equal(
+        kept_distance(PRESETS[preset], jnp.array([False, True]), jnp.array([[False, True]] * 2)), kept
+    )
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 180, 270, 33])
+def test_push_is_straight_away_and_linear(degrees):
+    angle = np.radians(degrees)
+    away = -np.array([np.cos(angle), np.sin(angle)])
+    shares = np.array([0.0, 0.25, 0.5, 0.9, 1.0, 1.5, 40.0])
+    push = repulsion(*(jnp.asarray(a)[:, None] for a in (np.full(7, angle), shares * 0.65, np.full(7, 0.65),
+                                                         np.ones(7))))  # fmt: skip
+    np.testing.assert_allclose(push, np.maximum(1 - shares, 0)[:, None] * away, atol=1e-6)
+
+
+def test_pushes_add_up():
+    bearing, near = jnp.array([[0.0, jnp.pi / 2, jnp.pi]]), jnp.array([[0.5, 0.5, 0.75]])
+    push = repulsion(bearing, near, jnp.ones((1, 3)), jnp.array([[1.0, 2.0, 1.0]]))
+    np.testing.assert_allclose(push, [[-0.5 + 0.25, -1.0]], atol=1e-6)
+
+
+def test_no_distance_to_keep_is_no_push():
+    push = repulsion(*(jnp.array([[a]]) for a in (0.0, 0.1, 0.0, 1.0)))
+    np.testing.assert_allclose(push, 0, atol=1e-6)
+
+
+def pushed(distance, heard=True, priority=False, loaded=False, side=0, config=CONFIG, rules=PRESETS["type1"]):
+    """Push on a robot by one neighbour on `side` at `distance` [mm]."""
+    seen = senses_nothing(1)
+    seen = seen._replace(
+        is_heard=seen.is_heard.at[0, side].set(heard),
+        distance=seen.distance.at[0, side].set(distance),
+        priority=seen.priority.at[0, side].set(priority),
+        is_loaded=jnp.array([loaded]),
+    )
+    return np.asarray(avoid(config, rules_of(rules), seen, jnp.array([False])))[0]
+
+
+def test_priority_doubles_the_push_on_a_loaded_robot():
+    plain, flagged = (pushed(0.1 * RADIUS, priority=p, loaded=True) for p in (False, True))
+    np.testing.assert_allclose(plain, [-8 * (1 - 0.1 / 0.25), 0], rtol=1e-5)
+    np.testing.assert_allclose(flagged, 2 * plain, rtol=1e-6)
+    configured = SwarmConfig(strategy=StrategyConfig(priority_factor=5.0))
+    np.testing.assert_allclose(pushed(0.1 * RADIUS, priority=True, loaded=True, config=configured), 5 * plain)
+
+
+def test_an_empty_robot_lets_priority_come_closer_but_then_gives_way_more():
+    assert not pushed(0.5 * RADIUS, priority=True).any()
+    np.testing.assert_allclose(pushed(0.5 * RADIUS), [-8 * (1 - 0.5 / 0.65), 0], rtol=1e-5)
+    np.testing.assert_allclose(pushed(0.2 * RADIUS, priority=True), [-8 * 2 * 0.5, 0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("loaded, threshold", [(False, 0.65), (True, 0.25)])
+def test_threshold_is_a_share_of_the_sensory_radius(loaded, threshold):
+    assert pushed((threshold - 0.001) * RADIUS, loaded=loaded, side=1)[1] < 0
+    assert not pushed((threshold + 0.001) * RADIUS, loaded=loaded, side=1).any()
+
+
+def test_who_is_not_heard_does_not_push():
+    assert not pushed(0.1, heard=False, priority=True).any()

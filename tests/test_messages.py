@@ -1,0 +1,139 @@
+"""The 32 bits: layout, round trip, parity and noise."""
+
+from itertools import combinations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import remember, turned, wrapped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iswarm_mj.sensors.messages import Message, corrupt, pack, pack_vector, parity, unpack, unpack_vector
+
+MAX_RANGE = 138.6
+QUANTUM = MAX_RANGE / 31
+BEARING = 2 * np.pi / 32
+vectors = st.tuples(st.floats(-np.pi, np.pi), st.floats(0, MAX_RANGE), st.integers(0, 14))
+PATTERNS = np.array([0, 1, 0xFFFFFFFF, 0x80000000, 0xDEADBEEF, 0x12345678], np.uint32)
+
+pack_here = jax.jit(lambda message: pack(message, MAX_RANGE))
+unpack_here = jax.jit(lambda bits: unpack(bits, MAX_RANGE))
+
+
+def vector(bearing, steps):
+    """Vector at `bearing` and `steps`, both in quanta of the codec."""
+    return np.stack([np.cos(bearing * BEARING), np.sin(bearing * BEARING)], -1) * np.asarray(steps)[..., None] * QUANTUM
+
+
+def message(led=0, priority=False, dust=None, dump=None):
+    nothing = remember(np.zeros(2), known=False)
+    return Message(jnp.int32(led), jnp.array(priority), dust or nothing, dump or nothing)
+
+
+@pytest.mark.parametrize(
+    ("content", "bits"),
+    [  # parity, dump: hop range bearing, dust: hop range bearing, priority, LED
+        (message(), 0b0_1111_00000_00000_1111_00000_00000_0_00),
+        (message(led=1), 0b1_1111_00000_00000_1111_00000_00000_0_01),
+        (message(priority=True), 0b1_1111_00000_00000_1111_00000_00000_1_00),
+        (message(dust=remember(vector(0, 0), hop=0)), 0b0_1111_00000_00000_0000_00000_00000_0_00),
+        (
+            message(3, True, remember(vector(8, 31), hop=5), remember(vector(-1, 7), hop=12)),
+            0b1_1100_00111_11111_0101_11111_01000_1_11,
+        ),
+        (
+            message(2, False, remember(vector(24, 1), hop=14), remember(vector(16, 16), hop=1)),
+            0b0_0001_10000_10000_1110_00001_11000_0_10,
+        ),
+    ],
+)
+def test_hand_worked_messages_have_the_documented_layout(content, bits):
+    packed = pack(content, MAX_RANGE)
+    assert packed.dtype == jnp.uint32
+    assert f"{int(packed):032b}" == f"{bits:032b}"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 3), st.booleans(), st.tuples(vectors, vectors))
+def test_round_trip_keeps_everything_within_half_a_quantum(led, priority, content):
+    sent = [remember(turned(np.array([length, 0.0]), angle), hop=hop) for angle, length, hop in content]
+    received, parity_holds = unpack_here(pack_here(message(led, priority, *sent)))
+    assert parity_holds
+    assert (int(received.led), bool(received.priority)) == (led, priority)
+    for memory, (angle, length, hop) in zip((received.dust, received.dump), content, strict=True):
+        x, y = np.asarray(memory.vector)
+        assert bool(memory.known) and int(memory.hop) == hop
+        assert abs(np.hypot(x, y) - length) <= MAX_RANGE / 62 * (1 + 1e-4)
+        if np.hypot(x, y) > 0:
+            assert abs(wrapped(np.arctan2(y, x) - angle)) <= np.radians(5.625) + 1e-4
+
+
+def test_every_code_of_a_vector_comes_back():
+    bearing, steps, hop = (a.ravel() for a in np.meshgrid(np.arange(32), np.arange(1, 32), np.arange(15)))
+    codes = bearing | steps << 5 | hop << 10
+    memory = unpack_vector(jnp.asarray(codes, jnp.uint32), MAX_RANGE)
+    np.testing.assert_allclose(memory.vector, vector(bearing, steps), atol=1e-3)
+    np.testing.assert_array_equal(pack_vector(memory, MAX_RANGE), codes)
+
+
+def test_too_long_a_vector_ends_at_the_codecs_range():
+    memory = unpack_vector(pack_vector(remember(np.array([0.0, 5 * MAX_RANGE])), MAX_RANGE), MAX_RANGE)
+    np.testing.assert_allclose(memory.vector, [0.0, MAX_RANGE], atol=1e-3)
+
+
+def test_unknown_and_well_travelled_vectors_are_not_sent():
+    sent = remember(np.tile([3.0, 4.0], (18, 1)), hop=np.arange(18), known=np.arange(18) != 7)
+    memory = unpack_vector(pack_vector(sent, MAX_RANGE), MAX_RANGE)
+    is_sent = (np.arange(18) <= 14) & (np.arange(18) != 7)
+    np.testing.assert_array_equal(memory.known, is_sent)
+    np.testing.assert_array_equal(memory.hop, np.where(is_sent, np.arange(18), 0))
+    assert not np.asarray(memory.vector)[~is_sent].any()
+
+
+def test_parity_is_that_of_the_number_of_ones():
+    np.testing.assert_array_equal(parity(jnp.asarray(PATTERNS)), [int(b).bit_count() % 2 for b in PATTERNS])
+
+
+def test_one_wrong_bit_is_found_and_two_are_not():
+    bits = int(pack(message(3, True, remember(vector(8, 30), hop=5)), MAX_RANGE))
+    single = np.array([bits ^ 1 << i for i in range(32)], np.uint32)
+    double = np.array([bits ^ 1 << i ^ 1 << j for i, j in combinations(range(32), 2)], np.uint32)
+    assert not np.asarray(unpack_here(jnp.asarray(single))[1]).any()
+    assert np.asarray(unpack_here(jnp.asarray(double))[1]).all()
+
+
+def wrong_bits(n, error):
+    """Flipped bits of n messages (n, 32)."""
+    uniform = jax.random.uniform(jax.random.key(3), (n, 3))
+    bits = jnp.broadcast_to(jnp.uint32(0xDEADBEEF), (n,))
+    flips = np.asarray(corrupt(bits, uniform, error) ^ bits)
+    return (flips[:, None] >> np.arange(32, dtype=np.uint32)) & 1
+
+
+def test_one_message_in_ten_has_wrong_bits_and_a_few_have_two():
+    n, error = 100_000, 0.1
+    count = wrong_bits(n, error).sum(axis=1)
+    rate = 1 - (1 - error) ** (1 / 32)
+    two = error - 32 * rate * (1 - rate) ** 31
+    for share, expected in (((count > 0).mean(), error), ((count > 1).mean(), two)):
+        assert abs(share - expected) < 4.5 * np.sqrt(expected * (1 - expected) / n)
+    assert count.max() == 2
+
+
+def test_every_bit_is_wrong_equally_often():
+    hits = wrong_bits(100_000, 0.9).sum(axis=0)
+    assert abs(hits - hits.mean()).max() < 4.5 * np.sqrt(hits.mean())
+
+
+def test_without_error_nothing_changes_whatever_is_drawn():
+    uniform = jnp.array([[0.0, 0.0, 0.0], [0.9999999, 0.9999999, 0.9999999]])
+    bits = jnp.asarray(PATTERNS[:2])
+    np.testing.assert_array_equal(corrupt(bits, uniform, 0.0), bits)
+
+
+def test_extreme_draws_stay_within_32_bits():
+    uniform = jnp.full((1, 3), np.nextafter(np.float32(1), np.float32(0)))
+    flips = int((corrupt(jnp.zeros(1, jnp.uint32), uniform, 0.1))[0])
+    assert flips.bit_count() == 2
