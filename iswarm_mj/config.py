@@ -115,7 +115,9 @@ class OpticsConfig:
     error_distance_measure: float = 0.10
     """Relative standard deviation of a measured distance (Table 1: 10 %)."""
     error_in_communication: float = 0.10
-    """Probability that a message arrives with at least one wrong bit (Table 1: 10 %)."""
+    """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
+    independent_bit_errors: bool = False
+    """Bits flip independently, so that some messages have two wrong bits and pass the parity; else one at most."""
     p_communication_break: float = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: float = 1.5

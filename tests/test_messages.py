@@ -137,3 +137,11 @@ def test_extreme_draws_stay_within_32_bits():
     uniform = jnp.full((1, 3), np.nextafter(np.float32(1), np.float32(0)))
     flips = int((corrupt(jnp.zeros(1, jnp.uint32), uniform, 0.1))[0])
     assert flips.bit_count() == 2
+
+
+def test_dependent_errors_are_one_bit_each_in_one_message_of_ten():
+    n, error = 100_000, 0.1
+    uniform = jax.random.uniform(jax.random.key(4), (n, 3))
+    flips = np.asarray(corrupt(jnp.zeros(n, jnp.uint32), uniform, error, independent=False))
+    assert set(np.bitwise_count(flips)) == {0, 1}
+    assert abs((flips > 0).mean() - error) < 4.5 * np.sqrt(error * (1 - error) / n)

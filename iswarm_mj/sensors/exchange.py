@@ -32,7 +32,9 @@ def exchange(
     columns = jax.tree.map(lambda a: a[:, None], content)._replace(led=jnp.arange(4)[None])
     bits = pack(columns, max_range)[sender, led]
     draw = jax.random.uniform(bits_key, (*sender.shape, 4))
-    message, parity_holds = unpack(corrupt(bits, draw[..., :3], optics.error_in_communication), max_range)
+    message, parity_holds = unpack(
+        corrupt(bits, draw[..., :3], optics.error_in_communication, optics.independent_bit_errors), max_range
+    )
     arrived = valid & (draw[..., 3] >= optics.p_communication_break) & parity_holds
     error = optics.error_distance_measure * jax.random.normal(noise_key, distance.shape)
     return message, arrived, distance * jnp.maximum(1.0 + error, 0.0)

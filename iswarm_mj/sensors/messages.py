@@ -89,22 +89,24 @@ def unpack(bits: Array, max_range: float) -> tuple[Message, Array]:
     return message, parity(bits) == 0
 
 
-def corrupt(bits: Array, uniform: Array, error: float) -> Array:
-    """Messages (...,) after a noisy passage, in which each bit flips independently.
+def corrupt(bits: Array, uniform: Array, error: float, independent: bool = True) -> Array:
+    """Messages (...,) after a noisy passage, of which a share `error` arrives with a wrong bit.
 
-    The bit error rate e is such that a share `error` of the messages, 1 - (1 - e)^32, has at least one wrong bit.
-    Parity finds one wrong bit but not two. Three or more, under 2e-4 of the messages at 10 %, count as two.
+    Either one bit of such a message is wrong, which parity finds. Or each bit flips independently, at a bit error
+    rate e with 1 - (1 - e)^32 = `error`: then a few messages, 5 % of the wrong ones at an error of 10 %, have two
+    wrong bits, which parity does not find. Three or more count as two.
 
     Args:
         bits: (...,) uint32.
         uniform: (..., 3) draws from [0, 1): number of wrong bits, and the places of the first two.
         error: probability of at least one wrong bit.
+        independent: bits flip independently.
     """
     if not error:
         return bits
     clean = 1.0 - error
     rate = 1.0 - clean ** (1 / 32)
-    one_at_most = clean + 32 * rate * (1.0 - rate) ** 31
+    one_at_most = clean + 32 * rate * (1.0 - rate) ** 31 if independent else 1.0
     first = jnp.minimum((uniform[..., 1] * 32).astype(jnp.uint32), 31)
     second = (first + 1 + jnp.minimum((uniform[..., 2] * 31).astype(jnp.uint32), 30)) % 32
     one, count = jnp.uint32(1), uniform[..., 0]
