@@ -1,0 +1,50 @@
+"""The paper's statements on the cleaning swarm (section 4.6), over six seeds each; run with `pytest -m slow`."""
+
+from dataclasses import replace
+
+import pytest
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.layout import robots_for
+from iswarm_mj.metrics import Measures
+from iswarm_mj.rollout import Run, RunSettings
+from iswarm_mj.strategy.genome import PRESETS, Genome
+
+pytestmark = pytest.mark.slow
+SEEDS = range(6)
+
+
+def outcomes(genome: Genome, steps: int) -> list[Measures]:
+    """Measures of six swarms, stopped at 66 of 72 balls."""
+    config, measures = SwarmConfig(), []
+    n_robots = robots_for(config.arena, genome.density_of_robots)
+    for seed in SEEDS:
+        run = Run(config, genome, RunSettings(n_robots, steps, seed, n_threads=1, stop_at=66))
+        while not run.is_over:
+            run.advance()
+        measures.append(run.measures(0))
+    print([m.finished_at or f"- ({m.delivered})" for m in measures])
+    return measures
+
+
+@pytest.fixture(scope="module")
+def evolved() -> dict[str, list[Measures]]:
+    return {name: outcomes(PRESETS[name], 500) for name in ("type1", "type2")}
+
+
+@pytest.mark.parametrize("name", ["type1", "type2"])
+def test_both_evolved_types_clean_the_arena(evolved, name):
+    finished = [m.finished_at for m in evolved[name] if m.finished_at is not None]
+    assert len(finished) >= 5
+
+
+@pytest.mark.parametrize("name", ["type1", "type2"])
+def test_without_hop_counts_no_swarm_cleans_the_arena(name):
+    measures = outcomes(replace(PRESETS[name], use_hop_count=False), 600)
+    assert [m.finished_at for m in measures] == [None] * len(measures)
+
+
+def test_a_sparse_swarm_is_slower_than_the_evolved_density(evolved):
+    sparse = outcomes(replace(PRESETS["type1"], density_of_robots=0.05), 500)
+    mean = [sum(m.finished_at or 500 for m in measures) / len(measures) for measures in (sparse, evolved["type1"])]
+    assert mean[0] > 1.2 * mean[1]
