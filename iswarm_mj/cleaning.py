@@ -47,6 +47,7 @@ def clean(
         run = Run(config, genome, settings)
         with ExitStack() as stack:
             recorder = stack.enter_context(Recorder(run, out)) if record else None
+            results.clear(out, record)
             _advance(run, recorder)
     content = results.result(run, engine, time.perf_counter() - started)
     results.write_result(out, content)

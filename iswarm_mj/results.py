@@ -18,7 +18,7 @@ from iswarm_mj.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
 
 
 def prepare(out: Path) -> None:
-    """Make the output directory, or say why it cannot be written to; results of an earlier run in it go.
+    """Make the output directory, or say why it cannot be written to.
 
     Raises:
         UserError: the directory cannot be made or written to.
@@ -28,13 +28,17 @@ def prepare(out: Path) -> None:
         probe = out / ".writable"
         probe.touch()
         probe.unlink()
-        for name in (RESULT, TRAJECTORY, RECORDING):
-            (out / name).unlink(missing_ok=True)
     except OSError as error:
         raise UserError(
             f"--out was {out}, which cannot be written to ({error.strerror}); "
             "it must be a directory of yours, or a path where one can be made: choose another."
         ) from None
+
+
+def clear(out: Path, record: bool) -> None:
+    """Remove the results of an earlier run, now that this one can begin; `record`: its recording is already new."""
+    for name in (RESULT, TRAJECTORY, *(() if record else (RECORDING,))):
+        (out / name).unlink(missing_ok=True)
 
 
 @contextmanager

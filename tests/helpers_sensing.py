@@ -61,7 +61,7 @@ def lay(*positions, holders=None):
 
 
 def crowd(rng, density, edge=9):
-    """Poses of edge^2 robots that cover a share `density` of the floor and do not overlap: one in each grid cell."""
+    """Poses of edge^2 robots that cover a share `density` of the floor and do not overlap: like bricks in a wall."""
     cell = 2 / np.sqrt(density)
     yaw = []
     while len(yaw) < edge**2:  # a square at this angle is 2 (|cos| + |sin|) wide
@@ -71,6 +71,7 @@ def crowd(rng, density, edge=9):
     yaw = np.array(yaw)
     slack = cell / 2 - abs(np.cos(yaw)) - abs(np.sin(yaw))
     grid = np.stack(np.meshgrid(*[np.arange(edge) - edge / 2] * 2), -1).reshape(-1, 2) * cell
+    grid[:, 0] += np.repeat(rng.uniform(0, cell, edge), edge)
     xy = grid + rng.uniform(-1, 1, grid.shape) * slack[:, None]
     whole = rng.uniform(-np.pi, np.pi)
     return np.column_stack([turned(xy, whole), yaw + whole])[rng.permutation(edge**2)]
