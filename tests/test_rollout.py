@@ -47,7 +47,7 @@ def check_balls(run, view):
 class TestBalls:
     @pytest.mark.parametrize("seed", range(2))
     def test_nothing_is_lost_or_duplicated(self, small, seed):
-        run = run_of(small, seed=seed)
+        run = run_of(small, seed=seed, steps=500)
         n_held, before = [], run.start_view()
         check_balls(run, before)
         was_picked = np.zeros(24, bool)
@@ -144,7 +144,7 @@ class TestSeedsAndWorlds:
         ends = [end_of(run_of(small, n_worlds=3, n_threads=n, steps=60)) for n in (1, 2)]
         np.testing.assert_array_equal(ends[0][0], ends[1][0])
         assert ends[0][1] == ends[1][1]
-        assert len({m.collisions for m in ends[0][1]}) == 3
+        assert np.abs(np.diff(ends[0][0], axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
 
     @pytest.mark.parametrize("world", range(3))
     def test_a_world_is_the_same_in_any_batch(self, small, world):
@@ -159,7 +159,7 @@ class TestSeedsAndWorlds:
             np.testing.assert_array_equal(one.state.balls.is_held[0], many.state.balls.is_held[world])
 
     def test_finished_worlds_stand_still(self, small):
-        run = run_of(small, n_worlds=3, steps=120, stop_at=6)
+        run = run_of(small, n_worlds=3, steps=300, stop_at=6)
         frozen = {}
         for view in views(run):
             for world, at in enumerate(run.finished_at):
