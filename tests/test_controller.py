@@ -36,9 +36,12 @@ STEP = 0.5 * RD
 PROBE = 0.9
 
 DROPPING = SwarmConfig(gripper=GripperConfig(drop_rate=0.2))
+MANY = 20_000  # robots, for statistics; `act` is compiled for them
 N_ROBOTS, N_BALLS = 24, 13  # of the worlds that `decided` is compiled for
 
-act_here = jax.jit(act, static_argnums=(0, 1))
+act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
+avoid_here, choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (avoid, choose, steer))
+learn_here = jax.jit(learn)
 decide_here = jax.jit(decide, static_argnums=(0, 1))
 
 
@@ -54,7 +57,7 @@ def minds(n, scouts=False, dust=None, dump=None):
 def wish(mind, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
     n = len(mind.is_scout)
     seen = senses_nothing(n)._replace(is_loaded=jnp.full(n, loaded))
-    return choose(config, rules, mind, seen, jnp.full(n, whim), jnp.full(n, wander))
+    return choose_here(config, rules, mind, seen, jnp.full(n, whim), jnp.full(n, wander))
 
 
 def genes(**values):
@@ -110,7 +113,7 @@ def test_a_vector_shorter_than_half_a_step_is_not_followed():
 def test_a_step_does_not_overshoot_the_target():
     mind = minds(1, dust=[0.7 * STEP, 0])
     wanted, limit, _ = wish(mind)
-    assert steer(CONFIG, wanted, limit).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
+    assert steer_here(CONFIG, wanted, limit).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
 
 
 # How to get there
@@ -130,7 +133,7 @@ def test_a_step_does_not_overshoot_the_target():
 )
 def test_turn_then_walk(degrees, length, turn, pace):
     direction = turned(np.array([[length, 0.0]]), math.radians(degrees))
-    command = steer(CONFIG, jnp.asarray(direction), jnp.array([jnp.inf]))
+    command = steer_here(CONFIG, jnp.asarray(direction), jnp.array([jnp.inf]))
     assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
     assert command.forward[0] == pytest.approx(pace * STEP, abs=1e-5)
 
@@ -138,7 +141,7 @@ def test_turn_then_walk(degrees, length, turn, pace):
 def test_turns_are_limited_as_configured():
     slow = SwarmConfig(drive=DriveConfig(max_turn=20))
     for direction, turn in (([0.0, 1.0], 20), ([-1.0, -0.1], -20), ([1.0, 0.1], math.degrees(math.atan(0.1)))):
-        command = steer(slow, jnp.array([direction]), jnp.array([jnp.inf]))
+        command = steer_here(slow, jnp.array([direction]), jnp.array([jnp.inf]))
         assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
 
 
@@ -146,7 +149,7 @@ def test_turns_are_limited_as_configured():
 def test_walls_repel_those_who_follow_nothing(side, away):
     seen = senses_nothing(2)
     seen = seen._replace(sees_wall=seen.sees_wall.at[:, side].set(True))
-    push = avoid(CONFIG, RULES, seen, jnp.array([False, True]))
+    push = avoid_here(CONFIG, RULES, seen, jnp.array([False, True]))
     np.testing.assert_allclose(push, [away, [0, 0]], atol=1e-6)
 
 
@@ -163,7 +166,7 @@ def test_the_tip_comes_to_the_ball(seed):
     for _ in range(4):
         there = turned(ball - xy, -yaw)
         seen = senses_nothing(n)._replace(at_dust=jnp.ones(n, bool), ball_vector=jnp.asarray(there, jnp.float32))
-        command = approach(CONFIG, PROBE, jnp.ones(n, bool), seen, idle)
+        command = approach_here(CONFIG, PROBE, jnp.ones(n, bool), seen, idle)
         assert np.abs(command.turn).max() <= np.pi / 2 + 1e-6 and np.abs(command.forward).max() <= STEP + 1e-6
         yaw = yaw + np.asarray(command.turn, float)
         xy = xy + turned(np.column_stack([command.forward, np.zeros(n)]), yaw)
@@ -184,10 +187,10 @@ def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
     seen = senses_nothing(1)._replace(at_dust=jnp.array([True]), ball_vector=jnp.array([[0.0, 1.5]]))
     seen = seen._replace(**{name: jnp.array([value]) for name, value in change.items()})
     command = Command(jnp.array([0.1]), jnp.array([1.2]))
-    got = approach(CONFIG, PROBE, jnp.array([True]), seen, command)
+    got = approach_here(CONFIG, PROBE, jnp.array([True]), seen, command)
     expected = (math.pi / 2, 1.5 - PROBE) if approaches else (0.1, 1.2)
     np.testing.assert_allclose(np.ravel(got), expected, rtol=1e-5)
-    np.testing.assert_allclose(np.ravel(approach(CONFIG, PROBE, jnp.array([False]), seen, command)), (0.1, 1.2))
+    np.testing.assert_allclose(np.ravel(approach_here(CONFIG, PROBE, jnp.array([False]), seen, command)), (0.1, 1.2))
 
 
 def test_scouts_pick_only_if_they_may():
@@ -223,43 +226,43 @@ def hears(n, side, vector, hop):
 def test_learning_is_forgetting_then_listening_then_feeling():
     seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(at_dust=jnp.array([False, False, True]))
     before = minds(3, dust=[1.0, 1.0])  # hop count 0: what is heard is older
-    mind = learn(RULES, before, seen, jnp.array([False, True, True]), jnp.zeros((3, 8)))
+    mind = learn_here(RULES, before, seen, jnp.array([False, True, True]), jnp.zeros((3, 8)))
     np.testing.assert_allclose(mind.dust.vector, [[1, 1], [5, -2], [0, 0]], atol=1e-5)
     np.testing.assert_array_equal(mind.dust.hop, [0, 4, 0])
     assert mind.dust.known.all() and not mind.dump.known.any()
 
 
 def test_silent_sides_teach_nothing():
-    seen = hears(1, 0, [0.0, 2.0], hop=3)
-    mind = learn(
-        RULES, minds(1), seen._replace(is_heard=jnp.zeros((1, 4), bool)), jnp.array([False]), jnp.zeros((1, 8))
-    )
+    seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(is_heard=jnp.zeros((3, 4), bool))
+    mind = learn_here(RULES, minds(3), seen, jnp.zeros(3, bool), jnp.zeros((3, 8)))
     assert not mind.dust.known.any()
 
 
 def test_robots_forget_both_vectors_at_the_evolved_rate():
-    n = 20_000
+    n = MANY
     mind, _ = act_here(CONFIG, PROBE, RULES, minds(n, dust=[60, 0], dump=[0, 60]), senses_nothing(n), jax.random.key(1))
     np.testing.assert_array_equal(mind.dust.known, mind.dump.known)
     share = 1 - np.asarray(mind.dust.known).mean()
     assert abs(share - 0.29) < 4.5 * math.sqrt(0.29 * 0.71 / n)
 
 
-def remembers(config, seen, vector):
-    """Whether a robot still knows its ways to dust and to the dump after a step."""
+def remembers(config, vector, **senses):
+    """Whether robots still know their ways to dust and to the dump after a step."""
+    seen = senses_nothing(MANY)._replace(**{name: jnp.full(MANY, value) for name, value in senses.items()})
     never = genes(p_vector_forget=0.0)
-    mind, _ = act_here(config, PROBE, never, minds(1, dust=vector, dump=vector), seen, jax.random.key(1))
-    return bool(mind.dust.known[0]), bool(mind.dump.known[0])
+    mind, _ = act_here(config, PROBE, never, minds(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
+    dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (mind.dust, mind.dump))
+    return dust, dump
 
 
 def test_a_vector_that_led_to_nothing_is_forgotten():
     patient = SwarmConfig(strategy=StrategyConfig(forget_on_arrival=False))
-    nothing, near, far = senses_nothing(1), [0.4 * STEP, 0.0], [0.6 * STEP, 0.0]
-    assert remembers(CONFIG, nothing, near) == (False, False)
-    assert remembers(CONFIG, nothing, far) == (True, True)
-    assert remembers(patient, nothing, near) == (True, True)
-    assert remembers(CONFIG, nothing._replace(at_dust=jnp.array([True])), near) == (True, False)
-    assert remembers(CONFIG, nothing._replace(on_dump=jnp.array([True])), near) == (False, True)
+    near, far, yes, no = [0.4 * STEP, 0.0], [0.6 * STEP, 0.0], {True}, {False}
+    assert remembers(CONFIG, near) == (no, no)
+    assert remembers(CONFIG, far) == (yes, yes)
+    assert remembers(patient, near) == (yes, yes)
+    assert remembers(CONFIG, near, at_dust=True) == (yes, no)
+    assert remembers(CONFIG, near, on_dump=True) == (no, yes)
 
 
 def test_disappointment_empties_the_memory():
@@ -269,11 +272,12 @@ def test_disappointment_empties_the_memory():
 
 
 def test_the_memory_moves_with_the_command():
-    mind = minds(1, dust=[4.0, 4.0])
-    after, command = act_here(CONFIG, PROBE, genes(p_vector_forget=0.0, weight_find_dust=1.0), mind, senses_nothing(1),
-                         jax.random.key(0))  # fmt: skip
-    assert (command.turn[0], command.forward[0]) == (pytest.approx(math.pi / 4), pytest.approx(STEP))
-    np.testing.assert_allclose(after.dust.vector, [[4 * math.sqrt(2) - STEP, 0]], atol=1e-5)
+    follow = genes(p_vector_forget=0.0, weight_find_dust=1.0)
+    mind, seen = minds(MANY, dust=[4.0, 4.0]), senses_nothing(MANY)
+    after, command = act_here(CONFIG, PROBE, follow, mind, seen, jax.random.key(0))
+    np.testing.assert_allclose(command.turn, math.pi / 4, rtol=1e-6)
+    np.testing.assert_allclose(command.forward, STEP, rtol=1e-6)
+    np.testing.assert_allclose(after.dust.vector[0], [4 * math.sqrt(2) - STEP, 0], atol=1e-5)
 
 
 # Nobody knows more than it senses
@@ -310,20 +314,19 @@ def test_relabelled_robots_do_the_same():
         return mind, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, mind), seen, command)
 
     new = rng.permutation(n)
-    after = step(*jax.tree.map(lambda a: a[new], (mind, seen, draw)))
-    expected = jax.tree.map(lambda a: a[new], step(mind, seen, draw))
+    after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (mind, seen, draw)))
+    expected = jax.tree.map(lambda a: np.asarray(a)[new], step(mind, seen, draw))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), after, expected)
     assert 5 < np.asarray(expected[1]).sum() < n - 5
 
 
 def test_a_robot_does_not_know_what_others_sense():
-    n, rng = 32, np.random.default_rng(3)
-    mind, seen = crowded(n, rng)
-    other_mind, other_seen = crowded(n, rng)
-    mixed = jax.tree.map(lambda a, b: a.at[1:].set(b[1:]), (mind, seen), (other_mind, other_seen))
-    key = jax.random.key(0)
-    alone, among = (act_here(CONFIG, PROBE, RULES, *who, key) for who in ((mind, seen), mixed))
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[0], b[0]), alone, among)
+    rng = np.random.default_rng(3)
+    one, other = crowded(MANY, rng), crowded(MANY, rng)
+    mixed = jax.tree.map(lambda a, b: np.concatenate([a[:1], b[1:]]), *jax.tree.map(np.asarray, (one, other)))
+    alone, among = (act_here(CONFIG, PROBE, RULES, *who, jax.random.key(0)) for who in (one, mixed))
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(np.asarray(a)[0], np.asarray(b)[0]), alone, among)
+    assert (np.asarray(alone[1].turn)[1:] != np.asarray(among[1].turn)[1:]).any()
 
 
 def world(rng, centre, spread):
