@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
@@ -60,6 +61,7 @@ class TestBalls:
             np.testing.assert_array_equal(view.balls[stays], before.balls[stays])
             was_picked |= np.asarray(new.is_held)[0]
             carried += np.asarray(new.is_held)[0]
+            np.testing.assert_array_equal(new.carried_steps[0], carried)
             n_held.append(new.is_held.sum())
             before = view
         assert max(n_held) >= 5 and run.measures(0).delivered == 24 == run.measures(0).picked
@@ -140,6 +142,13 @@ class TestSeedsAndWorlds:
         ends = [end_of(run)[0] for run in runs]
         assert np.abs(ends[0] - ends[1]).max() > 0.1
 
+    def test_each_world_errs_in_its_own_way(self, small):
+        """Three worlds with one start soon part."""
+        settings = RunSettings(N, 3, n_worlds=3, n_threads=1)
+        poses, _ = end_of(Run(small, Genome(), settings, run_of(small).starts * 3))
+        for one, other in ((0, 1), (0, 2), (1, 2)):
+            assert np.abs(poses[one] - poses[other]).max() > 0.1
+
     def test_threads_do_not_matter(self, small):
         ends = [end_of(run_of(small, n_worlds=3, n_threads=n, steps=60)) for n in (1, 2)]
         np.testing.assert_array_equal(ends[0][0], ends[1][0])
@@ -164,13 +173,17 @@ class TestSeedsAndWorlds:
         for view in views(run):
             for world, at in enumerate(run.finished_at):
                 if world in frozen:
-                    poses, balls, collisions = frozen[world]
+                    poses, balls, collisions, state = frozen[world]
+                    jax.tree.map(
+                        np.testing.assert_array_equal, jax.tree.map(lambda a, w=world: a[w], view.state), state
+                    )
                     np.testing.assert_array_equal(view.poses[world], poses)
                     np.testing.assert_array_equal(view.balls[world], balls)
                     assert view.collisions[world] == collisions and view.speed[world] == 0.0
                 elif at is not None:
                     assert at == run.step
-                    frozen[world] = view.poses[world], view.balls[world], view.collisions[world]
+                    state = jax.tree.map(lambda a, w=world: a[w], view.state)
+                    frozen[world] = view.poses[world], view.balls[world], view.collisions[world], state
         assert len(set(run.finished_at)) > 1 and None not in run.finished_at
         assert run.step == max(run.finished_at)
 

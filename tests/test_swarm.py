@@ -36,13 +36,15 @@ class TestDrive:
 
     def test_walks_along_the_heading_that_it_has(self, small):
         """A robot that is hindered in its turn walks where it looks, not where it meant to look."""
-        engine = engine_of(small, [[(EDGE - 1.2, 0, 0.0)]])
-        swarm.drive(small, engine, Command(np.array([[np.pi / 4]]), np.array([[0.0]])), np.arange(1))
-        before = engine.poses()[0, 0]
-        assert before[0] < EDGE - 1.3 and 0.5 < before[2] < 0.7
-        swarm.drive(small, engine, Command(np.array([[0.0]]), np.array([[-STEP]])), np.arange(1))
-        moved = engine.poses()[0, 0] - before
-        assert moved[1] / moved[0] == pytest.approx(np.tan(before[2]), abs=0.02)
+        start, turn = [[(EDGE - 1.2, 0, 0.0)]], np.array([[np.pi / 4]])
+        ends = []
+        for forward in (0.0, -STEP):
+            engine = engine_of(small, start)
+            swarm.drive(small, engine, Command(turn, np.array([[forward]])), np.arange(1))
+            ends.append(engine.poses()[0, 0])
+        x, y, yaw = ends[0]
+        assert x < EDGE - 1.3 and 0.5 < yaw < 0.7
+        np.testing.assert_allclose(ends[1][:2], [x - STEP * np.cos(yaw), y - STEP * np.sin(yaw)], atol=0.02)
 
     def test_tells_who_touches(self, small):
         engine = engine_of(small, [[(0, 0, 0), (2.5, 0, 0), (-8, 0, 0)], [(0, 0, 0), (8, 0, 0), (2.5, 0.1, 0)]])
@@ -132,16 +134,16 @@ def test_a_bias_would_be_seen(small, monkeypatch):
 
 
 def test_held_balls_hang_at_the_tips(small):
-    """Robot 1 looks north and holds ball 0; ball 1 lies."""
+    """Robot 1 looks along (3, 4) and holds ball 0; ball 1 lies. The tip is 0.9 mm ahead and 0.1 mm to the left."""
     run = Run(small, Genome(), RunSettings(30, 1))
     poses = np.zeros((1, 30, 3))
-    poses[0, 1] = (3, 4, np.pi / 2)
+    poses[0, 1] = (5, 7, np.arctan2(4, 3))
     balls = run.state.balls
     held = balls.is_held.at[0, 0].set(True)
     state = run.state._replace(balls=balls._replace(is_held=held, holder=balls.holder.at[0, 0].set(1)))
     centres = swarm.ball_centres(state, poses, np.array([0.9, 0.1]), 0.05)[0]
     radius = np.asarray(balls.radius[0]) * 1e3
-    np.testing.assert_allclose(centres[0], [3 - 0.1, 4 + 0.9, 0.05 - radius[0]], atol=1e-7)
+    np.testing.assert_allclose(centres[0], [5 + 0.54 - 0.08, 7 + 0.72 + 0.06, 0.05 - radius[0]], atol=1e-6)
     np.testing.assert_allclose(centres[1], [*balls.position[0, 1], radius[1]], atol=1e-7)
 
 
