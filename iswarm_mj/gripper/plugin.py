@@ -1,0 +1,132 @@
+"""MuJoCo engine plugins of the gripper's forces; importing this module registers them.
+
+    import iswarm_mj.gripper.plugin
+    model = mujoco.MjModel.from_xml_path("models/bench.xml")
+
+They are passive forces, compiled by Numba, and work in `mj_step`, in the viewer, and in the threads of
+`mujoco.rollout` and `mujoco.batch`. Units are those of the bench: um, ug, ms, nN, V; W in nN/um = mJ/m^2.
+
+`iswarm.adhesion` pulls a ball to one surface: with the DMT force 2 pi R W h(RH) while they touch (gap <= 0), and
+beyond with the van der Waals attraction that is left, A R / (6 z^2), z = gap + sqrt(A / (12 pi W)), which goes on
+from the same value and falls to a hundredth within about 5 nm. An approaching ball is hence pulled in only at
+contact, while one that leaves needs the full force: the hysteresis of pull-off. A = 0 cuts the force off at contact.
+
+`iswarm.electrostatic` pulls a ball to the probe while it has the plate's potential, to the plate while it has the
+probe's. A ball that touches the plate has the plate's, also while the tool touches it: the tool's oxide insulates,
+and its effective electrical gap D_eff is the least gap that counts. A lifted ball keeps its potential until, with
+the tool in contact, the voltage falls to `off_voltage` or below; from then on it has the probe's. One that hangs at
+the probe after a reset has the probe's. The law is that of a ball on the probe's axis; off the axis the closest
+points of ball and probe give gap and direction. Valid range: that of `probe_table`, whose edge is used beyond.
+
+The voltage is the control of an actuator of zero gain, an input that every engine and the viewer already carry: in
+`mujoco.rollout` it is a column of `control`, in `mujoco.batch` and MJX a column of `ctrl`, in the viewer a slider.
+
+Attributes and what else an instance keeps are numbers in `MjData.plugin_state`, at `state_index`: there a run can
+change a work of adhesion or a humidity without compiling a model, and there gaps and forces can be read.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from iswarm_mj.errors import UserError
+from iswarm_mj.gripper.plugin_abi import register
+from iswarm_mj.gripper.plugin_forces import adhesion_compute, electrostatic_callbacks, life_cycle
+from iswarm_mj.gripper.plugin_native import ACTUATOR, CYLINDER, GEOM, NUMBER, PLANE, SPHERE
+
+ADHESION = "iswarm.adhesion"
+ELECTROSTATIC = "iswarm.electrostatic"
+
+
+class Attribute(NamedTuple):
+    """What a plugin instance is told in MJCF."""
+
+    name: str
+    demand: str
+    """What is acceptable, with its unit."""
+    kind: int
+    low: float = 0.0
+    """Least number, or a type of geom."""
+    high: float = np.inf
+    """Largest number, or another type of geom."""
+    default: float = np.nan
+    """Number taken if it is not given; nan: it must be."""
+
+
+_BALL = Attribute("ball", "the name of a sphere", GEOM, SPHERE, SPHERE)
+
+ATTRIBUTES = {
+    ADHESION: (
+        _BALL,
+        Attribute("surface", "the name of a plane or a cylinder", GEOM, PLANE, CYLINDER),
+        Attribute("work", "the work of adhesion at 10 % RH, a number of at least 0 [nN/um]", NUMBER),
+        Attribute("humidity", "the relative humidity, a number from 0 to 100 [%]", NUMBER, 0, 100, 10),
+        Attribute("hamaker", "the Hamaker constant, a number of at least 0 [nN um]", NUMBER, default=0),
+    ),
+    ELECTROSTATIC: (
+        _BALL,
+        Attribute("probe", "the name of a cylinder", GEOM, CYLINDER, CYLINDER),
+        Attribute("plate", "the name of a plane", GEOM, PLANE, PLANE),
+        Attribute("voltage", "the name of an actuator, whose control is the voltage [V]", ACTUATOR),
+        Attribute("contact_gap", "the effective gap D_eff of a touching tool, a number from 1e-3 [um]", NUMBER, 1e-3),
+        Attribute("off_voltage", "the voltage taken as off, a number of at least 0 [V]", NUMBER, default=1),
+    ),
+}
+"""Attributes of each plugin, in the order of its state."""
+
+COMPUTED = {
+    ADHESION: {"gap": 0.0, "force": 0.0},
+    ELECTROSTATIC: {"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
+}
+"""What the state holds behind the attributes, and its value after a reset.
+
+gap, probe_gap, plate_gap [um]; force [nN], positive towards the surface, or towards the probe and negative towards the
+plate; potential 0 for the plate's and 1 for the probe's.
+"""
+
+
+def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
+    """Index in `MjData.plugin_state` of an attribute or a computed number of a plugin instance.
+
+    Args:
+        model: with the instance.
+        instance: its name in MJCF.
+        field: one of `ATTRIBUTES` or `COMPUTED`.
+    """
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, instance)
+    if number < 0:
+        raise UserError(f"The model has no plugin instance {instance!r}; give the name of one in its <extension>.")
+    for name in ATTRIBUTES:
+        known = state_fields(name)
+        if model.plugin[number] == SLOTS[name]:
+            if field not in known:
+                raise UserError(f"{name} keeps no {field!r} in its state; give one of {', '.join(known)}.")
+            return int(model.plugin_stateadr[number]) + known.index(field)
+    raise UserError(f"The plugin instance {instance!r} is none of {', '.join(ATTRIBUTES)}.")
+
+
+def state_fields(plugin: str) -> tuple[str, ...]:
+    """Names of the numbers in the state of a plugin's instance."""
+    return (*(attribute.name for attribute in ATTRIBUTES[plugin]), *COMPUTED[plugin])
+
+
+def _texts(plugin: str) -> np.ndarray:
+    """Names and messages of a plugin's attributes (3, n, 256), zero-terminated."""
+    rows = [
+        (a.name, f'{plugin}: {a.name} is "', f'"; give {a.demand}, as attribute of the instance.')
+        for a in ATTRIBUTES[plugin]
+    ]
+    return np.array([[list(text.encode().ljust(256, b"\0")) for text in column] for column in zip(*rows, strict=True)], np.uint8)
+
+
+def _register(plugin: str) -> int:
+    attributes = ATTRIBUTES[plugin]
+    table = np.array([attribute[2:] for attribute in attributes], float)
+    callbacks = life_cycle(_texts(plugin), table, np.array(list(COMPUTED[plugin].values())))
+    callbacks |= {"compute": adhesion_compute()} if plugin == ADHESION else electrostatic_callbacks()
+    return register(plugin, [attribute.name for attribute in attributes], callbacks)
+
+
+SLOTS = {plugin: _register(plugin) for plugin in ATTRIBUTES}
+"""Numbers under which MuJoCo knows the plugins."""
