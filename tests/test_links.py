@@ -109,6 +109,16 @@ def test_the_next_behind_a_hidden_one_is_heard_if_it_is_clear(sight):
     assert (0, 0) not in heard(sight(poses))
 
 
+def test_rays_are_cast_only_where_circles_leave_it_open():
+    def reaches(*pairs):
+        assert not len(pairs[0])
+        return np.zeros(0, bool)
+
+    for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
+        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], OPTICS, reaches)
+        assert ((0, 0) in heard(links)) is hears
+
+
 @both_sights
 def test_a_robot_alone_hears_nobody(sight):
     links = sight(np.zeros((1, 1, 3)))

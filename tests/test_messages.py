@@ -127,6 +127,13 @@ def test_every_bit_is_wrong_equally_often():
     assert abs(hits - hits.mean()).max() < 4.5 * np.sqrt(hits.mean())
 
 
+def test_every_pair_of_bits_is_wrong_equally_often():
+    pairs, times = np.unique(wrong_bits(100_000, 0.9), axis=0, return_counts=True)
+    times = times[pairs.sum(axis=1) == 2]
+    assert len(times) == 32 * 31 // 2
+    assert abs(times - times.mean()).max() < 4.5 * np.sqrt(times.mean())
+
+
 def test_without_error_nothing_changes_whatever_is_drawn():
     uniform = jnp.array([[0.0, 0.0, 0.0], [0.9999999, 0.9999999, 0.9999999]])
     bits = jnp.asarray(PATTERNS[:2])
