@@ -157,7 +157,7 @@ def test_a_ball_that_falls_on_the_dump_is_delivered(row, delivered):
 
 
 def test_only_held_balls_fall():
-    balls, _ = hands(lay((0.3, 0.2), (50, 50)), (70, 0, 0), falls=True)
+    balls, _ = hands(lay((0.3, 0.2), (50, 50)), (0, -3, 0), falls=True)  # a tip over the dump
     assert balls.is_lying.all()
 
 
