@@ -15,10 +15,31 @@ FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units"],
     ["config", "blueprint"],
     ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
-    ["gripper.electrostatics", "gripper.boundary_elements", "strategy.vectors", "strategy.genome"],
-    ["gripper.detachment", "strategy.avoidance", "sensors.neighbours", "sensors.messages", "sensors.optics"],
-    ["sensors.exchange", "sensors.floor", "sensors.links", "strategy.controller", "layout", "model"],
-    ["gripper.handling", "engines.base", "engines.mujoco_batch"],
+    [
+        "gripper.electrostatics",
+        "gripper.boundary_elements",
+        "strategy.vectors",
+        "strategy.genome",
+        "gripper.plugin_abi",
+    ],
+    [
+        "gripper.detachment",
+        "strategy.avoidance",
+        "sensors.neighbours",
+        "sensors.messages",
+        "sensors.optics",
+        "gripper.plugin_native",
+    ],
+    [
+        "sensors.exchange",
+        "sensors.floor",
+        "sensors.links",
+        "strategy.controller",
+        "layout",
+        "model",
+        "gripper.plugin_forces",
+    ],
+    ["gripper.handling", "gripper.plugin", "engines.base", "engines.mujoco_batch"],
     ["metrics", "swarm"],
     ["rollout"],
     ["snapshot", "record", "results"],
@@ -94,11 +115,14 @@ def test_packages_import_nothing(name):
     assert imports(MODULES[name]) == set()
 
 
+PLUGIN = {"gripper.plugin", "gripper.plugin_abi", "gripper.plugin_forces", "gripper.plugin_native"}
+
+
 @pytest.mark.parametrize(
     "library, allowed",
     [
         ("rerun", {"record", "blueprint"}),
-        ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture"}),
+        ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture", *PLUGIN}),
         ("tyro", {"cli"}),
     ],
 )
@@ -107,13 +131,23 @@ def test_libraries_are_met_in_few_places(library, allowed):
     assert users and users <= allowed
 
 
-LAWS = [name for name in MODULES if name.startswith("gripper.") and name != "gripper.handling"]
+LAWS = ["adhesion", "detachment", "electrostatics", "humidity", "maugis", "probe_table", "sphere_plane"]
+"""Files of `gripper/` that hold laws."""
 
 
 def test_laws_and_settings_are_light():
     """Importing the gripper's laws, the genome and the configuration loads neither engine, nor JAX, nor a viewer."""
-    light = [*LAWS, "arrays", "config", "errors", "units", "trajectory", "compilation", "strategy.genome", "cli"]
-    assert len(LAWS) >= 8
+    light = [
+        *(f"gripper.{name}" for name in [*LAWS, "boundary_elements"]),
+        "arrays",
+        "config",
+        "errors",
+        "units",
+        "trajectory",
+        "compilation",
+        "strategy.genome",
+        "cli",
+    ]
     heavy = {"jax", "mujoco", "rerun", "scipy", "matplotlib", "trimesh"}
     code = "import sys\n" + "\n".join(f"import iswarm_mj.{name}" for name in light)
     code += f"\nprint(sorted({heavy} & set(sys.modules)))"
