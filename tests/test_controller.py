@@ -113,7 +113,7 @@ def test_a_vector_shorter_than_half_a_step_is_not_followed():
 def test_a_step_does_not_overshoot_the_target():
     mind = minds(1, dust=[0.7 * STEP, 0])
     wanted, limit, _ = wish(mind)
-    assert steer_here(CONFIG, wanted, limit).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
+    assert steer_here(CONFIG, wanted, limit, jnp.zeros(1, bool)).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
 
 
 # How to get there
@@ -133,7 +133,7 @@ def test_a_step_does_not_overshoot_the_target():
 )
 def test_turn_then_walk(degrees, length, turn, pace):
     direction = turned(np.array([[length, 0.0]]), math.radians(degrees))
-    command = steer_here(CONFIG, jnp.asarray(direction), jnp.array([jnp.inf]))
+    command = steer_here(CONFIG, jnp.asarray(direction), jnp.array([jnp.inf]), jnp.ones(1, bool))
     assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
     assert command.forward[0] == pytest.approx(pace * STEP, abs=1e-5)
 
@@ -141,7 +141,7 @@ def test_turn_then_walk(degrees, length, turn, pace):
 def test_turns_are_limited_as_configured():
     slow = SwarmConfig(drive=DriveConfig(max_turn=20))
     for direction, turn in (([0.0, 1.0], 20), ([-1.0, -0.1], -20), ([1.0, 0.1], math.degrees(math.atan(0.1)))):
-        command = steer_here(slow, jnp.array([direction]), jnp.array([jnp.inf]))
+        command = steer_here(slow, jnp.array([direction]), jnp.array([jnp.inf]), jnp.ones(1, bool))
         assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
 
 
@@ -304,13 +304,13 @@ def crowded(n, rng):
 def test_relabelled_robots_do_the_same():
     n, rng = 64, np.random.default_rng(2)
     mind, seen = crowded(n, rng)
-    draw = jnp.asarray(rng.random((n, 11)), jnp.float32)
+    draw = jnp.asarray(rng.random((n, 12)), jnp.float32)
 
     @jax.jit
     def step(mind, seen, draw):
-        mind = learn(RULES, mind, seen, draw[:, 0] < 0.29, draw[:, 3:])
+        mind = learn(RULES, mind, seen, draw[:, 0] < 0.29, draw[:, 4:])
         wanted, limit, follows = choose(CONFIG, RULES, mind, seen, draw[:, 1], draw[:, 2])
-        command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit)
+        command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, draw[:, 3] < 0.5)
         return mind, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, mind), seen, command)
 
     new = rng.permutation(n)
@@ -421,3 +421,11 @@ def test_workers_and_scouts_at_the_start():
     mind = controller.init(10, 3)
     np.testing.assert_array_equal(mind.is_scout, np.arange(10) < 3)
     assert not mind.dust.known.any() and not mind.dump.known.any()
+
+
+def test_a_robot_pushed_straight_back_chooses_its_side():
+    direction = jnp.array([[-1.0, 1e-9], [-1.0, -1e-9], [-1.0, 0.0], [-1.0, 0.1], [-1.0, -0.1]])
+    limit = jnp.full(5, jnp.inf)
+    for leftwards, sides in ((True, [1, 1, 1, 1, -1]), (False, [-1, -1, -1, 1, -1])):
+        turn = steer(CONFIG, direction, limit, jnp.full(5, leftwards)).turn
+        np.testing.assert_array_equal(np.sign(turn), sides)

@@ -107,15 +107,15 @@ def act(
         key: random key of this world and step.
     """
     n_sides = seen.is_heard.shape[1]
-    draw = jax.random.uniform(key, (len(mind.is_scout), 3 + 2 * n_sides))
-    mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 3:])
+    draw = jax.random.uniform(key, (len(mind.is_scout), 4 + 2 * n_sides))
+    mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 4:])
     if config.strategy.forget_on_arrival:
         mind = mind._replace(
             dust=disappointed(config, mind.dust, seen.at_dust),
             dump=disappointed(config, mind.dump, seen.on_dump),
         )
     wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
-    command = steer(config, wish + avoid(config, rules, seen, follows), limit)
+    command = steer(config, wish + avoid(config, rules, seen, follows), limit, leftwards=draw[:, 3] < 0.5)
     command = approach(config, probe_reach, may_pick(config, mind), seen, command)
     moved = (command.turn, command.forward)
     return mind._replace(dust=after_motion(mind.dust, *moved), dump=after_motion(mind.dump, *moved)), command
@@ -184,9 +184,15 @@ def avoid(config: SwarmConfig, rules: Rules, seen: Observation, follows: Array) 
     return options.avoidance_gain * push + options.wall_gain * walls
 
 
-def steer(config: SwarmConfig, direction: Array, limit: Array) -> Command:
-    """Turn towards `direction` (N, 2), then walk; slower where pushes cancel or the turn is not yet complete."""
-    angle = jnp.arctan2(direction[:, 1], direction[:, 0])
+def steer(config: SwarmConfig, direction: Array, limit: Array, leftwards: Array) -> Command:
+    """Turn towards `direction` (N, 2), then walk; slower where pushes cancel or the turn is not yet complete.
+
+    A neighbour straight ahead, as sectors tell it, pushes a robot exactly backwards. Which way round it then turns
+    is its own choice, `leftwards` (N,) bool, and not that of a rounding error.
+    """
+    x, y = direction[:, 0], direction[:, 1]
+    straight_back = (x < 0) & (jnp.abs(y) < -1e-4 * x)
+    angle = jnp.where(straight_back, jnp.where(leftwards, jnp.pi, -jnp.pi), jnp.arctan2(y, x))
     turn = _limited_turn(config, angle)
     pace = jnp.clip(jnp.hypot(direction[:, 0], direction[:, 1]), 0.0, 1.0) * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
     return Command(turn, jnp.minimum(pace * mm_from_rd(config.drive.step_length), limit))
