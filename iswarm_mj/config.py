@@ -124,6 +124,7 @@ class OpticsConfig:
     """Distance over which a robot sees its own light reflected by a wall [rd]."""
 
     def __post_init__(self):
+        check("optics.mode", self.mode, "sector or power", self.mode in ("sector", "power"))
         check("optics.communication_radius", self.communication_radius, "above 0 and at most 20 rd",
               0 < self.communication_radius <= 20)  # fmt: skip
         check("optics.led_beam_aperture", self.led_beam_aperture, "above 0 and at most 90 deg",

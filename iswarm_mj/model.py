@@ -60,10 +60,12 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
         for unused in [*robot.sites, *robot.meshes]:
             robot.delete(unused)
     _tune_drive(robot, config.drive.timestep)
+    robot.option.timestep = spec.option.timestep
     looks = _share_materials(robot, spec)
     for i in range(n_robots):
         _attach(robot.body("robot"), spec, f"robot{i}/", looks)
     ball = mujoco.MjSpec.from_file(str(directory / "ball.xml"))
+    ball.option.timestep = spec.option.timestep
     looks = _share_materials(ball, spec)
     for k, radius in enumerate(mm_from_m(ball_radius)):
         ball.geom("ball").size[0] = radius

@@ -118,6 +118,7 @@ class Run:
         running = np.array([f is None for f in self.finished_at])
         worlds = np.flatnonzero(running)
         before = self.engine.poses()
+        self._check(before)
         with self.watch("sense"):
             links, sees_wall = swarm.see(self.config, self.engine, before)
         with self.watch("act"):
@@ -125,16 +126,18 @@ class Run:
                 self.config, tuple(self.arena.probe.tolist()), self._rules, self.state, before.astype(np.float32),
                 links, sees_wall, self.step, self._keys, running,
             ))  # fmt: skip
-        self.step += 1
         with self.watch("physics"):
             try:
                 touching = swarm.drive(self.config, self.engine, command, worlds)
             except mujoco.batch.SimulationError as error:
-                raise SimulationFault(f"step {self.step}: MuJoCo stopped: {error}") from None
+                raise SimulationFault(
+                    f"step {self.step + 1}: MuJoCo stopped in world {', '.join(map(str, error.ids))}: {error}"
+                ) from None
             poses = self.engine.poses()
             self._check(poses)
             balls = self._ball_centres(poses)
             self.engine.move_balls(balls)
+        self.step += 1
         self._count(worlds, touching)
         moved = np.linalg.norm(poses[..., :2] - before[..., :2], axis=-1).mean(axis=1)
         return StepView(
@@ -176,7 +179,7 @@ class Run:
             robots = np.flatnonzero(lost[world])
             names = ", ".join(map(str, robots[:10])) + (" and more" if len(robots) > 10 else "")
             raise SimulationFault(
-                f"step {self.step}, world {world}: robots {names} left the arena or have no finite pose"
+                f"step {self.step + 1}, world {world}: robots {names} left the arena or have no finite pose"
             )
 
 

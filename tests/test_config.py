@@ -133,3 +133,8 @@ def test_configurations_can_be_keys():
     assert hash(SwarmConfig()) == hash(SwarmConfig())
     assert SwarmConfig() != SwarmConfig(drive=DriveConfig(max_turn=45))
     assert all(is_dataclass(f.default_factory) for f in fields(SwarmConfig))
+
+
+def test_an_unknown_mode_of_the_optics_is_refused():
+    with pytest.raises(UserError, match=r"--optics.mode was laser; it must be sector or power"):
+        OpticsConfig(mode="laser")

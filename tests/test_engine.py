@@ -87,7 +87,6 @@ class TestServo:
         np.testing.assert_array_equal(engine.poses()[1], start[1])
         np.testing.assert_allclose(engine.poses()[[0, 2]], start[[0, 2]] + 0.4, atol=1e-9)
 
-    @pytest.mark.filterwarnings("ignore:Attach conflict")
     def test_any_time_step(self, small):
         config = replace(small, drive=replace(small.drive, turn_substeps=8, walk_substeps=17, control_period=0.5))
         start = far_apart(1, np.random.default_rng(5))
