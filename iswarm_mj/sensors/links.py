@@ -150,7 +150,7 @@ def clearance(
     path = np.repeat(np.arange(len(count)), count)
     pair = np.arange(len(path)) + np.repeat(begin - start, count)
     along = target - origin
-    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
+    length = np.maximum(np.sqrt((along**2).sum(axis=1)), 1e-9)
     ux, uy = (along / length[:, None]).T
     x, y = (poses[receiver, :2] - origin).T
     x, y, ux, uy = around.dx[pair] + x[path], around.dy[pair] + y[path], ux[path], uy[path]

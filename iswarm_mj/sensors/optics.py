@@ -73,7 +73,7 @@ def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) 
 def _receive_in_sector(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
     """Paper's reception: within range, in the receiver's sector and in the sender's beam, or not at all."""
     xp = array_module(side)
-    distance = xp.hypot(*at_receiver)
+    distance = xp.sqrt(at_receiver[0] ** 2 + at_receiver[1] ** 2)
     seen = _in_cone(at_receiver[0], at_receiver[1], optics.photodiode_aperture)
     lit = _in_cone(at_sender[0], at_sender[1], optics.led_beam_aperture)
     received = seen & lit & (distance < mm_from_rd(optics.communication_radius))
