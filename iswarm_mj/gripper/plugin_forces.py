@@ -203,10 +203,10 @@ def electrostatic_callbacks() -> dict[str, Any]:
     def advance(m, d, instance):
         f = fields(m, d, at)
         s = f.plugin_stateadr[instance]
+        touches = f.plugin_state[s + 7] <= f.plugin_state[s + 4]
         if f.plugin_state[s + 8] <= 0:
             f.plugin_state[s + 6] = 0.0
-        elif f.plugin_state[s + 7] <= f.plugin_state[s + 4]:
-            if abs(f.ctrl[int(f.plugin_state[s + 3])]) <= f.plugin_state[s + 5]:
-                f.plugin_state[s + 6] = 1.0
+        elif touches and abs(f.ctrl[int(f.plugin_state[s + 3])]) <= f.plugin_state[s + 5]:
+            f.plugin_state[s + 6] = 1.0
 
     return {"compute": compute, "advance": advance}

@@ -1,0 +1,258 @@
+"""The gripper's forces in MJX, for `impl="jax"` and `impl="warp"` alike: the same laws, and the plugins' attributes.
+
+    forces = gripper_forces(model)
+    portable = mjx_compatible(model)
+    mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl)
+    potential = ON_PROBE
+    dx, potential = step(forces, mx, dx, potential)      # in jit, scan, vmap
+
+MJX knows no plugins: it drops their forces, so they enter as `qfrc_applied`. `GripperForces` is a pytree whose
+arrays can be replaced and batched by `vmap`, as can radii in the model (`resize`), and voltages and the probe's path
+in `Data.ctrl`. What each force does, and when, is told in `plugin`.
+"""
+
+import copy
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+from mujoco import mjx
+
+from iswarm_mj.arrays import Array
+from iswarm_mj.errors import UserError
+from iswarm_mj.gripper.adhesion import dmt_pull_off, van_der_waals_force
+from iswarm_mj.gripper.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.humidity import humidity_factor
+from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
+from iswarm_mj.gripper.plugin_forces import NN, UM
+
+ON_PLATE, ON_PROBE = 0.0, 1.0
+"""Whose potential the ball has; a ball starts with the probe's, and takes the plate's where it touches it."""
+
+
+class Joint(NamedTuple):
+    """A joint that moves a body."""
+
+    kind: int
+    number: int
+    dof: int
+    body: int
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class GripperForces:
+    """Attributes of the plugins of a model: arrays, and static ids.
+
+    Attributes:
+        work: (P,) work of adhesion at 10 % RH of each pair of surfaces [nN/um].
+        humidity: (P,) relative humidity [%].
+        hamaker: (P,) Hamaker constant [nN um].
+        contact_gap: effective gap of a touching tool [um].
+        off_voltage: voltage taken as off [V].
+        pairs: P pairs of geoms, ball and surface, in the order of the plugin instances.
+        ball: geom, and so on; `voltage` is an actuator.
+        plane: for each geom whether it is a plane.
+        joints: for each geom the joints that move it.
+    """
+
+    work: Array
+    humidity: Array
+    hamaker: Array
+    contact_gap: Array
+    off_voltage: Array
+    pairs: tuple[tuple[int, int], ...] = field(metadata={"static": True})
+    ball: int = field(metadata={"static": True})
+    probe: int = field(metadata={"static": True})
+    plate: int = field(metadata={"static": True})
+    voltage: int = field(metadata={"static": True})
+    plane: tuple[bool, ...] = field(metadata={"static": True})
+    joints: tuple[tuple[Joint, ...], ...] = field(metadata={"static": True})
+
+
+def gripper_forces(model: mujoco.MjModel) -> GripperForces:
+    """Forces that a model's plugin instances declare: any number of adhesion, one electrostatic.
+
+    Args:
+        model: compiled, with its plugins.
+    """
+    state = mujoco.MjData(model).plugin_state
+    found: dict[str, list[dict[str, float]]] = {ADHESION: [], ELECTROSTATIC: []}
+    for slot, start in zip(model.plugin, model.plugin_stateadr, strict=True):
+        for name, instances in found.items():
+            if slot == SLOTS[name]:
+                instances.append(dict(zip(state_fields(name), state[start:], strict=False)))
+    adhesion, electrostatic = found[ADHESION], found[ELECTROSTATIC]
+    if len(electrostatic) != 1:
+        raise UserError(f"The model has {len(electrostatic)} plugin instances of {ELECTROSTATIC}; give it exactly one.")
+    one = electrostatic[0]
+    return GripperForces(
+        *(jnp.array([pair[name] for pair in adhesion]) for name in ("work", "humidity", "hamaker")),
+        *(jnp.asarray(one[name]) for name in ("contact_gap", "off_voltage")),
+        pairs=tuple((int(pair["ball"]), int(pair["surface"])) for pair in adhesion),
+        **{name: int(one[name]) for name in ("ball", "probe", "plate", "voltage")},
+        plane=tuple(bool(kind == mujoco.mjtGeom.mjGEOM_PLANE) for kind in model.geom_type),
+        joints=tuple(_joints(model, body) for body in model.geom_bodyid),
+    )
+
+
+def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
+    """Joints that move a body, its own and those of the bodies that carry it."""
+    chain = []
+    while body > 0:
+        first = model.body_jntadr[body]
+        for j in range(first, first + model.body_jntnum[body]):
+            chain.append(Joint(int(model.jnt_type[j]), j, int(model.jnt_dofadr[j]), int(body)))
+        body = model.body_parentid[body]
+    return tuple(chain)
+
+
+def mjx_compatible(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Copy of a model that every implementation of MJX accepts, without the flags that MJX-Warp does not know.
+
+    They change nothing there: it has no midphase, and never resets by itself. Plugins may stay: MJX ignores them.
+    """
+    model = copy.copy(model)
+    flags = (mujoco.mjtDisableBit.mjDSBL_MIDPHASE, mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    model.opt.disableflags &= ~sum(int(flag) for flag in flags)
+    return model
+
+
+def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
+    """MJX model whose ball, alone in a body with a free joint, has another radius; mass and inertia follow.
+
+    Args:
+        forces: tell which geom the ball is.
+        model: MJX's.
+        radius: [um]; for a batch use `vmap`.
+    """
+    joint = forces.joints[forces.ball][0]
+    ratio = radius / model.geom_size[forces.ball, 0]
+    mass, inertia = ratio**3, ratio**5
+    loose = jnp.repeat(jnp.stack([1 / mass, 1 / inertia]), 3)
+    return model.replace(
+        geom_size=model.geom_size.at[forces.ball, 0].set(radius),
+        geom_rbound=model.geom_rbound.at[forces.ball].set(radius),
+        body_mass=model.body_mass.at[joint.body].multiply(mass),
+        body_subtreemass=model.body_subtreemass.at[joint.body].multiply(mass),
+        body_inertia=model.body_inertia.at[joint.body].multiply(inertia),
+        body_invweight0=model.body_invweight0.at[joint.body].multiply(loose[2:4]),
+        dof_invweight0=model.dof_invweight0.at[joint.dof : joint.dof + 6].multiply(loose),
+    )
+
+
+class Force(NamedTuple):
+    """What acts at one moment."""
+
+    generalized: Array
+    """(nv,), for `qfrc_applied`."""
+    adhesion: Array
+    """(P,) towards the surface [nN]."""
+    electrostatic: Array
+    """Towards the probe, or negative towards the plate [nN]."""
+    gaps: Array
+    """(P,) between the pairs [um]."""
+    potential: Array
+    """Whose potential the ball has after this step."""
+
+
+def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, potential: Array) -> Force:
+    """Forces at the positions `data.qpos` and the voltage in `data.ctrl`.
+
+    Args:
+        forces: attributes and ids.
+        model: MJX's; radii are those of its geoms.
+        data: MJX's.
+        potential: `ON_PLATE` or `ON_PROBE`, as the last call returned it.
+    """
+    data = mjx.kinematics(model, data)
+    total = jnp.zeros_like(data.qvel)
+    adhesion, gaps = [], []
+    for i, (ball, surface) in enumerate(forces.pairs):
+        gap, normal = _gap(forces, model, data, ball, surface)
+        radius = model.geom_size[ball, 0]
+        force = _adhesion(forces.work[i], forces.humidity[i], forces.hamaker[i], radius, gap)
+        total += _attraction(forces, model, data, (ball, surface), gap, force * normal)
+        adhesion, gaps = [*adhesion, force], [*gaps, gap]
+    probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
+    plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
+    release = (potential > 0.5) & (plate_gap > 0)
+    voltage = data.ctrl[forces.voltage]
+    radius, probe_radius = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0]
+    gap = jnp.maximum(jnp.where(release, plate_gap, probe_gap), forces.contact_gap)
+    lengths = (gap * UM, radius * UM, probe_radius * UM)
+    up = jnp.where(release, 0.0, pick_force(voltage, *lengths) / NN)
+    down = jnp.where(release, release_force(voltage, *lengths) / NN, 0.0)
+    total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
+    total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
+    equalises = (probe_gap <= forces.contact_gap) & (jnp.abs(voltage) <= forces.off_voltage)
+    potential = jnp.where(plate_gap <= 0, ON_PLATE, jnp.where(equalises, ON_PROBE, potential))
+    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), potential)
+
+
+def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, potential: Array) -> tuple[mjx.Data, Array]:
+    """One physics step with the gripper's forces; arguments as for `gripper_force`.
+
+    Returns:
+        The data, and whose potential the ball has.
+    """
+    force = gripper_force(forces, model, data, potential)
+    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.potential
+
+
+def _adhesion(work: Array, humidity: Array, hamaker: Array, radius: Array, gap: Array) -> Array:
+    """Pull-off force in contact, van der Waals attraction out of it [nN]."""
+    work = work * humidity_factor(humidity) * (NN / UM)
+    # Masked, so that neither branch divides by zero; the Hamaker constant in nN um keeps float32's range.
+    apart = (gap > 0) & (hamaker > 0) & (work > 0)
+    offset = jnp.sqrt(hamaker / (12 * math.pi * jnp.where(apart, work / (NN / UM), 1.0)))
+    attraction = van_der_waals_force(hamaker, radius, jnp.where(apart, gap + offset, 1.0))
+    return jnp.where(gap <= 0, dmt_pull_off(radius * UM, work) / NN, jnp.where(apart, attraction, 0.0))
+
+
+def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, surface: int) -> tuple[Array, Array]:
+    """Gap from a plane or cylinder to a ball [um], and the unit vector (3,) that points along it to the ball."""
+    axis = data.geom_xmat[surface].reshape(3, 3)[:, 2]
+    vector = data.geom_xpos[ball] - data.geom_xpos[surface]
+    along = vector @ axis
+    radius = model.geom_size[ball, 0]
+    if forces.plane[surface]:
+        return along - radius, axis
+    half, size = model.geom_size[surface, 1], model.geom_size[surface, 0]
+    aside = vector - along * axis
+    distance_aside = jnp.sqrt(jnp.maximum(aside @ aside, 1e-12))
+    aside = jnp.where(distance_aside > size, 1 - size / distance_aside, 0.0) * aside
+    vector = (along - jnp.clip(along, -half, half)) * axis + aside
+    distance = jnp.sqrt(jnp.maximum(vector @ vector, 1e-12))
+    return distance - radius, vector / distance
+
+
+def _attraction(
+    forces: GripperForces, model: mjx.Model, data: mjx.Data, pair: tuple[int, int], gap: Array, force: Array
+) -> Array:
+    """Generalised force (nv,) of a pull (3,) of the ball on the surface, and of the surface on the ball."""
+    ball, surface = pair
+    strength = jnp.sqrt(jnp.maximum(force @ force, 1e-30))
+    point = data.geom_xpos[ball] - (model.geom_size[ball, 0] + gap / 2) * force / strength
+    return _generalized(forces.joints[surface], data, point, force) - _generalized(
+        forces.joints[ball], data, point, force
+    )
+
+
+def _generalized(joints: tuple[Joint, ...], data: mjx.Data, point: Array, force: Array) -> Array:
+    """Generalised force (nv,) of a force (3,) at a point (3,) of a body that these joints move."""
+    total = jnp.zeros_like(data.qvel)
+    for joint in joints:
+        axis, torque = data.xaxis[joint.number], jnp.cross(point - data.xanchor[joint.number], force)
+        own = data.xmat[joint.body].reshape(3, 3).T @ torque
+        moved = {
+            mujoco.mjtJoint.mjJNT_FREE: jnp.concatenate([force, own]),
+            mujoco.mjtJoint.mjJNT_BALL: own,
+            mujoco.mjtJoint.mjJNT_SLIDE: (axis @ force)[None],
+            mujoco.mjtJoint.mjJNT_HINGE: (axis @ torque)[None],
+        }[mujoco.mjtJoint(joint.kind)]
+        total = total.at[joint.dof : joint.dof + len(moved)].add(moved)
+    return total
