@@ -1,7 +1,7 @@
 """The gripper's forces in MJX, for `impl="jax"` and `impl="warp"` alike: the same laws, and the plugins' attributes.
 
-    forces = gripper_forces(model)
-    portable = mjx_compatible(model)
+    spec = mujoco.MjSpec.from_file("models/bench.xml")
+    forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
     mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl)
     potential = ON_PROBE
     dx, potential = step(forces, mx, dx, potential)      # in jit, scan, vmap
@@ -11,7 +11,6 @@ arrays can be replaced and batched by `vmap`, as can radii in the model (`resize
 in `Data.ctrl`. What each force does, and when, is told in `plugin`.
 """
 
-import copy
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -110,15 +109,17 @@ def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
     return tuple(chain)
 
 
-def mjx_compatible(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Copy of a model that every implementation of MJX accepts, without the flags that MJX-Warp does not know.
+def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile a model that every implementation of MJX accepts: without plugins, and flags that MJX-Warp does not know.
 
-    They change nothing there: it has no midphase, and never resets by itself. Plugins may stay: MJX ignores them.
+    The flags change nothing there: it has no midphase, and never resets by itself. The specification stays as it is.
     """
-    model = copy.copy(model)
+    spec = spec.copy()
+    for plugin in list(spec.plugins):
+        spec.delete(plugin)
     flags = (mujoco.mjtDisableBit.mjDSBL_MIDPHASE, mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    model.opt.disableflags &= ~sum(int(flag) for flag in flags)
-    return model
+    spec.option.disableflags &= ~sum(int(flag) for flag in flags)
+    return spec.compile()
 
 
 def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:

@@ -117,7 +117,9 @@ def _texts(plugin: str) -> np.ndarray:
         (a.name, f'{plugin}: {a.name} is "', f'"; give {a.demand}, as attribute of the instance.')
         for a in ATTRIBUTES[plugin]
     ]
-    return np.array([[list(text.encode().ljust(256, b"\0")) for text in column] for column in zip(*rows, strict=True)], np.uint8)
+    return np.array(
+        [[list(text.encode().ljust(256, b"\0")) for text in column] for column in zip(*rows, strict=True)], np.uint8
+    )
 
 
 def _register(plugin: str) -> int:

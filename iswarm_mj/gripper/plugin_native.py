@@ -55,7 +55,9 @@ class Fields(NamedTuple):
 
 def places() -> np.ndarray:
     """Places (16,) of the `Fields` in mjModel and mjData, counted in pointers."""
-    return np.concatenate([pointer_indices("mjModel", Fields._fields[:9]), pointer_indices("mjData", Fields._fields[9:])])
+    return np.concatenate(
+        [pointer_indices("mjModel", Fields._fields[:9]), pointer_indices("mjData", Fields._fields[9:])]
+    )
 
 
 def _pointer_to(item: Any) -> Any:
