@@ -27,6 +27,7 @@ BENCH = Path(__file__).parents[1] / "models" / "bench.xml"
 FIELDS = (
     "geom_size",
     "geom_rbound",
+    "geom_aabb",
     "body_mass",
     "body_subtreemass",
     "body_inertia",
@@ -130,6 +131,7 @@ def test_a_resized_model_is_the_one_compiled_at_that_size(world, radius):
     ball, dofs = forces.joints[forces.ball][0].body, slice(0, 6)
     for name in FIELDS:
         ours, theirs = np.asarray(getattr(sized, name)), getattr(compiled, name)
+        theirs = theirs.reshape(ours.shape)
         part = {"geom": forces.ball, "body": ball, "dof_": dofs}[name[:4]]
         np.testing.assert_allclose(ours[part], theirs[part], rtol=1e-5, err_msg=name)
 

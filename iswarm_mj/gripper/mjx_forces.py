@@ -137,6 +137,7 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
     return model.replace(
         geom_size=model.geom_size.at[forces.ball, 0].set(radius),
         geom_rbound=model.geom_rbound.at[forces.ball].set(radius),
+        geom_aabb=model.geom_aabb.at[forces.ball].multiply(ratio),
         body_mass=model.body_mass.at[joint.body].multiply(mass),
         body_subtreemass=model.body_subtreemass.at[joint.body].multiply(mass),
         body_inertia=model.body_inertia.at[joint.body].multiply(inertia),
