@@ -32,6 +32,10 @@ GenomeOverrides = make_dataclass(
 GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
 
 
+MOST_ROBOTS = 200_000
+"""Robots in all worlds together that the memory of an ordinary machine holds (about 0.1 MB each)."""
+
+
 @dataclass(frozen=True)
 class Swarm:
     """Settings that every command on a swarm has."""
@@ -66,7 +70,7 @@ class Swarm:
         from iswarm_mj.layout import check_robots, robots_for
 
         check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
-        check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
+        check("worlds", self.worlds, "at least 1", self.worlds >= 1)
         check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
         check("engine", self.engine, "mujoco", self.engine == "mujoco")
         genome = overridden(load_genome(self.genome), vars(self.override))
@@ -74,8 +78,11 @@ class Swarm:
         if self.robots is not None and self.density is not None:
             raise UserError("--robots and --density were both given; one of them is enough: leave the other out.")
         density = genome.density_of_robots if self.density is None else self.density
-        n_robots = robots_for(config.arena, density) if self.robots is None else self.robots
+        name = "density_of_robots of the genome" if self.density is None else "--density"
+        n_robots = robots_for(config.arena, density, name) if self.robots is None else self.robots
         check_robots(config.arena, n_robots)
+        most = MOST_ROBOTS // n_robots
+        check("worlds", self.worlds, f"between 1 and {most} with {n_robots} robots in each", self.worlds <= most)
         return config, genome, n_robots
 
 
@@ -171,4 +178,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"iswarm: {fault}", file=sys.stderr)
         raise SystemExit(1) from None
     except KeyboardInterrupt:
+        print("iswarm: interrupted; what was recorded so far is kept.", file=sys.stderr)
         raise SystemExit(130) from None

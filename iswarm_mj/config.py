@@ -39,7 +39,7 @@ class ArenaConfig:
     """Largest radius of a solder ball (section 3.2.2) [m]."""
 
     def __post_init__(self):
-        check("arena.size", self.size, "between 10 and 500 rd", 10 <= self.size <= 500)
+        check("arena.size", self.size, "between 10 and 150 rd", 10 <= self.size <= 150)
         check(
             "arena.dump_size",
             self.dump_size,
@@ -52,7 +52,7 @@ class ArenaConfig:
               self.dust_area_offset >= 0 and reach <= self.size / 2)  # fmt: skip
         check("arena.dust_area_offset", self.dust_area_offset, "such that the dust areas lie outside the dump",
               self.dust_area_offset - self.dust_area_size / 2 >= self.dump_size / 2)  # fmt: skip
-        check("arena.n_dust", self.n_dust, "between 1 and 10000", 1 <= self.n_dust <= 10_000)
+        check("arena.n_dust", self.n_dust, "between 1 and 1000", 1 <= self.n_dust <= 1000)
         check(
             "arena.ball_radius_min",
             self.ball_radius_min,
@@ -75,6 +75,8 @@ class DriveConfig:
     """Physics steps of a control step spent turning."""
     walk_substeps: int = 6
     """Physics steps of a control step spent walking."""
+    aims: int = 2
+    """How often a walking robot takes its direction anew from its heading, which contacts may turn."""
     max_turn: float = 90.0
     """Largest turn in one control step [deg]."""
 
@@ -88,6 +90,7 @@ class DriveConfig:
         )
         check("drive.turn_substeps", self.turn_substeps, "between 1 and 100", 1 <= self.turn_substeps <= 100)
         check("drive.walk_substeps", self.walk_substeps, "between 1 and 100", 1 <= self.walk_substeps <= 100)
+        check("drive.aims", self.aims, "between 1 and walk-substeps", 1 <= self.aims <= self.walk_substeps)
         check("drive.max_turn", self.max_turn, "above 0 and at most 180 deg", 0 < self.max_turn <= 180)
 
     @property
@@ -173,7 +176,12 @@ class GripperConfig:
 
     def __post_init__(self):
         for name in ("grasp_voltage", "release_voltage"):
-            check(f"gripper.{name}", getattr(self, name), "within 0 to 1000 V", 0 <= getattr(self, name) <= 1000)
+            check(
+                f"gripper.{name}",
+                getattr(self, name),
+                "within 0 to 69 V, since 70 V melts the ball",
+                0 <= getattr(self, name) <= 69,
+            )
         check(
             "gripper.relative_humidity",
             self.relative_humidity,

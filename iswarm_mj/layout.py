@@ -18,10 +18,16 @@ def free_cells(arena: ArenaConfig) -> np.ndarray:
     return np.column_stack([x, y])[outside]
 
 
-def robots_for(arena: ArenaConfig, density: float) -> int:
-    """Number of robots that covers a share `density` of the free cells; 0.118 gives 280, 0.132 gives 314."""
+def robots_for(arena: ArenaConfig, density: float, name: str = "--density") -> int:
+    """Number of robots that covers a share `density` of the free cells; 0.118 gives 280, 0.132 gives 314.
+
+    Args:
+        arena: sizes of the arena and of the dump.
+        density: share of the cells, above 0 and at most 1.
+        name: what an error message calls the density.
+    """
     if not 0.0 < density <= 1.0:
-        raise UserError(f"--density was {density:g}; it must lie above 0 and at most 1: choose such a share.")
+        raise UserError(f"{name} was {density:g}; it must lie above 0 and at most 1: choose such a share.")
     return max(1, round(density * len(free_cells(arena))))
 
 

@@ -90,7 +90,9 @@ def _scene(
         model.geom(f"robot{robot}/substrate").rgba = LOADED if loaded else SCOUT if scout else EMPTY
     for ball in range(len(arena.mocap)):
         model.geom(f"ball{ball}/ball").size[0] *= ball_scale
-    mujoco.mj_forward(model, data)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
     model.vis.global_.offwidth, model.vis.global_.offheight = size
     try:
         return mujoco.Renderer(model, size[1], size[0], max_geom=model.ngeom + 100), data

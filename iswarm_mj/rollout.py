@@ -31,9 +31,13 @@ class RunSettings:
     """One run of B worlds; world w of seed s has its own random numbers, the same in any batch."""
 
     n_robots: int
+    """N, robots in each world."""
     steps: int
+    """Control steps at most."""
     seed: int = 0
+    """Seed of all random numbers."""
     n_worlds: int = 1
+    """B, independent worlds at once."""
     n_threads: int = 0
     """Threads for physics, 0 for one a core; the results do not depend on it."""
     stop_at: int | None = None

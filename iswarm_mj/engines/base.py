@@ -29,7 +29,7 @@ class Engine(Protocol):
     def contacts(self, world: int) -> np.ndarray:
         """Return the pairs of robots in contact in the last physics step of a world.
 
-        Each pair is one sorted number (P,): lower index * N + higher index.
+        Each pair is one number (P,), lower index * N + higher index, and may come several times.
         """
         ...
 

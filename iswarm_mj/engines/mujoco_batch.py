@@ -47,7 +47,7 @@ class MujocoBatchEngine:
         first, second = self._object[contact.geom[contact.dist <= 0]].T
         n = len(self._arena.hull)
         robots = (first < n) & (second < n)
-        return np.unique((np.minimum(first, second) * n + np.maximum(first, second))[robots])
+        return (np.minimum(first, second) * n + np.maximum(first, second))[robots]
 
     def cast_rays(
         self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray

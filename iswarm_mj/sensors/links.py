@@ -14,17 +14,12 @@ import numpy as np
 from iswarm_mj.arrays import Array
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
-from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, Reception, receive, side_centres
+from iswarm_mj.sensors.optics import N_SIDES, Reception, receive, side_centres
+from iswarm_mj.sensors.shadows import CIRCUMRADIUS, CLEAR, OPEN, judge
 from iswarm_mj.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """(world, origin, target, receiver, sender) of P rays -> (P,) bool: does the ray reach the sender first?"""
-
-CIRCUMRADIUS = HALF_WIDTH * 2**0.5 * (1 + 1e-6)
-"""Nothing of a robot is farther from its centre, so it does not touch a path that passes at more [mm]."""
-
-INRADIUS = HALF_WIDTH * (1 - 1e-6)
-"""Everything nearer to a robot's centre is robot, so it cuts a path that passes at less [mm]."""
 
 
 class Links(NamedTuple):
@@ -114,51 +109,15 @@ def _in_sight(poses: np.ndarray, around: Neighbours, found: Candidates, n_robots
     """Whether nothing stands between (P,) bool; False also where a nearer candidate of the same side is clear."""
     sides = side_centres(poses)
     origin, target = sides[found.receiver, found.reception.side], sides[found.sender, found.reception.led]
-    nearest = np.diff(found.slot, prepend=-1) > 0
-    gap = np.full(len(nearest), -1.0)
-    gap[nearest] = clearance(poses, around, found, np.flatnonzero(nearest), origin, target)
-    settled = np.zeros(found.slot[-1] + 1 if len(nearest) else 0, bool)
-    settled[found.slot[gap > CIRCUMRADIUS]] = True
-    others = np.flatnonzero(~nearest & ~settled[found.slot])
-    gap[others] = clearance(poses, around, found, others, origin, target)
-    clear = gap > CIRCUMRADIUS
-    ask = np.flatnonzero((gap > INRADIUS) & (np.arange(len(clear)) < _first(clear, found.slot)[found.slot]))
+    verdict = judge(
+        found.slot, found.receiver, found.sender, found.distance, origin, target, poses, around.first, around.other,
+        around.distance,
+    )  # fmt: skip
+    clear = verdict == CLEAR
+    ask = np.flatnonzero(verdict == OPEN)
     world, receiver = np.divmod(found.receiver[ask], n_robots)
     clear[ask] = reaches(world, origin[ask], target[ask], receiver, found.sender[ask] % n_robots)
     return clear
-
-
-def clearance(
-    poses: np.ndarray, around: Neighbours, found: Candidates, which: np.ndarray, origin: np.ndarray,
-    target: np.ndarray,
-) -> np.ndarray:  # fmt: skip
-    """Distance (W,) between the straight light path of a candidate and the nearest third robot's centre [mm].
-
-    Args:
-        poses: (B N, 3).
-        around: pairs of robots at least as far as light reaches and a robot's circumradius more.
-        found: P candidates.
-        which: (W,) indices of the candidates in question.
-        origin: (P, 2) where the paths begin, at the receivers [mm].
-        target: (P, 2) where they end, at the senders [mm].
-    """
-    receiver, origin, target = found.receiver[which], origin[which], target[which]
-    begin = around.first[receiver]
-    reach = (found.distance[which] + CIRCUMRADIUS) / around.radius_and_more
-    count = np.searchsorted(around.key, receiver + np.minimum(reach, 1.0)) - begin
-    start = np.cumsum(count) - count
-    path = np.repeat(np.arange(len(count)), count)
-    pair = np.arange(len(path)) + np.repeat(begin - start, count)
-    along = target - origin
-    length = np.maximum(np.sqrt((along**2).sum(axis=1)), 1e-9)
-    ux, uy = (along / length[:, None]).T
-    x, y = (poses[receiver, :2] - origin).T
-    x, y, ux, uy = around.dx[pair] + x[path], around.dy[pair] + y[path], ux[path], uy[path]
-    ahead = x * ux + y * uy
-    beyond = ahead - np.clip(ahead, 0.0, length[path])
-    squared = beyond**2 + (y * ux - x * uy) ** 2
-    squared[around.other[pair] == found.sender[which][path]] = np.inf
-    return np.sqrt(np.minimum.reduceat(squared, start)) if len(start) else np.zeros(0)
 
 
 def _first(which: np.ndarray, slot: np.ndarray) -> np.ndarray:

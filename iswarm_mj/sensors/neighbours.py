@@ -17,14 +17,11 @@ class Neighbours(NamedTuple):
     dx: np.ndarray
     """World x of the other less that of the robot [mm]."""
     dy: np.ndarray
+    """World y likewise [mm]."""
     distance: np.ndarray
     """[mm]"""
     first: np.ndarray
     """(B N + 1,) where each robot's pairs begin."""
-    key: np.ndarray
-    """Sorting key of the pairs (P,): robot + distance / radius_and_more."""
-    radius_and_more: float
-    """A length that is more than any of the distances [mm]."""
 
 
 def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
@@ -36,10 +33,8 @@ def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
     robot, other = pairs.T.ravel(), pairs[:, ::-1].T.ravel()
     x, y = xy.reshape(-1, 2).T
     dx, dy = x[other] - x[robot], y[other] - y[robot]
-    more = 1.001 * radius
     distance = np.sqrt(dx * dx + dy * dy)  # hypot is several times slower
-    key = robot + distance / more
-    order = np.argsort(key)
-    robot, key = robot[order], key[order]
+    order = np.argsort(robot + distance / (1.001 * radius))
+    robot = robot[order]
     first = np.searchsorted(robot, np.arange(n_worlds * n_robots + 1))
-    return Neighbours(robot, other[order], dx[order], dy[order], distance[order], first, key, more)
+    return Neighbours(robot, other[order], dx[order], dy[order], distance[order], first)

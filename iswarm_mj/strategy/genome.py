@@ -80,8 +80,8 @@ def load_genome(name: str) -> Genome:
     if not path.is_file():
         raise UserError(f"genome was {name!r}; give one of the presets {presets} or the path of a JSON file.")
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        values = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
         raise UserError(
             f"genome file {name} is not readable JSON ({error}); write one object such as "
             '{"use_hop_count": true, "p_vector_forget": 0.29}.'
