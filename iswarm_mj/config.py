@@ -52,7 +52,7 @@ class ArenaConfig:
               self.dust_area_offset >= 0 and reach <= self.size / 2)  # fmt: skip
         check("arena.dust_area_offset", self.dust_area_offset, "such that the dust areas lie outside the dump",
               self.dust_area_offset - self.dust_area_size / 2 >= self.dump_size / 2)  # fmt: skip
-        check("arena.n_dust", self.n_dust, "between 1 and 1000", 1 <= self.n_dust <= 1000)
+        check("arena.n_dust", self.n_dust, "between 1 and 2500", 1 <= self.n_dust <= 2500)
         check(
             "arena.ball_radius_min",
             self.ball_radius_min,
@@ -75,8 +75,6 @@ class DriveConfig:
     """Physics steps of a control step spent turning."""
     walk_substeps: int = 6
     """Physics steps of a control step spent walking."""
-    aims: int = 2
-    """How often a walking robot takes its direction anew from its heading, which contacts may turn."""
     max_turn: float = 90.0
     """Largest turn in one control step [deg]."""
 
@@ -90,7 +88,6 @@ class DriveConfig:
         )
         check("drive.turn_substeps", self.turn_substeps, "between 1 and 100", 1 <= self.turn_substeps <= 100)
         check("drive.walk_substeps", self.walk_substeps, "between 1 and 100", 1 <= self.walk_substeps <= 100)
-        check("drive.aims", self.aims, "between 1 and walk-substeps", 1 <= self.aims <= self.walk_substeps)
         check("drive.max_turn", self.max_turn, "above 0 and at most 180 deg", 0 < self.max_turn <= 180)
 
     @property

@@ -17,8 +17,8 @@ class Measures(NamedTuple):
     collisions: int
     """Pairs of robots in contact that were not at the control step before, summed over the steps.
 
-    Contacts are read at the end of the turn and of each part of the walk, three times in ten physics steps; a touch
-    that comes and goes in between is not counted.
+    Contacts are read after the turn and after the walk, twice in ten physics steps; a touch that comes and goes in
+    between is not counted.
     """
     mean_carriage_steps: float | None
     """Mean number of control steps for which a delivered ball was carried; None before the first."""

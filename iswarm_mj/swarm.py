@@ -122,6 +122,8 @@ def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.nda
 def drive(config: SwarmConfig, engine: Engine, command: Command, worlds: np.ndarray) -> list[np.ndarray]:
     """Turn on the spot, then walk ahead, along the heading as it is then.
 
+    A robot that a contact turns while it walks keeps its direction over the ground until the next control step.
+
     Args:
         config: durations of the phases.
         engine: moves the robots.
@@ -129,28 +131,19 @@ def drive(config: SwarmConfig, engine: Engine, command: Command, worlds: np.ndar
         worlds: (W,) indices of the worlds that move.
 
     Returns:
-        For each of these worlds, the pairs of robots (P,) that touch at the end of a phase, as `Engine.contacts`
-        numbers them.
+        For each of these worlds, the pairs of robots (P,) that touch after the turn or after the walk, as
+        `Engine.contacts` numbers them.
     """
     options = config.drive
-    touching = [[] for _ in worlds]
-
-    def advance(velocity: np.ndarray, n_substeps: int) -> None:
-        engine.advance(velocity, n_substeps, worlds)
-        for pairs, world in zip(touching, worlds, strict=True):
-            pairs.append(engine.contacts(world))
-
     velocity = np.zeros((*np.shape(command.turn), 3))
     velocity[..., 2] = np.asarray(command.turn) / (options.turn_substeps * options.timestep)
-    advance(velocity, options.turn_substeps)
+    engine.advance(velocity, options.turn_substeps, worlds)
+    turned = [engine.contacts(w) for w in worlds]
+    yaw = engine.poses()[..., 2]
     speed = np.asarray(command.forward) / (options.walk_substeps * options.timestep)
-    for aim in range(options.aims):
-        yaw = engine.poses()[..., 2]
-        velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-        advance(
-            velocity, (aim + 1) * options.walk_substeps // options.aims - aim * options.walk_substeps // options.aims
-        )
-    return [np.unique(np.concatenate(pairs)) for pairs in touching]
+    velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros_like(yaw)], axis=-1)
+    engine.advance(velocity, options.walk_substeps, worlds)
+    return [np.unique(np.concatenate([t, engine.contacts(w)])) for t, w in zip(turned, worlds, strict=True)]
 
 
 def ball_centres(state: SwarmState, poses: np.ndarray, probe: np.ndarray, tip_height: float) -> np.ndarray:

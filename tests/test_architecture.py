@@ -13,7 +13,7 @@ PACKAGE = Path(iswarm_mj.__file__).parent
 
 FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units"],
-    ["config", "blueprint"],
+    ["config", "blueprint", "sensors.neighbours"],
     ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
     [
         "gripper.electrostatics",
@@ -25,7 +25,6 @@ FLOORS = [
     [
         "gripper.detachment",
         "strategy.avoidance",
-        "sensors.neighbours",
         "sensors.messages",
         "sensors.optics",
         "gripper.plugin_native",
@@ -33,14 +32,20 @@ FLOORS = [
     [
         "sensors.exchange",
         "sensors.floor",
-        "sensors.links",
+        "sensors.shadows",
         "strategy.controller",
         "layout",
         "model",
         "gripper.plugin_forces",
     ],
-    ["gripper.handling", "gripper.plugin", "engines.base", "engines.mujoco_batch"],
-    ["metrics", "swarm"],
+    [
+        "gripper.handling",
+        "gripper.plugin",
+        "sensors.links",
+        "engines.base",
+        "engines.mujoco_batch",
+    ],
+    ["metrics", "swarm", "gripper.mjx_forces"],
     ["rollout"],
     ["snapshot", "record", "results"],
     ["cleaning", "picture"],
@@ -115,7 +120,13 @@ def test_packages_import_nothing(name):
     assert imports(MODULES[name]) == set()
 
 
-PLUGIN = {"gripper.plugin", "gripper.plugin_abi", "gripper.plugin_forces", "gripper.plugin_native"}
+PLUGIN = {
+    "gripper.mjx_forces",
+    "gripper.plugin",
+    "gripper.plugin_abi",
+    "gripper.plugin_forces",
+    "gripper.plugin_native",
+}
 
 
 @pytest.mark.parametrize(

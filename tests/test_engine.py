@@ -151,7 +151,7 @@ class TestCollisions:
             assert min(abs(g) for g in gap.values()) > 1e-6
             touching = sorted(key for key, g in gap.items() if g < 0)
             assert len(touching) > 20
-            assert engine.contacts(world).tolist() == touching
+            assert sorted(set(engine.contacts(world).tolist())) == touching
 
     def test_walls_are_no_robots(self, small):
         engine = engine_of(small, [[(EDGE - 0.9, 0, 0), (0, 0, 0)]])

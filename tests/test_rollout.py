@@ -103,9 +103,18 @@ class TestMeasures:
         assert [int(view.collisions[0]) for view in views(run)] == [1, 2, 2, 3, 3, 5]
 
     def test_collisions_of_a_real_run(self, small):
+        """Contacts are read after the turn and after the walk."""
         run, total, touching = run_of(small, steps=40, seed=3), 0, set()
+        advance, read = run.engine.advance, []
+
+        def advance_and_read(*arguments):
+            advance(*arguments)
+            read.extend(run.engine.contacts(0).tolist())
+
+        run.engine.advance = advance_and_read
         for view in views(run):
-            now = set(run.engine.contacts(0).tolist())
+            now = set(read)
+            read.clear()
             total += len(now - touching)
             touching = now
             assert view.collisions[0] == total
@@ -278,3 +287,31 @@ def test_the_start_is_seen_too(small):
     assert view.step == 0 and not view.links.valid.any() and not view.collisions.any()
     np.testing.assert_array_equal(view.poses[0], run.starts[0].poses)
     np.testing.assert_allclose(view.balls[0, :, :2], run.starts[0].balls.position, atol=1e-6)
+
+
+def test_the_noise_of_two_steps_differs(small):
+    run = run_of(small, steps=3)
+    run.advance()
+    poses = run.engine.poses()
+    links, sees_wall = swarm.see(small, run.engine, poses)
+
+    def minds(step):
+        return swarm.decide_worlds(
+            small, tuple(run.arena.probe.tolist()), run._rules, run.state, poses.astype(np.float32), links, sees_wall,
+            step, run._keys, np.ones(1, bool),
+        )[0].mind  # fmt: skip
+
+    same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), minds(7), minds(7))
+    other = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), minds(7), minds(8))
+    assert all(jax.tree.leaves(same))
+    assert not all(jax.tree.leaves(other))
+
+
+def test_overlaps_stay_shallow_in_a_crowd():
+    crowd = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+    run = run_of(crowd, n_robots=100, steps=40)
+    deepest = 0.0
+    for _ in views(run):
+        contact = run.engine._batch.get_data(0, run.engine._scratch).contact
+        deepest = max(deepest, -contact.dist.min(initial=0.0))
+    assert 0.05 < deepest < 0.75  # one step's approach of two robots at full speed is 0.47 mm

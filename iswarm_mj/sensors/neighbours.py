@@ -1,9 +1,9 @@
-"""Pairs of robots near each other, by a k-d tree for each world."""
+"""Pairs of robots near each other, by a sweep along x in each world."""
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree  # KDTree wraps it, at the price of a third of the search
+from numba import njit
 
 
 class Neighbours(NamedTuple):
@@ -26,15 +26,48 @@ class Neighbours(NamedTuple):
 
 def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
     """Pairs of robots at (B, N, 2) that are at most `radius` apart [mm]."""
-    n_worlds, n_robots = xy.shape[:2]
-    trees = [cKDTree(at, balanced_tree=False, compact_nodes=False) for at in xy]
-    found = [tree.query_pairs(radius, output_type="ndarray") for tree in trees]
-    pairs = np.concatenate([n_robots * world + pairs for world, pairs in enumerate(found)])
-    robot, other = pairs.T.ravel(), pairs[:, ::-1].T.ravel()
-    x, y = xy.reshape(-1, 2).T
+    x, y = np.ascontiguousarray(xy[..., 0], float), np.ascontiguousarray(xy[..., 1], float)
+    robot, other, first = _sweep(x, y, np.argsort(x, axis=1), radius)
+    x, y = x.ravel(), y.ravel()
     dx, dy = x[other] - x[robot], y[other] - y[robot]
     distance = np.sqrt(dx * dx + dy * dy)  # hypot is several times slower
     order = np.argsort(robot + distance / (1.001 * radius))
-    robot = robot[order]
-    first = np.searchsorted(robot, np.arange(n_worlds * n_robots + 1))
     return Neighbours(robot, other[order], dx[order], dy[order], distance[order], first)
+
+
+@njit(cache=True)
+def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Robot and other (P,) of each pair, sorted by robot, and where each robot's pairs begin (B N + 1,).
+
+    Args:
+        x: (B, N) [mm].
+        y: (B, N) [mm].
+        rank: (B, N) the robots of each world in the order of x.
+        radius: greatest distance [mm].
+    """
+    n_worlds, n_robots = x.shape
+    first = np.zeros(n_worlds * n_robots + 1, np.int64)
+    for fills in (False, True):  # count the pairs of each robot, then write them
+        if fills:
+            first = np.cumsum(first)
+            place = first[:-1].copy()
+            robot, other = np.empty(first[-1], np.int64), np.empty(first[-1], np.int64)
+        for world in range(n_worlds):
+            for a in range(n_robots):
+                i = rank[world, a]
+                for b in range(a + 1, n_robots):
+                    j = rank[world, b]
+                    dx, dy = x[world, j] - x[world, i], y[world, j] - y[world, i]
+                    if dx > radius:
+                        break
+                    if dx * dx + dy * dy <= radius * radius:
+                        p, q = world * n_robots + i, world * n_robots + j
+                        if fills:
+                            robot[place[p]], other[place[p]] = p, q
+                            robot[place[q]], other[place[q]] = q, p
+                            place[p] += 1
+                            place[q] += 1
+                        else:
+                            first[p + 1] += 1
+                            first[q + 1] += 1
+    return robot, other, first
