@@ -47,10 +47,12 @@ def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tup
     """
     n_worlds, n_robots = x.shape
     first = np.zeros(n_worlds * n_robots + 1, np.int64)
+    place = np.zeros(n_worlds * n_robots, np.int64)
+    robot, other = np.empty(0, np.int64), np.empty(0, np.int64)
     for fills in (False, True):  # count the pairs of each robot, then write them
         if fills:
             first = np.cumsum(first)
-            place = first[:-1].copy()
+            place[:] = first[:-1]
             robot, other = np.empty(first[-1], np.int64), np.empty(first[-1], np.int64)
         for world in range(n_worlds):
             for a in range(n_robots):
