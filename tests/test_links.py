@@ -193,19 +193,20 @@ def test_who_shines_brightest_is_heard_not_who_is_nearest():
     assert heard(by_geometry(poses, optics))[0, 0] == (1, 0)
 
 
-def test_neighbours_are_all_pairs_within_the_radius_in_order():
+def test_neighbours_are_all_pairs_within_the_radius_by_robot():
     rng = np.random.default_rng(11)
     xy, radius = rng.uniform(0, 20, (2, 30, 2)), 6.0
     around = find_neighbours(xy, radius)
     offset = xy[:, None] - xy[:, :, None]
     distance = np.hypot(offset[..., 0], offset[..., 1])
     world, i, j = np.nonzero((distance <= radius) & ~np.eye(30, dtype=bool))
-    order = np.lexsort((distance[world, i, j], world * 30 + i))
-    world, i, j = world[order], i[order], j[order]
     np.testing.assert_array_equal(around.robot, world * 30 + i)
-    np.testing.assert_array_equal(around.other, world * 30 + j)
-    np.testing.assert_allclose(np.stack([around.dx, around.dy], -1), offset[world, i, j])
-    np.testing.assert_allclose(around.distance, distance[world, i, j])
+    order = np.lexsort((around.other, around.robot))
+    np.testing.assert_array_equal(around.other[order], world * 30 + j)
+    np.testing.assert_allclose(np.stack([around.dx, around.dy], -1)[order], offset[world, i, j])
+    np.testing.assert_allclose(around.distance[order], distance[world, i, j])
+    np.testing.assert_array_equal(around.robot[around.reverse], around.other)
+    np.testing.assert_array_equal(around.other[around.reverse], around.robot)
     counts = np.bincount(around.robot, minlength=60)
     np.testing.assert_array_equal(np.diff(around.first), counts)
     assert counts.sum() > 0

@@ -14,7 +14,7 @@ import numpy as np
 from iswarm_mj.arrays import Array
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
-from iswarm_mj.sensors.optics import N_SIDES, Reception, receive, side_centres
+from iswarm_mj.sensors.optics import N_SIDES, Reception, facing_side, into_frame, receive_views, side_centres
 from iswarm_mj.sensors.shadows import CIRCUMRADIUS, CLEAR, OPEN, judge
 from iswarm_mj.units import mm_from_rd
 
@@ -57,9 +57,10 @@ def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig)
         around: pairs of robots near each other.
         optics: range, cones and mode.
     """
-    heading = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    at_receiver, at_sender = ((c[i], s[i]) for c, s in [heading] for i in (around.robot, around.other))
-    reception = receive(around.dx, around.dy, at_receiver, at_sender, optics)
+    heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
+    ahead, left = into_frame(around.dx, around.dy, heading)
+    side, back = facing_side(ahead, left), around.reverse
+    reception = receive_views((ahead, left), (ahead[back], left[back]), side, side[back], optics)
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance))
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * N_SIDES + reception.side

@@ -7,7 +7,7 @@ from numba import njit
 
 
 class Neighbours(NamedTuple):
-    """Ordered pairs (P,) of robots of the same world, sorted by the first, then by distance.
+    """Ordered pairs (P,) of robots of the same world, sorted by the first.
 
     Indices count among all B N robots.
     """
@@ -20,6 +20,8 @@ class Neighbours(NamedTuple):
     """World y likewise [mm]."""
     distance: np.ndarray
     """[mm]"""
+    reverse: np.ndarray
+    """Index of the pair with the roles changed."""
     first: np.ndarray
     """(B N + 1,) where each robot's pairs begin."""
 
@@ -27,17 +29,16 @@ class Neighbours(NamedTuple):
 def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
     """Pairs of robots at (B, N, 2) that are at most `radius` apart [mm]."""
     x, y = np.ascontiguousarray(xy[..., 0], float), np.ascontiguousarray(xy[..., 1], float)
-    robot, other, first = _sweep(x, y, np.argsort(x, axis=1), radius)
+    robot, other, reverse, first = _sweep(x, y, np.argsort(x, axis=1), radius)
     x, y = x.ravel(), y.ravel()
     dx, dy = x[other] - x[robot], y[other] - y[robot]
     distance = np.sqrt(dx * dx + dy * dy)  # hypot is several times slower
-    order = np.argsort(robot + distance / (1.001 * radius))
-    return Neighbours(robot, other[order], dx[order], dy[order], distance[order], first)
+    return Neighbours(robot, other, dx, dy, distance, reverse, first)
 
 
 @njit(cache=True)
-def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Robot and other (P,) of each pair, sorted by robot, and where each robot's pairs begin (B N + 1,).
+def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
+    """Robot, other and reverse (P,) of each pair, sorted by robot, and where each robot's pairs begin (B N + 1,).
 
     Args:
         x: (B, N) [mm].
@@ -48,12 +49,13 @@ def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tup
     n_worlds, n_robots = x.shape
     first = np.zeros(n_worlds * n_robots + 1, np.int64)
     place = np.zeros(n_worlds * n_robots, np.int64)
-    robot, other = np.empty(0, np.int64), np.empty(0, np.int64)
+    robot = other = reverse = np.empty(0, np.int64)
     for fills in (False, True):  # count the pairs of each robot, then write them
         if fills:
             first = np.cumsum(first)
             place[:] = first[:-1]
             robot, other = np.empty(first[-1], np.int64), np.empty(first[-1], np.int64)
+            reverse = np.empty(first[-1], np.int64)
         for world in range(n_worlds):
             for a in range(n_robots):
                 i = rank[world, a]
@@ -65,11 +67,11 @@ def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tup
                     if dx * dx + dy * dy <= radius * radius:
                         p, q = world * n_robots + i, world * n_robots + j
                         if fills:
-                            robot[place[p]], other[place[p]] = p, q
-                            robot[place[q]], other[place[q]] = q, p
+                            robot[place[p]], other[place[p]], reverse[place[p]] = p, q, place[q]
+                            robot[place[q]], other[place[q]], reverse[place[q]] = q, p, place[p]
                             place[p] += 1
                             place[q] += 1
                         else:
                             first[p + 1] += 1
                             first[q + 1] += 1
-    return robot, other, first
+    return robot, other, reverse, first

@@ -64,10 +64,23 @@ def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) 
         sender: cosine and sine of the sender's yaw.
         optics: mode, range and cones.
     """
-    at_receiver: Any = into_frame(dx, dy, receiver)
+    at_receiver = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
+    return receive_views(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), optics)
+
+
+def receive_views(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
+    """As `receive`, for those who know how the pairs see each other.
+
+    Args:
+        at_receiver: the sender's position ahead and to the left of the receiver (P,), (P,) [mm].
+        at_sender: the receiver's position ahead and to the left of the sender.
+        side: (P,) the receiver's side that faces the sender.
+        led: (P,) the sender's side that faces the receiver.
+        optics: mode, range and cones.
+    """
     rule = _receive_in_sector if optics.mode == "sector" else _receive_power
-    return rule(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), optics)
+    return rule(at_receiver, at_sender, side, led, optics)
 
 
 def _receive_in_sector(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:

@@ -31,8 +31,7 @@ def judge(
         target: (P, 2) where it ends, at the sender [mm].
         poses: (N, 3) of all robots [mm, mm, rad].
         first: (N + 1,) where each robot's neighbours begin in the next two.
-        other: (Q,) index of the neighbour; of each robot the nearest first, and complete as far as light reaches
-            and a circumradius more.
+        other: (Q,) index of the neighbour; complete as far as light reaches and a circumradius more.
         other_distance: (Q,) its distance [mm].
     """
     verdict = np.zeros(len(slot), np.int8)
@@ -45,9 +44,7 @@ def judge(
         x, y = x / length, y / length
         nearest = np.inf
         for q in range(first[receiver[k]], first[receiver[k] + 1]):
-            if other_distance[q] > distance[k] + CIRCUMRADIUS:
-                break
-            if other[q] != sender[k]:
+            if other[q] != sender[k] and other_distance[q] <= distance[k] + CIRCUMRADIUS:
                 dx, dy = poses[other[q], 0] - origin[k, 0], poses[other[q], 1] - origin[k, 1]
                 ahead = dx * x + dy * y
                 beyond = ahead - min(max(ahead, 0.0), length)
