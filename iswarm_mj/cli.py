@@ -1,5 +1,9 @@
 """The command `iswarm`."""
 
+import contextlib
+import io
+import itertools
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, make_dataclass
@@ -165,18 +169,43 @@ class Picture:
         render(self.directory, self.step, self.camera, (self.width, self.height), self.ball_scale, self.out)
 
 
+COMMANDS = {"clean": Clean, "picture": Picture, "bench": Bench}
+
+
+def parse(arguments: Sequence[str] | None) -> Clean | Picture | Bench:
+    """Return the command that the arguments ask for.
+
+    Raises:
+        UserError: a flag is unknown or its value not of its type; tyro's box of text as one sentence.
+    """
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="iswarm", args=arguments)
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+    lines = [line.strip("│╭╮╰╯ ") for line in said.getvalue().splitlines()]
+    lines = [line for line in lines[1:] if line.strip("─ ")] or ["The command line could not be read."]
+    ends = ("Got errors", "Argument helptext", "For full", "Perhaps")
+    fact = " ".join(itertools.takewhile(lambda line: not line.startswith(ends), lines))
+    raise UserError(f"{fact.rstrip('.')}; `iswarm --help` and `iswarm clean --help` list what is allowed.")
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input and 1 on a fault of the simulation."""
     quieten()
     try:
-        commands = {"clean": Clean, "picture": Picture, "bench": Bench}
-        tyro.extras.subcommand_cli_from_dict(commands, prog="iswarm", args=arguments).run()
+        parse(arguments).run()
     except UserError as error:
         print(f"iswarm: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except SimulationFault as fault:
         print(f"iswarm: {fault}", file=sys.stderr)
         raise SystemExit(1) from None
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141) from None
     except KeyboardInterrupt:
         print("iswarm: interrupted; what was recorded so far is kept.", file=sys.stderr)
         raise SystemExit(130) from None

@@ -280,3 +280,25 @@ def test_bench_prints_one_line(capfd, here):
     stages = sum(content[f"{stage}_ms"] for stage in ("sense", "act", "physics"))
     assert 0 < stages < 2 * content["ms_per_step"]
     assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "arguments, fact",
+    [
+        (["clean", "--robots", "many"], "--robots"),
+        (["clean", "--gripper.grasp-voltage", "high"], "could not convert string to float: 'high'"),
+        (["clean", "--optics.mode", "laser"], "Expected one of ('sector', 'power')"),
+        (["clean", "--robotss", "3"], "--robotss"),
+        (["sweep"], "Available subcommands: clean, picture, bench"),
+        ([], "Expected one of {clean, picture, bench}"),
+    ],
+)
+def test_flags_that_cannot_be_read_get_one_line(arguments, fact, capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    said = capfd.readouterr().err
+    assert stop.value.code == 2
+    assert said.startswith("iswarm: ") and said.count("\n") == 1
+    assert fact in said and said.endswith("list what is allowed.\n")
+    assert not list(tmp_path.iterdir())
