@@ -96,7 +96,7 @@ def _scene(
     model.vis.global_.offwidth, model.vis.global_.offheight = size
     try:
         return mujoco.Renderer(model, size[1], size[0], max_geom=model.ngeom + 100), data
-    except Exception as error:
+    except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
         raise UserError(
             f"Off-screen OpenGL did not start ({error}); MUJOCO_GL must be egl or osmesa and its library there: "
             "on Debian, apt-get install libegl1 libgl1-mesa-dri."

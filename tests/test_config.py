@@ -15,6 +15,7 @@ from iswarm_mj.config import (
     check,
 )
 from iswarm_mj.errors import UserError
+from iswarm_mj.gripper import detachment
 from iswarm_mj.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
 
 GROUPS = [ArenaConfig, DriveConfig, OpticsConfig, GripperConfig, StrategyConfig]
@@ -138,3 +139,13 @@ def test_configurations_can_be_keys():
 def test_an_unknown_mode_of_the_optics_is_refused():
     with pytest.raises(UserError, match=r"--optics.mode was laser; it must be sector or power"):
         OpticsConfig(mode="laser")
+
+
+def test_the_gripper_of_the_swarm_is_the_calibrated_one():
+    gripper = GripperConfig()
+    assert gripper.work_tool_object == detachment.WORK_TOOL_OBJECT
+    assert gripper.work_object_substrate == detachment.WORK_OBJECT_SUBSTRATE
+    assert gripper.spread_tool_object == detachment.VARIATION_TOOL_OBJECT
+    assert gripper.spread_object_substrate == detachment.VARIATION_OBJECT_SUBSTRATE
+    assert gripper.release_gap == detachment.RELEASE_GAP
+    assert max(gripper.grasp_voltage, gripper.release_voltage) < detachment.MELTING_VOLTAGE
