@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 from tqdm import tqdm
@@ -21,14 +21,6 @@ from iswarm_mj.trajectory import RECORDING, Frames, Scene
 
 BLOCK = 64
 """Frames that are written at a time."""
-
-
-class Sink(Protocol):
-    """Where frames go."""
-
-    def append(self, frames: Frames) -> None:
-        """Take a block of frames."""
-        ...
 
 
 def clean(

@@ -142,8 +142,7 @@ def learn(rules: Rules, mind: Mind, seen: Observation, forgets: Array, choice: A
 
 def disappointed(config: SwarmConfig, memory: Memory, is_there: Array) -> Memory:
     """Memories without the vectors that led to nothing: too short to follow, and the target is not there."""
-    length = jnp.hypot(memory.vector[:, 0], memory.vector[:, 1])
-    return memory.where(is_there | (length > 0.5 * mm_from_rd(config.drive.step_length)))
+    return memory.where(is_there | _leads_on(config, _length(memory.vector)))
 
 
 def choose(
@@ -161,9 +160,8 @@ def choose(
     """
     loaded = seen.is_loaded
     vector = jnp.where(loaded[:, None], mind.dump.vector, mind.dust.vector)
-    length = jnp.hypot(vector[:, 0], vector[:, 1])
-    far = length > 0.5 * mm_from_rd(config.drive.step_length)
-    known = jnp.where(loaded, mind.dump.known, mind.dust.known) & far
+    length = _length(vector)
+    known = jnp.where(loaded, mind.dump.known, mind.dust.known) & _leads_on(config, length)
     weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
     follows = known & ~mind.is_scout & (whim < weight)
     angle = jnp.deg2rad(config.strategy.random_turn) * (2.0 * wander - 1.0)
@@ -194,7 +192,7 @@ def steer(config: SwarmConfig, direction: Array, limit: Array, leftwards: Array)
     straight_back = (x < 0) & (jnp.abs(y) < -1e-4 * x)
     angle = jnp.where(straight_back, jnp.where(leftwards, jnp.pi, -jnp.pi), jnp.arctan2(y, x))
     turn = _limited_turn(config, angle)
-    pace = jnp.clip(jnp.hypot(direction[:, 0], direction[:, 1]), 0.0, 1.0) * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
+    pace = jnp.clip(_length(direction), 0.0, 1.0) * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
     return Command(turn, jnp.minimum(pace * mm_from_rd(config.drive.step_length), limit))
 
 
@@ -205,8 +203,18 @@ def approach(config: SwarmConfig, probe_reach: float, picks: Array, seen: Observ
     angle = jnp.arctan2(y, x)
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.drive.step_length)
-    forward = jnp.where(turn == angle, jnp.clip(jnp.hypot(x, y) - probe_reach, -step, step), 0.0)
+    forward = jnp.where(turn == angle, jnp.clip(_length(seen.ball_vector) - probe_reach, -step, step), 0.0)
     return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
+
+
+def _length(vector: Array) -> Array:
+    """Lengths (N,) of vectors (N, 2)."""
+    return jnp.hypot(vector[:, 0], vector[:, 1])
+
+
+def _leads_on(config: SwarmConfig, length: Array) -> Array:
+    """Whether a vector of this length (N,) [mm] is worth following: its end is more than half a step away."""
+    return length > 0.5 * mm_from_rd(config.drive.step_length)
 
 
 def _limited_turn(config: SwarmConfig, angle: Array) -> Array:
