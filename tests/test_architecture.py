@@ -49,7 +49,8 @@ FLOORS = [
     ["rollout"],
     ["snapshot", "record", "results"],
     ["cleaning", "picture"],
-    ["benchmark"],
+    ["benchmark", "commands.swarm_options"],
+    ["commands.clean", "commands.picture", "commands.bench"],
     ["cli"],
     ["__main__"],
 ]
@@ -62,7 +63,7 @@ def module_name(path: Path) -> str:
 
 
 MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
-GROUPS = ["engines", "gripper", "sensors", "strategy"]
+GROUPS = ["commands", "engines", "gripper", "sensors", "strategy"]
 """Packages whose `__init__` holds a docstring only."""
 
 
@@ -134,7 +135,7 @@ PLUGIN = {
     [
         ("rerun", {"record", "blueprint"}),
         ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture", *PLUGIN}),
-        ("tyro", {"cli"}),
+        ("tyro", {"cli", "commands.swarm_options", "commands.picture"}),
     ],
 )
 def test_libraries_are_met_in_few_places(library, allowed):

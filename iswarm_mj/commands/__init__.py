@@ -1,0 +1,1 @@
+"""The subcommands of `iswarm`, one a file."""

@@ -1,0 +1,82 @@
+"""Flags that every command on a swarm has."""
+
+from dataclasses import dataclass, field, fields, make_dataclass
+from typing import Annotated, Any
+
+import tyro
+
+from iswarm_mj.config import (
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+    check,
+)
+from iswarm_mj.errors import UserError
+from iswarm_mj.strategy.genome import Genome, load_genome, overridden
+
+GenomeOverrides = make_dataclass(
+    "GenomeOverrides",
+    [
+        (f.name, Annotated[f.type | None, tyro.conf.arg(help="Instead of the genome's value.")], None)  # type: ignore
+        for f in fields(Genome)
+    ],
+    frozen=True,
+)
+GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
+
+
+MOST_ROBOTS = 200_000
+"""Robots in all worlds together that the memory of an ordinary machine holds (about 0.1 MB each)."""
+
+
+@dataclass(frozen=True)
+class Swarm:
+    """Settings that every command on a swarm has."""
+
+    genome: str = "type1"
+    """A preset, type1 or type2 of the paper's Table 2, or a JSON file of its parameters."""
+    robots: int | None = None
+    """Number of robots; given neither this nor the density, the genome's density counts."""
+    density: float | None = None
+    """Robots per 1 x 1 rd cell outside the dump."""
+    seed: int = 0
+    """Seed of all random numbers."""
+    worlds: int = 1
+    """Number of independent worlds at once."""
+    engine: str = "mujoco"
+    """Physics engine: mujoco (C, on CPUs)."""
+    threads: int = 0
+    """Threads for the physics, 0 for one a core; the results do not depend on it."""
+    override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
+    arena: ArenaConfig = field(default_factory=ArenaConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    optics: OpticsConfig = field(default_factory=OpticsConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+    strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+        """Return the configuration, the genome and the number of robots.
+
+        Raises:
+            UserError: something given is out of range.
+        """
+        from iswarm_mj.layout import check_robots, robots_for
+
+        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
+        check("worlds", self.worlds, "at least 1", self.worlds >= 1)
+        check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
+        check("engine", self.engine, "mujoco", self.engine == "mujoco")
+        genome = overridden(load_genome(self.genome), vars(self.override))
+        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        if self.robots is not None and self.density is not None:
+            raise UserError("--robots and --density were both given; one of them is enough: leave the other out.")
+        density = genome.density_of_robots if self.density is None else self.density
+        name = "density_of_robots of the genome" if self.density is None else "--density"
+        n_robots = robots_for(config.arena, density, name) if self.robots is None else self.robots
+        check_robots(config.arena, n_robots)
+        most = MOST_ROBOTS // n_robots
+        check("worlds", self.worlds, f"between 1 and {most} with {n_robots} robots in each", self.worlds <= most)
+        return config, genome, n_robots
