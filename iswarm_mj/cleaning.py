@@ -14,6 +14,7 @@ from tqdm import tqdm
 from iswarm_mj import __version__, results
 from iswarm_mj.compilation import keep_compiled_programs
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.files import prepare
 from iswarm_mj.rollout import Run, RunSettings, StepView
 from iswarm_mj.snapshot import FrameBuffer, scene_of
 from iswarm_mj.strategy.genome import Genome
@@ -32,7 +33,7 @@ def clean(
         UserError: `out` cannot be written to.
         SimulationFault: the run had to stop; what was recorded so far is in `out`.
     """
-    results.prepare(out)
+    prepare(out)
     keep_compiled_programs()
     started = time.perf_counter()
     with jax.default_device(jax.devices("cpu")[0]):

@@ -1,9 +1,6 @@
 """What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
 
 import json
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -11,45 +8,16 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.errors import UserError
+from iswarm_mj.files import whole
 from iswarm_mj.metrics import Measures, fitness
 from iswarm_mj.rollout import Run
 from iswarm_mj.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
-
-
-def prepare(out: Path) -> None:
-    """Make the output directory, or say why it cannot be written to.
-
-    Raises:
-        UserError: the directory cannot be made or written to.
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        probe = out / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise UserError(
-            f"--out was {out}, which cannot be written to ({error.strerror}); "
-            "it must be a directory of yours, or a path where one can be made: choose another."
-        ) from None
 
 
 def clear(out: Path, record: bool) -> None:
     """Remove the results of an earlier run, now that this one can begin; `record`: its recording is already new."""
     for name in (RESULT, TRAJECTORY, *(() if record else (RECORDING,))):
         (out / name).unlink(missing_ok=True)
-
-
-@contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which takes its place when the block ends well."""
-    part = path.with_name(f".{os.getpid()}-{path.name}")
-    try:
-        yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def result(run: Run, engine: str, wall_s: float) -> dict[str, Any]:

@@ -13,7 +13,8 @@ PACKAGE = Path(iswarm_mj.__file__).parent
 
 FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units"],
-    ["config", "blueprint", "sensors.neighbours"],
+    ["config", "blueprint", "files", "sensors.neighbours"],
+    ["figures", "tables"],
     ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
     [
         "gripper.electrostatics",
