@@ -12,7 +12,7 @@ import iswarm_mj
 PACKAGE = Path(iswarm_mj.__file__).parent
 
 FLOORS = [
-    ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units"],
+    ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units", "gripper.trace"],
     ["config", "blueprint", "files", "sensors.neighbours"],
     ["figures", "tables"],
     ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
