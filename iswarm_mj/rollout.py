@@ -10,7 +10,8 @@ import mujoco.batch
 import numpy as np
 
 from iswarm_mj import layout, swarm
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.conditions import conditions_of
+from iswarm_mj.config import SwarmConfig, check
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.engines.mujoco_batch import MujocoBatchEngine
 from iswarm_mj.errors import SimulationFault
@@ -42,6 +43,11 @@ class RunSettings:
     """Threads for physics, 0 for one a core; the results do not depend on it."""
     stop_at: int | None = None
     """A world is finished when this many balls are delivered; None for all."""
+    failed_fraction: float = 0.0
+    """Share of the robots that are dead from the start: they only stand in the way."""
+
+    def __post_init__(self):
+        check("failed_fraction", self.failed_fraction, "within 0 to 1", 0 <= self.failed_fraction <= 1)
 
 
 class StepView(NamedTuple):
@@ -72,6 +78,8 @@ class Start(NamedTuple):
     poses: np.ndarray
     """(N, 3) x, y [mm] and yaw [rad]."""
     balls: Balls
+    is_alive: np.ndarray
+    """(N,) bool."""
 
 
 @dataclass
@@ -92,20 +100,21 @@ class Run:
             self.starts = [draw_start(c, s, world) for world in range(s.n_worlds)]
         self.arena: ArenaModel = compile_arena(c, s.n_robots, np.asarray(self.starts[0].balls.radius, float))
         self.engine: Engine = MujocoBatchEngine(self.arena, s.n_worlds, s.n_threads)
-        balls = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x) for x in a]), *[b for _, b in self.starts])
+        balls = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x) for x in a]), *[start.balls for start in self.starts])
+        alive = jnp.stack([jnp.asarray(start.is_alive) for start in self.starts])
         n_scouts = round(self.genome.fraction_scouts * s.n_robots)
-        mind = controller.init(s.n_robots, n_scouts)
-        minds = jax.tree.map(lambda a: jnp.broadcast_to(a, (s.n_worlds, *a.shape)), mind)
-        self.state = SwarmState(minds, balls)
+        self.state = SwarmState(jax.vmap(controller.init, in_axes=(None, 0))(n_scouts, alive), balls)
+        self._sends = np.asarray(alive)
         rules = controller.rules_of(self.genome)
-        self._rules = jax.tree.map(lambda a: jnp.broadcast_to(a, (s.n_worlds,)), rules)
+        given = (rules, conditions_of(c))
+        self._rules, self._conditions = jax.tree.map(lambda a: jnp.full(s.n_worlds, a), given)
         key = jax.random.key(s.seed)
         self._keys = jax.vmap(lambda w: jax.random.fold_in(key, w))(jnp.arange(s.n_worlds))
         self.step = 0
         self.collisions = np.zeros(s.n_worlds, int)
         self.finished_at: list[int | None] = [None] * s.n_worlds
         self._touching = [np.zeros(0, int)] * s.n_worlds
-        poses = np.stack([p for p, _ in self.starts])
+        poses = np.stack([start.poses for start in self.starts])
         self.engine.reset(poses, self._ball_centres(poses))
 
     @property
@@ -124,11 +133,11 @@ class Run:
         before = self.engine.poses()
         self._check(before)
         with self.watch("sense"):
-            links, sees_wall = swarm.see(self.config, self.engine, before)
+            links, sees_wall = swarm.see(self.config, self.engine, before, self._sends)
         with self.watch("act"):
             self.state, command, priority = jax.block_until_ready(swarm.decide_worlds(
-                self.config, tuple(self.arena.probe.tolist()), self._rules, self.state, before.astype(np.float32),
-                links, sees_wall, self.step, self._keys, running,
+                self.config, tuple(self.arena.probe.tolist()), self._conditions, self._rules, self.state,
+                before.astype(np.float32), links, sees_wall, self.step, self._keys, running,
             ))  # fmt: skip
         with self.watch("physics"):
             try:
@@ -196,4 +205,7 @@ def draw_start(config: SwarmConfig, settings: RunSettings, world: int) -> Start:
     works = layout.draw_works(config.gripper, len(radii), rng)
     floats = (a.astype(np.float32) for a in (position, radii, *works))
     no, zero = np.zeros(len(radii), bool), np.zeros(len(radii), np.int32)
-    return Start(poses, Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero))
+    balls = Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero)
+    is_alive = np.ones(settings.n_robots, bool)
+    is_alive[rng.permutation(settings.n_robots)[: round(settings.failed_fraction * settings.n_robots)]] = False
+    return Start(poses, balls, is_alive)

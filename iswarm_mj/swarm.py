@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.arrays import Array
+from iswarm_mj.conditions import Conditions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
@@ -31,14 +32,15 @@ class SwarmState(NamedTuple):
 
 
 def decide(
-    config: SwarmConfig, probe: tuple[float, float], rules: Rules, state: SwarmState, poses: Array, links: Links,
-    sees_wall: Array, step: Array, key: Array,
+    config: SwarmConfig, probe: tuple[float, float], conditions: Conditions, rules: Rules, state: SwarmState,
+    poses: Array, links: Links, sees_wall: Array, step: Array, key: Array,
 ) -> tuple[SwarmState, Command, Array]:  # fmt: skip
     """Hear, feel the floor, grip, think: one world's control step up to the commands. Pure.
 
     Args:
         config: everything that is not evolved.
         probe: the probe's tip ahead of and beside a robot's centre [mm].
+        conditions: noise and voltages of this world; those in `config` do not count.
         rules: the genome.
         state: of the step before.
         poses: (N, 3) x, y [mm] and yaw [rad].
@@ -59,16 +61,24 @@ def decide(
     content = Message(jnp.zeros(n_robots, jnp.int32), priority, mind.dust, mind.dump)
     longest = mm_from_rd(config.strategy.message_range)
     message, is_heard, distance = exchange(
-        config.optics, longest, content, links.sender, links.led, links.valid, links.distance, passage_key
+        conditions,
+        config.optics.independent_bit_errors,
+        longest,
+        content,
+        links.sender,
+        links.led,
+        links.valid,
+        links.distance,
+        passage_key,
     )
 
     tips = probe_tips(poses, jnp.asarray(probe))
     balls = carry(balls, tips)
     reach = mm_from_rd(config.strategy.dust_range)
     view = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
-    falls = jax.random.bernoulli(fall_key, config.gripper.drop_rate, balls.is_held.shape)
+    falls = jax.random.bernoulli(fall_key, conditions.drop_rate, balls.is_held.shape)
     picks = controller.may_pick(config, mind)
-    balls, grasp_failed = handle(config.gripper, balls, tips, view, picks, falls)
+    balls, grasp_failed = handle(config.gripper, conditions, balls, tips, view, picks, falls)
 
     seen = Observation(
         is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
@@ -81,11 +91,11 @@ def decide(
 
 
 @partial(jax.jit, static_argnames=("config", "probe"))
-def decide_worlds(config, probe, rules, state, poses, links, sees_wall, step, key, is_running):
+def decide_worlds(config, probe, conditions, rules, state, poses, links, sees_wall, step, key, is_running):
     """`decide` for B worlds at once; those that do not run keep their state."""
     one_world = partial(decide, config, probe)
-    new, command, priority = jax.vmap(one_world, in_axes=(0, 0, 0, 0, 0, None, 0))(
-        rules, state, poses, links, sees_wall, step, key
+    new, command, priority = jax.vmap(one_world, in_axes=(0, 0, 0, 0, 0, 0, None, 0))(
+        conditions, rules, state, poses, links, sees_wall, step, key
     )
 
     def keep(new: Array, old: Array) -> Array:
@@ -94,14 +104,17 @@ def decide_worlds(config, probe, rules, state, poses, links, sees_wall, step, ke
     return jax.tree.map(keep, new, state), command, priority
 
 
-def see(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> tuple[Links, np.ndarray]:
-    """Light of this control step: the links (B, N, 4) and which sides see a wall (B, N, 4) bool."""
+def see(config: SwarmConfig, engine: Engine, poses: np.ndarray, sends: np.ndarray) -> tuple[Links, np.ndarray]:
+    """Light of this control step: the links (B, N, 4) and which sides see a wall (B, N, 4) bool.
+
+    Of N robots at `poses` (B, N, 3), those that send light are `sends` (B, N) bool.
+    """
 
     def reaches(world, origin, target, receiver, sender):
         share, hit = engine.cast_rays(world, origin, target - origin, receiver)
         return (hit == sender) | (share >= 1.0)
 
-    return find_links(poses, config.optics, reaches), find_walls(config, engine, poses)
+    return find_links(poses, config.optics, reaches, sends), find_walls(config, engine, poses)
 
 
 def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ PACKAGE = Path(iswarm_mj.__file__).parent
 FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units", "gripper.trace"],
     ["config", "blueprint", "files", "sensors.neighbours"],
-    ["figures", "tables"],
+    ["conditions", "figures", "tables"],
     ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
     [
         "gripper.electrostatics",

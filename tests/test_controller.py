@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
 
+from iswarm_mj.conditions import conditions_of
 from iswarm_mj.config import DriveConfig, GripperConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy import controller
@@ -51,7 +52,7 @@ def minds(n, scouts=False, dust=None, dump=None):
     def memory(vector):
         return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
 
-    return Mind(memory(dust), memory(dump), jnp.full(n, scouts))
+    return Mind(memory(dust), memory(dump), jnp.full(n, scouts), jnp.ones(n, bool))
 
 
 def wish(mind, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
@@ -194,13 +195,13 @@ def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
 
 
 def test_scouts_pick_only_if_they_may():
-    mind = init(4, 2)
+    mind = init(2, jnp.ones(4, bool))
     np.testing.assert_array_equal(may_pick(CONFIG, mind), [False, False, True, True])
     assert may_pick(SwarmConfig(strategy=StrategyConfig(scouts_pick=True)), mind).all()
 
 
 def test_who_sends_the_priority_flag():
-    mind, loaded = init(4, 2), jnp.array([False, True, False, True])
+    mind, loaded = init(2, jnp.ones(4, bool)), jnp.array([False, True, False, True])
     for scouts, carriers, flags in (
         (False, True, [0, 1, 0, 1]),
         (True, False, [1, 1, 0, 0]),
@@ -298,7 +299,7 @@ def crowded(n, rng):
         sees_wall=some(0.2, 4), at_dust=some(0.3), ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),
         on_dump=some(0.2), is_loaded=some(0.4), grasp_failed=some(0.2),
     )  # fmt: skip
-    return Mind(memory(), memory(), some(0.2)), seen
+    return Mind(memory(), memory(), some(0.2), jnp.ones(n, bool)), seen
 
 
 def test_relabelled_robots_do_the_same():
@@ -346,8 +347,8 @@ def world(rng, centre, spread):
 
 
 def decided(poses, state, links, sees_wall, seed=5):
-    return decide_here(DROPPING, (PROBE, 0.0), RULES, state, jnp.asarray(poses, jnp.float32), links, sees_wall, 3,
-                       jax.random.key(seed))  # fmt: skip
+    return decide_here(DROPPING, (PROBE, 0.0), conditions_of(DROPPING), RULES, state,
+                       jnp.asarray(poses, jnp.float32), links, sees_wall, 3, jax.random.key(seed))  # fmt: skip
 
 
 def moved(poses, state, angle, shift=(0.0, 0.0)):
@@ -418,7 +419,7 @@ def test_carried_balls_fall_at_the_configured_rate():
 
 
 def test_workers_and_scouts_at_the_start():
-    mind = controller.init(10, 3)
+    mind = controller.init(3, jnp.ones(10, bool))
     np.testing.assert_array_equal(mind.is_scout, np.arange(10) < 3)
     assert not mind.dust.known.any() and not mind.dump.known.any()
 

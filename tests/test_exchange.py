@@ -37,7 +37,9 @@ def wires(n, seed=0):
 
 
 def send(optics, content, wiring, seed=0):
-    return exchange(optics, MAX_RANGE, content, *map(jnp.asarray, wiring), jax.random.key(seed))
+    return exchange(
+        optics, optics.independent_bit_errors, MAX_RANGE, content, *map(jnp.asarray, wiring), jax.random.key(seed)
+    )
 
 
 def test_without_noise_everything_arrives_as_packed():

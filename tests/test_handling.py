@@ -28,7 +28,7 @@ def grip(gripper, balls, poses, picks, falls):
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
-    return handle(gripper, balls, tips, view, picks, falls)
+    return handle(gripper, gripper, balls, tips, view, picks, falls)
 
 
 def hands(balls, *rows, gripper=GRIPPER, picks=True, falls=False):

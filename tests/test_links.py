@@ -34,7 +34,7 @@ def by_geometry(poses, optics=OPTICS):
 
 
 def by_rays(poses, optics=OPTICS):
-    return swarm.see(SwarmConfig(optics=optics), engine_at(poses), poses)[0]
+    return swarm.see(SwarmConfig(optics=optics), engine_at(poses), poses, np.ones(poses.shape[:2], bool))[0]
 
 
 both_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays])

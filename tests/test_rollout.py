@@ -293,12 +293,12 @@ def test_the_noise_of_two_steps_differs(small):
     run = run_of(small, steps=3)
     run.advance()
     poses = run.engine.poses()
-    links, sees_wall = swarm.see(small, run.engine, poses)
+    links, sees_wall = swarm.see(small, run.engine, poses, np.ones(poses.shape[:2], bool))
 
     def minds(step):
         return swarm.decide_worlds(
-            small, tuple(run.arena.probe.tolist()), run._rules, run.state, poses.astype(np.float32), links, sees_wall,
-            step, run._keys, np.ones(1, bool),
+            small, tuple(run.arena.probe.tolist()), run._conditions, run._rules, run.state, poses.astype(np.float32),
+            links, sees_wall, step, run._keys, np.ones(1, bool),
         )[0].mind  # fmt: skip
 
     same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), minds(7), minds(7))
@@ -315,3 +315,35 @@ def test_overlaps_stay_shallow_in_a_crowd():
         contact = run.engine._batch.get_data(0, run.engine._scratch).contact
         deepest = max(deepest, -contact.dist.min(initial=0.0))
     assert 0.05 < deepest < 0.75  # one step's approach of two robots at full speed is 0.47 mm
+
+
+def test_the_dead_neither_move_nor_send_nor_carry(small):
+    settings = RunSettings(n_robots=40, steps=60, seed=4, failed_fraction=0.5)
+    run = Run(small, PRESETS["type1"], settings)
+    dead = ~np.asarray(run.state.mind.is_alive[0])
+    assert dead.sum() == 20
+    heard, before, alone = False, run.engine.poses()[0], 0
+    for view in views(run):
+        links, after = view.links, view.poses[0]
+        apart = np.linalg.norm(before[:, None, :2] - before[None, :, :2], axis=-1) + 99 * np.eye(40)
+        out_of_reach = dead & (apart.min(axis=1) > 6)
+        alone += out_of_reach.sum()
+        np.testing.assert_allclose(after[out_of_reach], before[out_of_reach], atol=1e-6)
+        before = after
+        assert not dead[links.sender[0][links.valid[0]]].any()
+        assert not view.has_priority[0, dead].any()
+        assert not dead[np.asarray(view.state.balls.holder[0])[np.asarray(view.state.balls.is_held[0])]].any()
+        heard |= links.valid.any()
+    assert heard and alone > 20  # the dead move where they are pushed only
+
+
+def test_nobody_lives_and_nothing_happens(small):
+    run = Run(small, PRESETS["type1"], RunSettings(n_robots=20, steps=5, failed_fraction=1.0))
+    for _ in views(run):
+        pass
+    np.testing.assert_allclose(run.engine.poses()[0], run.starts[0].poses, atol=1e-9)
+
+
+def test_a_share_of_failed_robots_beyond_one_is_refused():
+    with pytest.raises(UserError, match=r"failed-fraction was 1\.5; it must be within 0 to 1"):
+        RunSettings(n_robots=4, steps=1, failed_fraction=1.5)

@@ -74,7 +74,7 @@ def quarter_turn(start):
     x, y, yaw = start.poses.T
     balls = start.balls.position
     turned = np.column_stack([-balls[:, 1], balls[:, 0]])
-    return Start(np.column_stack([-y, x, yaw + np.pi / 2]), start.balls._replace(position=turned))
+    return Start(np.column_stack([-y, x, yaw + np.pi / 2]), start.balls._replace(position=turned), start.is_alive)
 
 
 def pair_of_runs(config, seed, steps=70):

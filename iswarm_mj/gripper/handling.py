@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from iswarm_mj.arrays import Array
+from iswarm_mj.conditions import Conditions
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.detachment import is_grasped, is_released
 from iswarm_mj.sensors.floor import FloorView
@@ -49,15 +50,17 @@ def carry(balls: Balls, tips: Array) -> Balls:
 
 
 def handle(
-    gripper: GripperConfig, balls: Balls, tips: Array, view: FloorView, picks: Array, falls: Array
-) -> tuple[Balls, Array]:
+    gripper: GripperConfig, voltages: Conditions, balls: Balls, tips: Array, view: FloorView, picks: Array,
+    falls: Array,
+) -> tuple[Balls, Array]:  # fmt: skip
     """Release, lift and drop balls, as the force balance decides.
 
     Robots try to lift the ball that they sense if the tool reaches it; of several at one ball the nearest has it.
     A loaded robot on the dump tries to release.
 
     Args:
-        gripper: voltages and reach.
+        gripper: reach and gap.
+        voltages: of grasp and release.
         balls: K balls; those held are at their holders' tips.
         tips: (N, 2) of the probes [mm].
         view: the floor as N robots sense it.
@@ -76,13 +79,13 @@ def handle(
     first = tries & (gap == nearest[view.ball])
     winner = jnp.full(n_balls, n_robots).at[view.ball].min(jnp.where(first, jnp.arange(n_robots), n_robots))
     lifts = (winner < n_robots) & is_grasped(
-        gripper.grasp_voltage, balls.radius, balls.work_tool_object, balls.work_object_substrate
+        voltages.grasp_voltage, balls.radius, balls.work_tool_object, balls.work_object_substrate
     )
     over_dump = view.tip_on_dump[balls.holder]
     released = (
         balls.is_held
         & (view.on_dump & view.tip_on_dump)[balls.holder]
-        & is_released(gripper.release_voltage, balls.radius, balls.work_tool_object, gripper.release_gap)
+        & is_released(voltages.release_voltage, balls.radius, balls.work_tool_object, gripper.release_gap)
     )
     dropped = balls.is_held & falls & ~released
     is_held = (balls.is_held & ~released & ~dropped) | lifts

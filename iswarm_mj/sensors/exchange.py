@@ -4,18 +4,19 @@ import jax
 import jax.numpy as jnp
 
 from iswarm_mj.arrays import Array
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.conditions import Conditions
 from iswarm_mj.sensors.messages import Message, corrupt, pack, unpack
 
 
 def exchange(
-    optics: OpticsConfig, max_range: float, content: Message, sender: Array, led: Array, valid: Array,
-    distance: Array, key: Array,
+    noise: Conditions, independent_bit_errors: bool, max_range: float, content: Message, sender: Array, led: Array,
+    valid: Array, distance: Array, key: Array,
 ) -> tuple[Message, Array, Array]:  # fmt: skip
     """Send each robot's message to those who hear it.
 
     Args:
-        optics: probabilities and errors of the passage (Table 1).
+        noise: probabilities and errors of the passage (Table 1).
+        independent_bit_errors: see `corrupt`.
         max_range: longest vector that a message carries [mm].
         content: what each of N robots says; its `led` is replaced by that of the LED that sends.
         sender: (N, S) whom each side hears.
@@ -33,8 +34,8 @@ def exchange(
     bits = pack(columns, max_range)[sender, led]
     draw = jax.random.uniform(bits_key, (*sender.shape, 4))
     message, parity_holds = unpack(
-        corrupt(bits, draw[..., :3], optics.error_in_communication, optics.independent_bit_errors), max_range
+        corrupt(bits, draw[..., :3], noise.error_in_communication, independent_bit_errors), max_range
     )
-    arrived = valid & (draw[..., 3] >= optics.p_communication_break) & parity_holds
-    error = optics.error_distance_measure * jax.random.normal(noise_key, distance.shape)
+    arrived = valid & (draw[..., 3] >= noise.p_communication_break) & parity_holds
+    error = noise.error_distance_measure * jax.random.normal(noise_key, distance.shape)
     return message, arrived, distance * jnp.maximum(1.0 + error, 0.0)

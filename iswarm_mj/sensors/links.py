@@ -49,19 +49,20 @@ class Candidates(NamedTuple):
     reception: Reception
 
 
-def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig) -> Candidates:
+def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig, sends: np.ndarray) -> Candidates:
     """Pairs of robots within reach of each other's light.
 
     Args:
         poses: (B N, 3) x, y [mm] and yaw [rad].
         around: pairs of robots near each other.
         optics: range, cones and mode.
+        sends: (B N,) bool.
     """
     heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
     ahead, left = into_frame(around.dx, around.dy, heading)
     side, back = facing_side(ahead, left), around.reverse
     reception = receive_views((ahead, left), (ahead[back], left[back]), side, side[back], optics)
-    arrives = np.flatnonzero(np.isfinite(reception.effective_distance))
+    arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & sends[around.other])
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * N_SIDES + reception.side
     order = np.argsort(slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999)
@@ -72,18 +73,20 @@ def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig)
     )  # fmt: skip
 
 
-def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit) -> Links:
+def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit, sends: np.ndarray | None = None) -> Links:
     """Links of all robots: for each side the nearest sender in sight.
 
     Args:
         poses: (B, N, 3) x, y [mm] and yaw [rad].
         optics: range, cones and mode.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
+        sends: (B, N) bool, which robots send light, all if not given; the others still stand in the way.
     """
     n_worlds, n_robots = poses.shape[:2]
     around = find_neighbours(poses[..., :2], mm_from_rd(optics.communication_radius) + CIRCUMRADIUS)
     flat = poses.reshape(-1, 3)
-    found = find_candidates(flat, around, optics)
+    sending = np.ones(len(flat), bool) if sends is None else sends.ravel()
+    found = find_candidates(flat, around, optics, sending)
     clear = (
         _in_sight(flat, around, found, n_robots, reaches) if optics.line_of_sight else np.ones(len(found.slot), bool)
     )

@@ -102,10 +102,8 @@ def corrupt(bits: Array, uniform: Array, error: float, independent: bool = True)
         error: probability of at least one wrong bit.
         independent: bits flip independently.
     """
-    if not error:
-        return bits
     clean = 1.0 - error
-    rate = 1.0 - clean ** (1 / 32)
+    rate = -jnp.expm1(jnp.log1p(-error) / 32)
     one_at_most = clean + 32 * rate * (1.0 - rate) ** 31 if independent else 1.0
     first = jnp.minimum((uniform[..., 1] * 32).astype(jnp.uint32), 31)
     second = (first + 1 + jnp.minimum((uniform[..., 2] * 31).astype(jnp.uint32), 30)) % 32
