@@ -48,8 +48,8 @@ FLOORS = [
     ],
     ["metrics", "swarm", "gripper.mjx_forces"],
     ["rollout"],
-    ["snapshot", "record", "results"],
-    ["cleaning", "picture"],
+    ["snapshot", "record", "results", "experiments.jobs"],
+    ["cleaning", "picture", "experiments.pool"],
     ["benchmark", "commands.swarm_options"],
     ["commands.clean", "commands.picture", "commands.bench"],
     ["cli"],
@@ -64,7 +64,7 @@ def module_name(path: Path) -> str:
 
 
 MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
-GROUPS = ["commands", "engines", "gripper", "sensors", "strategy"]
+GROUPS = ["commands", "engines", "experiments", "gripper", "sensors", "strategy"]
 """Packages whose `__init__` holds a docstring only."""
 
 

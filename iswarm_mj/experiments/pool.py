@@ -1,0 +1,150 @@
+"""Jobs on all cores of a machine, or on a cluster: the same outcomes in any number of processes."""
+
+import logging
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Generator, Sequence
+from contextlib import closing
+from typing import Any, cast
+
+import jax
+from joblib import Parallel, cpu_count, delayed
+from joblib.externals.loky.process_executor import BrokenProcessPool
+from tqdm import tqdm
+
+from iswarm_mj.errors import SimulationFault, UserError
+from iswarm_mj.experiments.jobs import Job, Outcome, run_job
+
+BACKENDS = ("processes", "ray")
+MAX_LOSSES = 3
+"""So many times in a row, workers may die before another job is finished."""
+
+Finished = Generator[tuple[int, Outcome], None, None]
+
+
+def map_jobs(
+    jobs: Sequence[Job], workers: int = 0, engine: str = "mujoco", backend: str = "processes", describe: str = ""
+) -> list[Outcome]:
+    """Outcomes of the jobs, in their order, with progress on a terminal.
+
+    Arguments and errors as for `each`; `describe` stands before the progress bar.
+    """
+    outcomes: dict[int, Outcome] = {}
+    with progress(len(jobs), describe) as bar, closing(each(jobs, workers, engine, backend)) as finished:
+        for index, outcome in finished:
+            outcomes[index] = outcome
+            bar.update()
+    return [outcomes[index] for index in range(len(jobs))]
+
+
+def each(jobs: Sequence[Job], workers: int = 0, engine: str = "mujoco", backend: str = "processes") -> Finished:
+    """Yield (index of the job, outcome) as the jobs are finished; the long ones are begun first.
+
+    Workers start with the first call and serve later ones too. The jobs of a worker that was lost are done again.
+    Leaving the iterator early, by an exception or by closing it, stops the workers.
+
+    Args:
+        jobs: what to run.
+        workers: processes, 0 for one a core of this machine (of the cluster, with Ray); 1 is this process itself.
+        engine: physics; mujoco.
+        backend: processes (of this machine) or ray (a cluster, where RAY_ADDRESS names one).
+
+    Raises:
+        SimulationFault: a run could not go on, or workers keep dying.
+        UserError: Ray is not installed, or a job is not possible.
+    """
+    if engine == "mjx":
+        return _batched(jobs)
+    numbered = sorted(enumerate(jobs), key=lambda item: -item[1].n_robots * item[1].steps)
+    if backend == "ray":
+        return _on_ray(numbered, workers)
+    workers = workers or cpu_count()
+    if workers == 1:
+        return ((index, run_job(job)) for index, job in numbered)
+    return _on_processes(numbered, workers)
+
+
+def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
+    """Bar with the remaining time, on a terminal only: `total` runs, of which `done` are there already."""
+    return tqdm(total=total, initial=done, desc=describe or None, unit="run", disable=not sys.stderr.isatty())
+
+
+def _work(index: int, job: Job) -> tuple[int, Outcome]:
+    """Run a job in a worker, which leaves interrupts to its parent and GPUs alone."""
+    jax.config.update("jax_platforms", "cpu")
+    return index, run_job(job)
+
+
+def _start_worker() -> None:
+    """Leave interrupts to the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _on_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished:
+    """Jobs on worker processes of this machine."""
+    left, losses = dict(numbered), 0
+    while left:
+        pool: Any = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), initializer=_start_worker)
+        try:
+            with closing(pool(delayed(_work)(*item) for item in list(left.items()))) as finished:
+                for index, outcome in finished:
+                    del left[index]
+                    losses = 0
+                    yield index, outcome
+        except BrokenProcessPool:
+            losses += 1
+            if losses > MAX_LOSSES:
+                raise SimulationFault(_lost(losses, left)) from None
+
+
+def _lost(times: int, left: dict[int, Job]) -> str:
+    job = next(iter(left.values()))
+    return (
+        f"worker processes died {times} times without finishing a run, the first of them of {job.n_robots} robots "
+        f"with seed {job.seed}; there may be too little memory: give fewer --workers"
+    )
+
+
+def _on_ray(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished:
+    """Jobs on a Ray cluster, or on one that is started here; Ray itself does the jobs of lost workers again."""
+    ray = _started_ray(workers)
+    remote = ray.remote(num_cpus=1, max_retries=MAX_LOSSES)(_work)
+    waiting, running = list(reversed(numbered)), []
+    try:
+        while waiting or running:
+            while waiting and (not workers or len(running) < workers):
+                running.append(remote.remote(*waiting.pop()))
+            (done, *_), running = ray.wait(running)
+            yield ray.get(done)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause from None
+    except ray.exceptions.WorkerCrashedError:
+        raise SimulationFault(_lost(MAX_LOSSES + 1, dict(numbered))) from None
+    finally:
+        for task in running:
+            ray.cancel(task, force=True)
+
+
+def _started_ray(workers: int) -> Any:
+    """Ray, connected to the cluster that RAY_ADDRESS names or to one on this machine."""
+    try:
+        import ray
+    except ImportError:
+        raise UserError(
+            "--backend was ray, which is not installed; install it by pip install 'iswarm-mj[cluster]'."
+        ) from None
+    if not ray.is_initialized():
+        local = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": workers or None, "include_dashboard": False}
+        with warnings.catch_warnings():  # JAX warns of each fork; Ray's is followed by another program at once
+            warnings.simplefilter("ignore", RuntimeWarning)
+            ray.init(logging_level=logging.ERROR, log_to_driver=False, **local)
+    return ray
+
+
+def _batched(jobs: Sequence[Job]) -> Finished:
+    """Jobs as worlds of one compiled program."""
+    from iswarm_mj.batched import run_jobs_batched  # pyright: ignore[reportMissingImports]
+
+    yield from enumerate(run_jobs_batched(jobs))
