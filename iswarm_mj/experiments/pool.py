@@ -4,6 +4,8 @@ import logging
 import os
 import signal
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Generator, Sequence
 from contextlib import closing
@@ -78,8 +80,15 @@ def _work(index: int, job: Job) -> tuple[int, Outcome]:
 
 
 def _start_worker() -> None:
-    """Leave interrupts to the parent."""
+    """Leave interrupts to the parent, and end with it even where it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=[os.getppid()], daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
 
 
 def _on_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished:
