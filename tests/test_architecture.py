@@ -38,9 +38,11 @@ FLOORS = [
         "layout",
         "model",
         "gripper.plugin_forces",
+        "voltage_figures",
     ],
     [
         "gripper.handling",
+        "grasp_figures",
         "gripper.plugin",
         "sensors.links",
         "engines.base",

@@ -1,0 +1,128 @@
+"""Figures of the gripper's experiments: voltages, force-distance curves, single trials. Axes in µm, V, nN and ms."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.figures import figure
+from iswarm_mj.gripper.trace import Trace
+from iswarm_mj.voltage_figures import HUES, PAPER_HUMIDITY, Laws, Rows, column, draw_attempts, draw_voltages
+
+_UM, _NN, _MS = 1e6, 1e9, 1e3
+_BLACK, _GREEN, _ORANGE = "#333333", "#009e73", "#d55e00"
+
+_FORCES = (
+    ("electrostatic", "electrostatic, positive to the tool", "#e69f00"),
+    ("adhesion_tool", "adhesion to the tool", _GREEN),
+    ("adhesion_plate", "adhesion to the plate", _ORANGE),
+    ("contact_tool", "contact with the tool", "#88ccbb"),
+    ("contact_plate", "contact with the plate", "#e8b0a0"),
+)
+"""Forces of a trace, their names and colours."""
+
+
+def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
+    """Draw what the rows have: grasp voltages, release voltages, attempts without contact.
+
+    Args:
+        rows: of the table of trials, SI. Those that are faulty are left out, and the figure says how many.
+        settings: of the run. `work_tool_object`, `work_object_substrate`, `contact_gap` and `probe_radius` are behind
+            the lines of the force laws [SI]; absent ones are those of `detachment`.
+        out: directory.
+
+    Returns:
+        Paths of the PNG files; an SVG file lies beside each.
+    """
+    laws = Laws(settings)
+    grasp, release, attempts = (
+        [row for row in rows if row["experiment"] == name] for name in ("grasp", "release", "no_contact")
+    )
+    at_10 = [row for row in grasp if row["relative_humidity"] == PAPER_HUMIDITY]
+    drawn = []
+    if at_10:
+        drawn.append(draw_voltages(out / "grasp_voltage", at_10, laws))
+    if len(grasp) > len(at_10):
+        drawn.append(draw_voltages(out / "grasp_voltage_humidity", grasp, laws))
+    if release:
+        drawn.append(draw_voltages(out / "release_voltage", release, laws))
+    if attempts:
+        drawn.append(draw_attempts(out / "no_contact", attempts, laws))
+    return drawn
+
+
+def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path:
+    """Draw force-distance curves: on the left the whole attraction, on the right its parts; retract is dashed.
+
+    Args:
+        rows: gap between tool and ball [m], voltage [V], direction ("approach" or "retract"), the forces
+            electrostatic, adhesion and total [N], and radius [m].
+        settings: of the run; `relative_humidity` [%] goes into the title if it is one number.
+        out: directory.
+
+    Returns:
+        Path of the PNG file.
+    """
+    path = out / "force_curve"
+    humidity = settings.get("relative_humidity")
+    condition = f" at {humidity:g} % RH" if isinstance(humidity, int | float) else ""
+    several = len({row["radius"] for row in rows}) > 1
+    with figure(path, columns=2, size=(4.6, 3.8)) as (whole, parts):
+        for i, (voltage, radius) in enumerate(sorted({(row["voltage"], row["radius"]) for row in rows})):
+            hue = HUES[i % len(HUES)]
+            label = f"{voltage:g} V" + (f", R = {radius * _UM:g} µm" if several else "")
+            for direction, dash in (("approach", "-"), ("retract", "--")):
+                key = (voltage, radius, direction)
+                curve = [row for row in rows if (row["voltage"], row["radius"], row["direction"]) == key]
+                gap = column(curve, "gap") * _UM
+                whole.plot(gap, column(curve, "total") * _NN, dash, color=hue, lw=1.5, label=f"{label}, {direction}")
+                parts.plot(gap, column(curve, "electrostatic") * _NN, dash, color=hue, lw=1.5)
+                parts.plot(gap, column(curve, "adhesion") * _NN, dash, color=_BLACK, lw=1, zorder=3)
+        parts.plot([], [], color=_BLACK, lw=1, label="adhesion")
+        parts.plot([], [], color=HUES[0], lw=1.5, label="electrostatic, colours as on the left")
+        titles = f"Attraction of tool and ball{condition}", "Its parts"
+        for axes, title in zip((whole, parts), titles, strict=True):
+            axes.set_xscale("symlog", linthresh=1e-3)
+            axes.set_yscale("symlog", linthresh=1.0)
+            axes.set(xlabel="gap between tool and ball [µm]", ylabel="force [nN]", title=title)
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=7)
+    return path.with_name(path.name + ".png")
+
+
+def draw_trace(trace: Trace, path: Path) -> Path:
+    """Draw a trial over time: voltage, gaps and forces, with its phases shaded.
+
+    Args:
+        trace: of the trial.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    time = trace.time * _MS
+    with figure(path, rows=3, size=(8.0, 2.2)) as panels:
+        voltage, gaps, forces = panels
+        voltage.plot(time, trace.voltage, color=_BLACK, lw=1.2)
+        gaps.plot(time, trace.gap_tool * _UM, color=_GREEN, lw=1.2, label="tool to ball")
+        gaps.plot(time, trace.gap_plate * _UM, color=_ORANGE, lw=1.2, label="ball to plate")
+        for name, label, hue in reversed(_FORCES):
+            forces.plot(time, getattr(trace, name) * _NN, color=hue, lw=1.2, label=label)
+        forces.axhline(trace.weight * _NN, color=_BLACK, lw=0.8, ls=":", label="weight")
+        forces.set_yscale("symlog", linthresh=1.0)
+        voltage.set(ylabel="voltage [V]")
+        voltage.set_title(f"Trial with a ball of radius {trace.radius * _UM:g} µm", pad=48)
+        gaps.set(ylabel="gap [µm]")
+        forces.set(ylabel="force [nN]", xlabel="time [ms]")
+        starts = np.flatnonzero(np.append(True, np.diff(trace.phase) != 0))
+        edges = np.append(time[starts], time[-1])
+        for axes in panels:
+            axes.set_xlim(time[0], time[-1])
+            for i in range(0, len(starts), 2):
+                axes.axvspan(edges[i], edges[i + 1], color="0.5", alpha=0.1, lw=0)
+            if axes is not voltage:
+                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        for start, left, right in zip(starts, edges[:-1], edges[1:], strict=True):
+            name, at = trace.phases[trace.phase[start]], ((left + right) / 2, 1.03)
+            voltage.text(*at, name, transform=voltage.get_xaxis_transform(), rotation=30, fontsize=7)
+    return path.with_name(path.name + ".png")

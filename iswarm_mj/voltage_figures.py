@@ -1,0 +1,196 @@
+"""Figures of the voltages that lift balls and let them go, after Figs. 8, 9 and 11 of the paper.
+
+Bands tell what the paper reports; dashed lines what the force laws give without dynamics, at the medians of the works
+of adhesion.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from iswarm_mj.figures import figure
+from iswarm_mj.gripper.detachment import (
+    CONTACT_GAP,
+    PROBE_RADIUS,
+    RELEASE_GAP,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+)
+from iswarm_mj.gripper.humidity import humidity_factor
+
+Rows = Sequence[Mapping[str, Any]]
+
+PAPER_HUMIDITY = 10.0
+"""Relative humidity of the paper's bands [%]."""
+PAPER_GRASP = (20.0, 30.0)
+"""Least voltages that lifted a touched ball, as the paper reports them [V]."""
+PAPER_RELEASE = (37.0, 47.0)
+"""Voltages that released a ball at a gap of 5 um, as the paper reports them [V]."""
+PAPER_NO_CONTACT = 50.0
+"""Below this voltage no ball was lifted without contact, as the paper reports [V]."""
+
+HUES = ("#0072b2", "#d55e00", "#009e73", "#aa4499")
+_MARKS = ("o", "s", "^", "D")
+_RED = "#cc0000"
+_SIZE = (5.2, 4.2)
+_UM, _MS = 1e6, 1e3
+
+_FITTED = {
+    "grasp": (
+        "Fitted: $W_{TO}$ to the paper's release band, $W_{OS}$ to its grasp band at 10 % RH given $D_{eff}$,\n"
+        "their spreads to the widths of the bands. Not fitted: that the radius does not matter."
+    ),
+    "release": (
+        "Fitted: $W_{TO}$ and its spread, to this band at 10 % RH.\n"
+        "Not fitted: that the radius does not matter, that a landed ball stays."
+    ),
+    "no_contact": "Fitted: $D_{eff}$, such that no ball is lifted below 50 V from gaps of 1 µm and more.",
+}
+
+
+class Laws:
+    """Least voltages without dynamics, at the medians of the works of adhesion. SI."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        """Take the medians from `settings`, as `grasp_figures.draw_figures` tells."""
+        self._tool = settings.get("work_tool_object", WORK_TOOL_OBJECT)
+        self._plate = settings.get("work_object_substrate", WORK_OBJECT_SUBSTRATE)
+        self._contact_gap = settings.get("contact_gap", CONTACT_GAP)
+        self._probe_radius = settings.get("probe_radius", PROBE_RADIUS)
+
+    def grasp(self, radius: np.ndarray, percent: float, gap: float = 0.0) -> np.ndarray:
+        """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
+        factor = humidity_factor(percent)
+        tool = self._tool * factor if gap <= 0 else 0.0
+        return grasp_voltage(radius, tool, self._plate * factor, max(gap, self._contact_gap), self._probe_radius)
+
+    def release(self, radius: np.ndarray, percent: float) -> np.ndarray:
+        """Least voltage that drops a held ball at a humidity [%]."""
+        return release_voltage(radius, self._tool * humidity_factor(percent), RELEASE_GAP, self._probe_radius)
+
+
+def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
+    """Draw the least voltages of grasp or of release trials against the radius, a colour for each humidity.
+
+    Args:
+        path: of the files, without suffix.
+        rows: at least one, of one experiment.
+        laws: for the lines.
+    """
+    name = rows[0]["experiment"]
+    law, band = (laws.grasp, PAPER_GRASP) if name == "grasp" else (laws.release, PAPER_RELEASE)
+    humidities = sorted({row["relative_humidity"] for row in rows})
+    with figure(path, size=_SIZE) as (axes,):
+        if PAPER_HUMIDITY in humidities:
+            label = f"paper, {PAPER_HUMIDITY:g} % RH: {band[0]:g} to {band[1]:g} V"
+            axes.axhspan(*band, color="0.5", alpha=0.18, lw=0, label=label)
+        for i, percent in enumerate(humidities):
+            group = [row for row in _sound(rows) if row["relative_humidity"] == percent]
+            if group:
+                _draw_group(axes, group, law, HUES[i % len(HUES)], _MARKS[i % len(_MARKS)])
+        axes.set(xlabel="radius of the ball [µm]", ylabel=f"{name} voltage [V]")
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(0.0, low - 0.15 * (high - low)), high + 0.15 * (high - low))
+        title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
+        title += f", gap {RELEASE_GAP * _UM:g} µm" if name == "release" else ""
+        caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
+        _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
+    return path.with_name(path.name + ".png")
+
+
+def _draw_group(axes: Axes, rows: Rows, law: Callable[..., np.ndarray], hue: str, mark: str) -> None:
+    """Draw the repeats, their mean where each has a voltage, and the law, for one humidity."""
+    percent = rows[0]["relative_humidity"]
+    done = [row for row in rows if row["voltage"] is not None]
+    undone = [row for row in rows if row["voltage"] is None]
+    melted = [row for row in done if row["melted"]]
+    for group, name, style in (
+        (done, "voltage", {"marker": mark, "mec": hue, "alpha": 0.6, "ms": 4, "label": "each trial"}),
+        (undone, "limit_voltage", {"marker": "$↑$", "mec": hue, "ms": 8, "label": "not up to this voltage"}),
+        (melted, "voltage", {"marker": "x", "mec": _RED, "ms": 7, "label": "melted"}),
+    ):
+        if group:
+            axes.plot(column(group, "radius") * _UM, column(group, name), ls="none", mfc="none", **style)
+    radii = np.unique(column(rows, "radius"))
+    voltages = [[row["voltage"] for row in rows if row["radius"] == radius] for radius in radii]
+    means = [(radius, np.mean(v)) for radius, v in zip(radii, voltages, strict=True) if None not in v]
+    if means:
+        x, y = np.transpose(means)
+        axes.plot(x * _UM, y, "-" + mark, color=hue, ms=6, lw=1.3, label=f"{percent:g} % RH, mean")
+    x = np.linspace(radii[0], radii[-1], 61) if len(radii) > 1 else radii[0] * np.array([0.98, 1.02])
+    axes.plot(x * _UM, law(x, percent), "--", color=hue, lw=1, label="force laws, no dynamics")
+
+
+def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
+    """Draw attempts to lift a ball across a gap: where it was lifted, or up to which voltage it was not.
+
+    Args:
+        path: of the files, without suffix.
+        rows: at least one.
+        laws: for the lines, each the least over the radii.
+    """
+    with figure(path, size=_SIZE) as (axes,):
+        axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label="paper: no lift below 50 V")
+        for name, hue, mark, lifted in (("not lifted up to here", HUES[0], "^", False), ("lifted", HUES[1], "o", True)):
+            group = [row for row in _sound(rows) if (row["voltage"] is not None) == lifted]
+            if group:
+                voltage = column(group, "voltage" if lifted else "limit_voltage")
+                style = {"marker": mark, "mfc": "none", "mec": hue, "label": f"{name} ({len(group)})"}
+                axes.plot(column(group, "gap") * _UM, voltage, ls="none", **style)
+        gaps, radii = column(rows, "gap"), np.unique(column(rows, "radius"))
+        x = np.linspace(0.8 * gaps.min(), 1.05 * gaps.max(), 101)
+        for i, percent in enumerate(sorted({row["relative_humidity"] for row in rows})):
+            least = np.min([[laws.grasp(radius, percent, gap) for gap in x] for radius in radii], axis=0)
+            axes.plot(x * _UM, least, "--", color=HUES[i % len(HUES)], lw=1, label=f"force laws, {percent:g} % RH")
+        axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
+        axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column(rows, "limit_voltage")))
+        _finish(axes, "Attempts without contact", rows, _FITTED["no_contact"])
+    return path.with_name(path.name + ".png")
+
+
+def column(rows: Rows, name: str) -> np.ndarray:
+    """Numbers of one column (n,)."""
+    return np.array([row[name] for row in rows], float)
+
+
+def _sound(rows: Rows) -> Rows:
+    return [row for row in rows if not row["faulty"]]
+
+
+def _landings(rows: Rows) -> str:
+    """Say how the balls that were released flew and landed; empty if none was."""
+    let_go = [row for row in _sound(rows) if row["voltage"] is not None]
+    landed = [row for row in let_go if row["landed"]]
+    if not let_go:
+        return ""
+    text = f"\n{len(landed)} of {len(let_go)} released balls landed"
+    if landed:
+        time, speed = np.median(column(landed, "flight_time")), np.median(column(landed, "landing_speed"))
+        text += f"; medians: flight {time * _MS:.2f} ms, landing at {speed:.2f} m/s"
+    return text + "."
+
+
+def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
+    """Title, and below the axes the caption and the legend, each label once."""
+    faulty = len(rows) - len(_sound(rows))
+    axes.set_title(title)
+    handles, labels = axes.get_legend_handles_labels()
+    first = {label: handle for handle, label in reversed(list(zip(handles, labels, strict=True)))}
+    names = list(dict.fromkeys(labels))
+    axes.legend(
+        [first[name] for name in names],
+        names,
+        loc="upper left",
+        bbox_to_anchor=(-0.12, -0.16),
+        ncols=3,
+        columnspacing=1.2,
+        title=caption + (f"\n{faulty} faulty trials are left out." if faulty else ""),
+        alignment="left",
+        fontsize=7,
+        title_fontsize=7,
+    )
