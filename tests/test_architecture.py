@@ -13,7 +13,7 @@ PACKAGE = Path(iswarm_mj.__file__).parent
 
 FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units", "gripper.trace"],
-    ["config", "blueprint", "files", "sensors.neighbours"],
+    ["config", "blueprint", "files", "gripper.protocol", "sensors.neighbours"],
     ["conditions", "figures", "tables"],
     ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
     [
@@ -37,23 +37,25 @@ FLOORS = [
         "strategy.controller",
         "layout",
         "model",
+        "gripper.bench",
         "gripper.plugin_forces",
         "voltage_figures",
     ],
     [
         "gripper.handling",
         "grasp_figures",
+        "gripper.experiment",
         "gripper.plugin",
         "sensors.links",
         "engines.base",
         "engines.mujoco_batch",
     ],
-    ["metrics", "swarm", "gripper.mjx_forces"],
-    ["rollout"],
-    ["snapshot", "record", "results", "experiments.jobs"],
-    ["cleaning", "picture", "experiments.pool"],
+    ["metrics", "swarm", "gripper.bench_model", "gripper.mjx_forces"],
+    ["rollout", "gripper.bench_mujoco"],
+    ["snapshot", "record", "results", "gripper.trials", "experiments.jobs"],
+    ["cleaning", "grasping", "picture", "experiments.pool"],
     ["benchmark", "commands.swarm_options"],
-    ["commands.clean", "commands.picture", "commands.bench"],
+    ["commands.clean", "commands.grasp", "commands.picture", "commands.bench"],
     ["cli"],
     ["__main__"],
 ]
@@ -125,6 +127,8 @@ def test_packages_import_nothing(name):
 
 
 PLUGIN = {
+    "gripper.bench_model",
+    "gripper.bench_mujoco",
     "gripper.mjx_forces",
     "gripper.plugin",
     "gripper.plugin_abi",
