@@ -51,7 +51,7 @@ FLOORS = [
         "engines.mujoco_batch",
     ],
     ["metrics", "swarm", "gripper.bench_model", "gripper.mjx_forces"],
-    ["rollout", "gripper.bench_mujoco"],
+    ["rollout", "gripper.bench_mjx", "gripper.bench_mujoco"],
     ["snapshot", "record", "results", "gripper.trials", "experiments.jobs"],
     ["cleaning", "grasping", "picture", "experiments.pool"],
     ["benchmark", "commands.swarm_options"],
@@ -127,6 +127,7 @@ def test_packages_import_nothing(name):
 
 
 PLUGIN = {
+    "gripper.bench_mjx",
     "gripper.bench_model",
     "gripper.bench_mujoco",
     "gripper.mjx_forces",

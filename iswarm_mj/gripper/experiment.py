@@ -96,7 +96,7 @@ def hang(bench: Bench, protocol: Protocol, gap: float, active: np.ndarray | None
 
 
 def release(bench: Bench, protocol: Protocol, held: np.ndarray, gap: float) -> Release:
-    """Ramp the voltage on balls that hang at a gap [m], those that are `held` (B,), until each left, landed and rested."""
+    """Ramp the voltage on hanging balls, `held` (B,), until each has left, landed and rested; gap in m."""
     ramp = _Ramp(bench, protocol, held, protocol.release_limit, gap)
     left_at, landed_at = np.full(len(held), np.inf), np.full(len(held), np.inf)
     voltage, speed = np.full(len(held), np.nan), np.full(len(held), np.nan)

@@ -86,10 +86,7 @@ def run_trials(
     return Outcomes(
         _joined([part.grasp for part in parts]),
         {gap: _joined([part.release[gap] for part in parts]) for gap in release_gaps},
-        {
-            gap: tuple(map(np.concatenate, zip(*(p.no_contact[gap] for p in parts), strict=True)))
-            for gap in no_contact_gaps
-        },
+        {gap: _joined([part.no_contact[gap] for part in parts]) for gap in no_contact_gaps},
         parts[0].timestep,
     )
 
