@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.figures import figure
+from iswarm_mj.gripper.detachment import RELEASE_GAP
 from iswarm_mj.gripper.trace import Trace
 from iswarm_mj.voltage_figures import HUES, PAPER_HUMIDITY, Laws, Rows, column, draw_attempts, draw_voltages
 
@@ -28,8 +29,8 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Pat
 
     Args:
         rows: of the table of trials, SI. Those that are faulty are left out, and the figure says how many.
-        settings: of the run. `work_tool_object`, `work_object_substrate`, `contact_gap` and `probe_radius` are behind
-            the lines of the force laws [SI]; absent ones are those of `detachment`.
+        settings: of the run; its `calibration`, constants of `detachment` by their names, is behind the lines of the
+            force laws. Absent ones are those of `detachment` itself.
         out: directory.
 
     Returns:
@@ -45,8 +46,9 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Pat
         drawn.append(draw_voltages(out / "grasp_voltage", at_10, laws))
     if len(grasp) > len(at_10):
         drawn.append(draw_voltages(out / "grasp_voltage_humidity", grasp, laws))
-    if release:
-        drawn.append(draw_voltages(out / "release_voltage", release, laws))
+    for gap in sorted({row["gap"] for row in release}):
+        name = "release_voltage" if gap == RELEASE_GAP else f"release_voltage_{gap * _UM:g}um"
+        drawn.append(draw_voltages(out / name, [row for row in release if row["gap"] == gap], laws))
     if attempts:
         drawn.append(draw_attempts(out / "no_contact", attempts, laws))
     return drawn

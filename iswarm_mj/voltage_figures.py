@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from iswarm_mj.arrays import Array
 from iswarm_mj.figures import figure
 from iswarm_mj.gripper.detachment import (
     CONTACT_GAP,
@@ -39,6 +40,8 @@ _MARKS = ("o", "s", "^", "D")
 _RED = "#cc0000"
 _SIZE = (5.2, 4.2)
 _UM, _MS = 1e6, 1e3
+_MANY = 2000
+"""More points than these are pixels in the SVG file, too."""
 
 _FITTED = {
     "grasp": (
@@ -46,7 +49,7 @@ _FITTED = {
         "their spreads to the widths of the bands. Not fitted: that the radius does not matter."
     ),
     "release": (
-        "Fitted: $W_{TO}$ and its spread, to this band at 10 % RH.\n"
+        "Fitted: $W_{TO}$ and its spread, to the paper's release band at 10 % RH.\n"
         "Not fitted: that the radius does not matter, that a landed ball stays."
     ),
     "no_contact": "Fitted: $D_{eff}$, such that no ball is lifted below 50 V from gaps of 1 µm and more.",
@@ -57,21 +60,23 @@ class Laws:
     """Least voltages without dynamics, at the medians of the works of adhesion. SI."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        """Take the medians from `settings`, as `grasp_figures.draw_figures` tells."""
-        self._tool = settings.get("work_tool_object", WORK_TOOL_OBJECT)
-        self._plate = settings.get("work_object_substrate", WORK_OBJECT_SUBSTRATE)
-        self._contact_gap = settings.get("contact_gap", CONTACT_GAP)
-        self._probe_radius = settings.get("probe_radius", PROBE_RADIUS)
+        """Take the constants of `detachment` that the `calibration` of a run's settings has, and its own others."""
+        told = settings.get("calibration", {})
+        self._tool = told.get("WORK_TOOL_OBJECT", WORK_TOOL_OBJECT)
+        self._plate = told.get("WORK_OBJECT_SUBSTRATE", WORK_OBJECT_SUBSTRATE)
+        self._contact_gap = told.get("CONTACT_GAP", CONTACT_GAP)
+        self._probe_radius = told.get("PROBE_RADIUS", PROBE_RADIUS)
 
-    def grasp(self, radius: np.ndarray, percent: float, gap: float = 0.0) -> np.ndarray:
+    def grasp(self, radius: Array, percent: float, gap: Array = 0.0) -> Array:
         """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
         factor = humidity_factor(percent)
-        tool = self._tool * factor if gap <= 0 else 0.0
-        return grasp_voltage(radius, tool, self._plate * factor, max(gap, self._contact_gap), self._probe_radius)
+        tool = np.where(np.asarray(gap) <= 0, self._tool * factor, 0.0)
+        effective = np.maximum(gap, self._contact_gap)
+        return grasp_voltage(radius, tool, self._plate * factor, effective, self._probe_radius)
 
-    def release(self, radius: np.ndarray, percent: float) -> np.ndarray:
+    def release(self, radius: Array, percent: float, gap: Array = RELEASE_GAP) -> Array:
         """Least voltage that drops a held ball at a humidity [%]."""
-        return release_voltage(radius, self._tool * humidity_factor(percent), RELEASE_GAP, self._probe_radius)
+        return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe_radius)
 
 
 def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
@@ -79,14 +84,14 @@ def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
 
     Args:
         path: of the files, without suffix.
-        rows: at least one, of one experiment.
+        rows: at least one, of one experiment and gap.
         laws: for the lines.
     """
-    name = rows[0]["experiment"]
+    name, gap = rows[0]["experiment"], rows[0]["gap"]
     law, band = (laws.grasp, PAPER_GRASP) if name == "grasp" else (laws.release, PAPER_RELEASE)
     humidities = sorted({row["relative_humidity"] for row in rows})
     with figure(path, size=_SIZE) as (axes,):
-        if PAPER_HUMIDITY in humidities:
+        if PAPER_HUMIDITY in humidities and (name == "grasp" or gap == RELEASE_GAP):
             label = f"paper, {PAPER_HUMIDITY:g} % RH: {band[0]:g} to {band[1]:g} V"
             axes.axhspan(*band, color="0.5", alpha=0.18, lw=0, label=label)
         for i, percent in enumerate(humidities):
@@ -97,7 +102,7 @@ def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
         low, high = axes.get_ylim()
         axes.set_ylim(max(0.0, low - 0.15 * (high - low)), high + 0.15 * (high - low))
         title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
-        title += f", gap {RELEASE_GAP * _UM:g} µm" if name == "release" else ""
+        title += f", gap {gap * _UM:g} µm" if name == "release" else ""
         caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
         _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
     return path.with_name(path.name + ".png")
@@ -115,15 +120,19 @@ def _draw_group(axes: Axes, rows: Rows, law: Callable[..., np.ndarray], hue: str
         (melted, "voltage", {"marker": "x", "mec": _RED, "ms": 7, "label": "melted"}),
     ):
         if group:
-            axes.plot(column(group, "radius") * _UM, column(group, name), ls="none", mfc="none", **style)
-    radii = np.unique(column(rows, "radius"))
-    voltages = [[row["voltage"] for row in rows if row["radius"] == radius] for radius in radii]
-    means = [(radius, np.mean(v)) for radius, v in zip(radii, voltages, strict=True) if None not in v]
+            many = len(group) > _MANY
+            x, y = column(group, "radius") * _UM, column(group, name)
+            axes.plot(x, y, ls="none", mfc="none", rasterized=many, **style)
+    voltages = {}
+    for row in sorted(rows, key=lambda row: row["radius"]):
+        voltages.setdefault(row["radius"], []).append(row["voltage"])
+    means = {radius: np.mean(values) for radius, values in voltages.items() if None not in values}
+    radii = list(voltages)
     if means:
-        x, y = np.transpose(means)
+        x, y = np.array(list(means)), list(means.values())
         axes.plot(x * _UM, y, "-" + mark, color=hue, ms=6, lw=1.3, label=f"{percent:g} % RH, mean")
     x = np.linspace(radii[0], radii[-1], 61) if len(radii) > 1 else radii[0] * np.array([0.98, 1.02])
-    axes.plot(x * _UM, law(x, percent), "--", color=hue, lw=1, label="force laws, no dynamics")
+    axes.plot(x * _UM, law(x, percent, rows[0]["gap"]), "--", color=hue, lw=1, label="force laws, no dynamics")
 
 
 def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
@@ -140,12 +149,14 @@ def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
             group = [row for row in _sound(rows) if (row["voltage"] is not None) == lifted]
             if group:
                 voltage = column(group, "voltage" if lifted else "limit_voltage")
-                style = {"marker": mark, "mfc": "none", "mec": hue, "label": f"{name} ({len(group)})"}
-                axes.plot(column(group, "gap") * _UM, voltage, ls="none", **style)
-        gaps, radii = column(rows, "gap"), np.unique(column(rows, "radius"))
-        x = np.linspace(0.8 * gaps.min(), 1.05 * gaps.max(), 101)
+                gap, label = column(group, "gap") * _UM, f"{name} ({len(group)})"
+                axes.plot(
+                    gap, voltage, ls="none", marker=mark, mfc="none", mec=hue, label=label, rasterized=len(gap) > _MANY
+                )
+        gaps, radii = column(rows, "gap"), column(rows, "radius")
+        x, radius = np.linspace(0.8 * gaps.min(), 1.05 * gaps.max(), 101), np.linspace(radii.min(), radii.max(), 11)
         for i, percent in enumerate(sorted({row["relative_humidity"] for row in rows})):
-            least = np.min([[laws.grasp(radius, percent, gap) for gap in x] for radius in radii], axis=0)
+            least = laws.grasp(radius[:, None], percent, x).min(axis=0)
             axes.plot(x * _UM, least, "--", color=HUES[i % len(HUES)], lw=1, label=f"force laws, {percent:g} % RH")
         axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
         axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column(rows, "limit_voltage")))

@@ -14,8 +14,15 @@ PACKAGE = Path(iswarm_mj.__file__).parent
 FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units", "gripper.trace"],
     ["config", "blueprint", "files", "gripper.protocol", "sensors.neighbours"],
-    ["conditions", "figures", "tables"],
-    ["gripper.adhesion", "gripper.humidity", "gripper.maugis", "gripper.probe_table", "gripper.sphere_plane"],
+    ["blueprint_grasp", "conditions", "figures", "tables"],
+    [
+        "record_grasp",
+        "gripper.adhesion",
+        "gripper.humidity",
+        "gripper.maugis",
+        "gripper.probe_table",
+        "gripper.sphere_plane",
+    ],
     [
         "gripper.electrostatics",
         "gripper.boundary_elements",
@@ -141,7 +148,7 @@ PLUGIN = {
 @pytest.mark.parametrize(
     "library, allowed",
     [
-        ("rerun", {"record", "blueprint"}),
+        ("rerun", {"record", "blueprint", "record_grasp", "blueprint_grasp"}),
         ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture", *PLUGIN}),
         ("tyro", {"cli", "commands.swarm_options", "commands.picture"}),
     ],

@@ -46,9 +46,20 @@ class Trace(NamedTuple):
     """Of the ball [N]."""
 
 
-def every(trace: Trace, stride: int) -> Trace:
-    """Return every `stride`-th sample of a trace, with the last one of each phase and of the trace."""
-    count = len(trace.time)
-    is_last = np.append(np.diff(trace.phase) != 0, True)
-    kept = np.flatnonzero(is_last | (np.arange(count) % stride == 0))
-    return Trace(*(value[kept] if isinstance(value, np.ndarray) else value for value in trace))
+def thinned(trace: Trace, limit: int) -> Trace:
+    """Return a trace of at most about `limit` samples, dense where the ball moves or the electrostatic force changes.
+
+    Samples are kept at even distances along a path to which time, the ball's height and the force contribute a third
+    each; in addition the first of each phase, and the trace's last.
+    """
+    if len(trace.time) <= limit:
+        return trace
+    path = np.zeros(len(trace.time))
+    for values in (trace.time, trace.ball[:, 2], trace.electrostatic):
+        length = np.cumsum(np.abs(np.diff(values, prepend=values[0])))
+        path += length / max(length[-1], np.finfo(float).tiny)
+    cell = np.floor(path / path[-1] * (limit - 1))
+    is_new = (np.diff(cell, prepend=-1) > 0) | (np.diff(trace.phase, prepend=-1) != 0)
+    is_new[-1] = True
+    arrays = {name: value[is_new] for name, value in trace._asdict().items() if isinstance(value, np.ndarray)}
+    return trace._replace(**arrays)
