@@ -12,6 +12,7 @@ import tyro
 
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
+from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.compilation import quieten
@@ -26,7 +27,13 @@ class Command(Protocol):
         ...
 
 
-COMMANDS: dict[str, type[Command]] = {"clean": Clean, "picture": Picture, "bench": Bench, "grasp": Grasp}
+COMMANDS: dict[str, type[Command]] = {
+    "clean": Clean,
+    "picture": Picture,
+    "bench": Bench,
+    "grasp": Grasp,
+    "evolve": Evolve,
+}
 
 
 def parse(arguments: Sequence[str] | None) -> Command:

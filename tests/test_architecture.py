@@ -14,9 +14,10 @@ PACKAGE = Path(iswarm_mj.__file__).parent
 FLOORS = [
     ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units", "gripper.trace"],
     ["config", "blueprint", "files", "gripper.protocol", "sensors.neighbours"],
-    ["blueprint_grasp", "conditions", "figures", "tables"],
+    ["blueprint_grasp", "conditions", "figures", "tables", "experiments.checkpoint"],
     [
         "record_grasp",
+        "experiments.evolution_figure",
         "gripper.adhesion",
         "gripper.humidity",
         "gripper.maugis",
@@ -33,6 +34,7 @@ FLOORS = [
     [
         "gripper.detachment",
         "strategy.avoidance",
+        "strategy.evolution",
         "sensors.messages",
         "sensors.optics",
         "gripper.plugin_native",
@@ -42,6 +44,7 @@ FLOORS = [
         "sensors.floor",
         "sensors.shadows",
         "strategy.controller",
+        "experiments.optimisers",
         "layout",
         "model",
         "gripper.bench",
@@ -61,8 +64,8 @@ FLOORS = [
     ["rollout", "gripper.bench_mjx", "gripper.bench_mujoco"],
     ["snapshot", "record", "results", "gripper.trials", "experiments.jobs"],
     ["cleaning", "grasping", "picture", "experiments.pool"],
-    ["benchmark", "commands.swarm_options"],
-    ["commands.clean", "commands.grasp", "commands.picture", "commands.bench"],
+    ["benchmark", "commands.swarm_options", "experiments.evolve"],
+    ["commands.clean", "commands.evolve", "commands.grasp", "commands.picture", "commands.bench"],
     ["cli"],
     ["__main__"],
 ]

@@ -1,0 +1,67 @@
+"""`iswarm evolve`."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from iswarm_mj.config import (
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+    check,
+)
+from iswarm_mj.strategy.evolution import Operators
+
+
+@dataclass(frozen=True)
+class Evolve:
+    """Search for fit genomes; writes evolution.parquet, best.json, a figure, and a checkpoint to resume from."""
+
+    generations: int = 120
+    """Generations, the first, random one included."""
+    population: int = 10
+    """Swarms in a generation."""
+    steps: int = 800
+    """Control steps of a run at most."""
+    evaluations: int = 1
+    """Runs of each swarm in each generation; its fitness is their mean."""
+    method: Literal["paper", "cmaes", "random"] = "paper"
+    """The paper's evolution, CMA-ES with margin, or random search."""
+    seed: int = 0
+    """Seed of all random numbers."""
+    out: Path = Path("runs/evolve")
+    """Directory for the results; one that holds a search already is refused without --resume."""
+    resume: bool = False
+    """Go on with the search in --out, with the same settings; begin it if there is none."""
+    workers: int = 0
+    """Worker processes, 0 for one a core; the results do not depend on it."""
+    backend: Literal["processes", "ray"] = "processes"
+    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
+    operators: Operators = field(default_factory=Operators)
+    arena: ArenaConfig = field(default_factory=ArenaConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    optics: OpticsConfig = field(default_factory=OpticsConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+    strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+    def run(self) -> None:
+        """Run the command."""
+        check("generations", self.generations, "between 1 and 100000", 1 <= self.generations <= 100_000)
+        check("population", self.population, "between 2 and 10000", 2 <= self.population <= 10_000)
+        check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
+        check("evaluations", self.evaluations, "between 1 and 1000", 1 <= self.evaluations <= 1000)
+        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
+        check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
+        elite = self.operators.elite
+        check("operators.elite", elite, "below --population", elite < self.population)
+        from iswarm_mj.experiments.evolve import Search, evolve
+
+        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        search = Search(
+            config, self.operators, self.method, self.generations, self.population, self.steps, self.seed,
+            self.evaluations,
+        )  # fmt: skip
+        evolve(search, self.out, self.resume, self.workers, self.backend)

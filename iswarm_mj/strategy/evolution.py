@@ -1,0 +1,152 @@
+"""The paper's "Evolutionary Strategy": how one generation of swarms follows from another. Pure.
+
+Source: Valdastri et al. (2006), section 4.6. What it says: the best two pass unchanged; the others are drawn with
+chances by their relative fitness; dependent mutation at a rate of 0.5 within +-0.05 of the parent's value;
+independent mutation at 0.05; crossover at 0.2, half of it intermediate, half taking the values of one parent or
+the other. What it leaves open is chosen here:
+
+- Crossover comes first, then dependent, then independent mutation; both kinds of mutation fall on each parameter by
+  itself. In a crossover that is not intermediate, each parameter comes from either parent with equal chances. The
+  second parent is drawn like the first, and may be the same.
+- The span is absolute, since all parameters are shares and the swarms of the paper's Fig. 14(b) are spread far more
+  widely than steps of 5 % of a value spread them. `relative_span` takes it as a share of the value instead.
+- A mutation that leads out of the range ends at its edge: Table 2 has a value of 1.00.
+- A dependent mutation of a Boolean turns it over. Section 4.6.1 has 484 of 1200 swarms without hop counts, although
+  few of them were fit; turned over at a rate of 0.5 in eight offspring of ten they would be 481. An intermediate
+  crossover gives a Boolean from either parent.
+- A fitness below zero counts as zero; where none is above zero, all have the same chances. The elite takes part in
+  the draw.
+- Densities lie within 0.01 and 0.3304, as "the biggest swarm that was tested" had 785 robots. All other parameters
+  lie within 0 and 1, distances in units of the sensory radius.
+"""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from iswarm_mj.config import check
+from iswarm_mj.strategy.genome import Genome
+
+NAMES = [f.name for f in fields(Genome)]
+IS_BOOLEAN = np.array([f.type is bool for f in fields(Genome)])
+"""(P,) which of the P parameters are Booleans; in vectors they are 0 or 1."""
+
+
+@dataclass(frozen=True)
+class Operators:
+    """Rates of the evolution; the defaults are the paper's where the module's docstring says so."""
+
+    elite: int = 2
+    """Fittest swarms that pass to the next generation without any change."""
+    dependent_rate: float = 0.5
+    """Probability that a parameter mutates to a value near its own; a Boolean turns over."""
+    span: float = 0.05
+    """How far from its own value."""
+    relative_span: bool = False
+    """The span is a share of the value."""
+    independent_rate: float = 0.05
+    """Probability that a parameter gets a totally random new value."""
+    crossover_rate: float = 0.2
+    """Probability that an offspring has two parents."""
+    intermediate_share: float = 0.5
+    """Share of the crossovers that average both parents; in the others each value comes from one of them."""
+    density_min: float = 0.01
+    """Smallest density of robots; 24 robots in the paper's arena."""
+    density_max: float = 0.3304
+    """Largest density of robots; 785 robots in the paper's arena."""
+
+    def __post_init__(self):
+        check("operators.elite", self.elite, "0 or more", self.elite >= 0)
+        for name in ("dependent_rate", "span", "independent_rate", "crossover_rate", "intermediate_share"):
+            check(f"operators.{name}", getattr(self, name), "within 0 to 1", 0 <= getattr(self, name) <= 1)
+        check("operators.density_min", self.density_min, "above 0 and at most 1", 0 < self.density_min <= 1)
+        check("operators.density_max", self.density_max, "between density-min and 1",
+              self.density_min <= self.density_max <= 1)  # fmt: skip
+
+
+class Individual(NamedTuple):
+    """One swarm of a generation."""
+
+    genome: Genome
+    origin: str
+    """random, elite, mutation, intermediate (crossover), discrete (crossover), or the name of another method."""
+    parents: tuple[int, ...] = ()
+    """Their places in the generation before."""
+
+
+def to_vector(genome: Genome) -> np.ndarray:
+    """Values of a genome (P,), Booleans as 0 or 1."""
+    return np.array(astuple(genome), float)
+
+
+def to_genome(vector: np.ndarray) -> Genome:
+    """Genome of the values (P,); a Boolean is true above 0.5."""
+    values: list[Any] = [bool(v > 0.5) if b else float(v) for v, b in zip(vector, IS_BOOLEAN, strict=True)]
+    return Genome(*values)
+
+
+def ranges(operators: Operators) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest values of the parameters (P,), (P,)."""
+    low, high = np.zeros(len(NAMES)), np.ones(len(NAMES))
+    density = NAMES.index("density_of_robots")
+    low[density], high[density] = operators.density_min, operators.density_max
+    return low, high
+
+
+def random_vector(operators: Operators, rng: np.random.Generator) -> np.ndarray:
+    """Draw values (P,) evenly from their ranges; Booleans true or false with equal chances."""
+    vector = rng.uniform(*ranges(operators))
+    return np.where(IS_BOOLEAN, vector > 0.5, vector)
+
+
+def random_population(operators: Operators, size: int, rng: np.random.Generator) -> list[Individual]:
+    """Draw a first generation."""
+    return [Individual(to_genome(random_vector(operators, rng)), "random") for _ in range(size)]
+
+
+def chances(fitness: Sequence[float]) -> np.ndarray:
+    """Probability of each swarm to be drawn as a parent: its share of the fitness above zero."""
+    weight = np.maximum(fitness, 0.0)
+    total = weight.sum()
+    return weight / total if total > 0 else np.full(len(weight), 1 / len(weight))
+
+
+def cross_over(
+    operators: Operators, one: np.ndarray, other: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, str]:
+    """Values of a child of two parents (P,), and which kind of crossover it was."""
+    from_one = rng.random(len(one)) < 0.5
+    either = np.where(from_one, one, other)
+    if rng.random() < operators.intermediate_share:
+        return np.where(IS_BOOLEAN, either, (one + other) / 2), "intermediate"
+    return either, "discrete"
+
+
+def mutate(operators: Operators, vector: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Values (P,) after dependent and independent mutation."""
+    n = len(vector)
+    span = operators.span * (vector if operators.relative_span else 1.0)
+    near = np.clip(vector + rng.uniform(-1.0, 1.0, n) * span, *ranges(operators))
+    near = np.where(IS_BOOLEAN, 1.0 - vector, near)
+    vector = np.where(rng.random(n) < operators.dependent_rate, near, vector)
+    return np.where(rng.random(n) < operators.independent_rate, random_vector(operators, rng), vector)
+
+
+def next_generation(
+    operators: Operators, population: Sequence[Genome], fitness: Sequence[float], rng: np.random.Generator
+) -> list[Individual]:
+    """Draw the generation that follows `population`, of the same size; the elite comes first, the fittest ahead."""
+    ranking = np.argsort(-np.asarray(fitness, float), kind="stable")
+    elite = [Individual(population[i], "elite", (int(i),)) for i in ranking[: operators.elite]]
+    vectors, chance = [to_vector(genome) for genome in population], chances(fitness)
+
+    def offspring() -> Individual:
+        one, other = (int(i) for i in rng.choice(len(population), 2, p=chance))
+        vector, origin, parents = vectors[one], "mutation", (one,)
+        if rng.random() < operators.crossover_rate:
+            (vector, origin), parents = cross_over(operators, vector, vectors[other], rng), (one, other)
+        return Individual(to_genome(mutate(operators, vector, rng)), origin, parents)
+
+    return elite + [offspring() for _ in range(len(population) - len(elite))]
