@@ -11,16 +11,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from iswarm_mj.compilation import keep_compiled_programs
 from iswarm_mj.files import prepare
 from iswarm_mj.gripper import detachment
 from iswarm_mj.gripper.bench import Trial
+from iswarm_mj.gripper.bench_trace import trace_trial
 from iswarm_mj.gripper.detachment import grasp_voltage, melts, release_voltage
+from iswarm_mj.gripper.force_curve import force_curve
 from iswarm_mj.gripper.humidity import humid_work
 from iswarm_mj.gripper.protocol import Protocol
 from iswarm_mj.gripper.trials import Outcomes, draw, run_trials
 from iswarm_mj.tables import write_table
 
 TABLE = "trials.parquet"
+CURVES = "force_curve.parquet"
 
 CALIBRATION = (
     "WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "VARIATION_TOOL_OBJECT", "VARIATION_OBJECT_SUBSTRATE", "CONTACT_GAP",
@@ -84,7 +88,11 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
     Raises:
         UserError: `out` cannot be written to.
     """
+    from iswarm_mj.grasp_figures import draw_figures
+
     prepare(out)
+    if settings.engine == "mjx":
+        keep_compiled_programs()
     started = time.perf_counter()
     listed = cases(settings)
     with tqdm(total=len(listed), unit="trial", disable=not sys.stderr.isatty()) as bar:
@@ -95,8 +103,53 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
     seconds = time.perf_counter() - started
     rows = list(_rows(settings, listed, outcomes))
     write_table(out / TABLE, rows, settings.told(), csv=True)
+    draw_figures(rows, settings.told(), out)
+    for number in record:
+        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
     print(summary(settings, rows, seconds, out))
     return rows
+
+
+def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
+    """Write force-distance curves of balls with the medians of the works of adhesion: table and figure.
+
+    Args:
+        settings: radii, the first humidity, and the protocol count.
+        voltages: one curve each [V].
+        out: directory.
+
+    Returns:
+        The rows of the table; see `force_curve`.
+
+    Raises:
+        UserError: `out` cannot be written to.
+    """
+    from iswarm_mj.grasp_figures import draw_force_curve
+
+    prepare(out)
+    humidity = settings.humidities[0]
+    works = detachment.WORK_TOOL_OBJECT, detachment.WORK_OBJECT_SUBSTRATE
+    rows: list[dict[str, Any]] = []
+    for radius, voltage in product(settings.radii, voltages):
+        rows += force_curve(Trial(radius, *works, humidity), settings.protocol, voltage)
+    told = {**settings.told(), "relative_humidity": humidity}
+    write_table(out / CURVES, rows, told, csv=True)
+    path = draw_force_curve(rows, told, out)
+    print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}, {path}")
+    return rows
+
+
+def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:
+    """Record a trial at its grasp voltage, nan: it had none, in the C engine; a recording and a figure."""
+    from iswarm_mj.grasp_figures import draw_trace
+    from iswarm_mj.record_grasp import record_trace
+
+    lifts = None if np.isnan(voltage) else float(voltage)
+    gap = next(iter(settings.release_gaps), detachment.RELEASE_GAP)
+    trace = trace_trial(case.trial, settings.protocol, lifts, gap)
+    told = {**settings.told(), "trial": case.trial._asdict(), "repeat": case.repeat, "grasp_voltage": lifts}
+    record_trace(path.with_suffix(".rrd"), trace, told)
+    draw_trace(trace, path)
 
 
 def _rows(settings: GraspSettings, listed: Sequence[Case], outcomes: Outcomes) -> Iterable[dict[str, Any]]:

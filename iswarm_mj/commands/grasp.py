@@ -32,6 +32,10 @@ class Grasp:
     """Threads of the C engine, 0 for one a core; the results do not depend on it."""
     record: tuple[int, ...] = (0,)
     """Numbers of the trials to record, by radius, then humidity, then repeat; none if empty."""
+    force_curve: bool = False
+    """Write force-distance curves instead, of the radii at the first humidity; trials are not run."""
+    voltages: tuple[float, ...] = (0.0, 10.0, 20.0, 40.0)
+    """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
     """Directory for the results."""
     protocol: Protocol = field(default_factory=Protocol)
@@ -55,13 +59,23 @@ class Grasp:
         check("repeats", self.repeats, "so that there are at most 1000000 trials", count <= 1_000_000)
         for number in self.record:
             check("record", number, f"the number of a trial, 0 to {count - 1}", 0 <= number < count)
-        from iswarm_mj.grasping import GraspSettings, run_grasp
+        for voltage in self.voltages:
+            check("voltages", voltage, "between 0 and 200 V", 0 <= voltage <= 200)
+        if self.force_curve and len(radii) * len(self.voltages) not in range(1, 101):
+            raise UserError(
+                f"--voltages and --radius ask for {len(radii) * len(self.voltages)} force-distance curves; "
+                "from 1 to 100 are possible: choose fewer."
+            )
+        from iswarm_mj.grasping import GraspSettings, run_force_curves, run_grasp
 
         settings = GraspSettings(
             radii, self.rh, self.repeats, self.seed, self.gap, self.no_contact_gap,
             self.engine, self.impl, self.threads, self.protocol,
         )  # fmt: skip
-        run_grasp(settings, self.out, self.record)
+        if self.force_curve:
+            run_force_curves(settings, self.voltages, self.out)
+        else:
+            run_grasp(settings, self.out, self.record)
 
 
 def _radii(given: tuple[str, ...]) -> tuple[float, ...]:
