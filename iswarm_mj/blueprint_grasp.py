@@ -14,7 +14,7 @@ UM, NN = 1e6, 1e9
 """Micrometres per metre, nanonewtons per newton."""
 
 PLATE, PROBE = "world/plate", "world/probe"
-BALL, BALL_MARK, FORCES = "world/ball", "world/ball_mark", "world/forces"
+BALL, BALL_MARK, SHADOW, FORCES = "world/ball", "world/ball_mark", "world/shadow", "world/forces"
 PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
 SETTINGS = "settings"
 
@@ -70,6 +70,8 @@ def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple
     yield PROBE, rr.Cylinders3D.from_fields(lengths=length, radii=probe_radius, **shape)
     yield BALL, rr.Points3D.from_fields(radii=radius, show_labels=False)
     yield BALL_MARK, rr.Points3D.from_fields(colors=(40, 40, 40), radii=0.08 * radius)
+    shadow = {"lengths": 0.1, "radii": 0.6 * radius, "colors": (70, 72, 78), "fill_mode": "solid"}
+    yield SHADOW, rr.Cylinders3D.from_fields(**shadow)
     yield FORCES, rr.Arrows3D.from_fields(colors=[_YELLOW, _GREEN, _ORANGE], radii=0.04 * radius)
     for entity, (name, colour) in SERIES.items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
@@ -97,7 +99,7 @@ def layout(trace: Trace) -> rrb.Blueprint:
     """Return the layout: the bench above the states on the left; time series or the settings on the right."""
     radius = trace.radius * UM
     eye = rrb.EyeControls3D(
-        position=(1.2 * radius, -5.8 * radius, 1.9 * radius),
+        position=(1.2 * radius, -6 * radius, 1.2 * radius),
         look_target=(0.2 * radius, 0, 1.5 * radius),
         eye_up=(0, 0, 1),
     )

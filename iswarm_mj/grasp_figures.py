@@ -77,6 +77,8 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
             for direction, dash in (("approach", "-"), ("retract", "--")):
                 key = (voltage, radius, direction)
                 curve = [row for row in rows if (row["voltage"], row["radius"], row["direction"]) == key]
+                if not curve:
+                    continue
                 gap = column(curve, "gap") * _UM
                 whole.plot(gap, column(curve, "total") * _NN, dash, color=hue, lw=1.5, label=f"{label}, {direction}")
                 parts.plot(gap, column(curve, "electrostatic") * _NN, dash, color=hue, lw=1.5)

@@ -116,6 +116,7 @@ def _bodies(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
     return {
         look.PROBE: (rr.Cylinders3D, 1, {"centers": centre[:, None]}),
         look.BALL: (rr.Points3D, 1, {"positions": ball[:, None], "class_ids": classes[:, None]}),
+        look.SHADOW: (rr.Cylinders3D, 1, {"centers": (ball * np.array([1, 1, 0]))[:, None]}),
         look.BALL_MARK: (rr.Points3D, 1, {"positions": mark[:, None]}),
         look.FORCES: (rr.Arrows3D, 3, {"origins": origins, "vectors": arrows}),
     }
