@@ -5,14 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 
 from iswarm_mj.figures import figure
 from iswarm_mj.gripper.detachment import RELEASE_GAP
 from iswarm_mj.gripper.trace import Trace
-from iswarm_mj.voltage_figures import HUES, PAPER_HUMIDITY, Laws, Rows, column, draw_attempts, draw_voltages
+from iswarm_mj.voltage_figures import PAPER_HUMIDITY, Laws, Rows, column, draw_attempts, draw_voltages, entries
 
-_UM, _NN, _MS = 1e6, 1e9, 1e3
+_UM, _NM, _NN, _MS = 1e6, 1e9, 1e9, 1e3
 _BLACK, _GREEN, _ORANGE = "#333333", "#009e73", "#d55e00"
+
+_NEAR = 30.0
+"""Gaps up to which a force-distance curve is near contact [nm]."""
 
 _FORCES = (
     ("electrostatic", "electrostatic, positive to the tool", "#e69f00"),
@@ -55,11 +59,13 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Pat
 
 
 def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path:
-    """Draw force-distance curves: on the left the whole attraction, on the right its parts; retract is dashed.
+    """Draw force-distance curves: on the left the whole force near contact, on the right its parts at all gaps.
+
+    A colour for each voltage, lines for each radius; retract is dashed.
 
     Args:
-        rows: gap between tool and ball [m], voltage [V], direction ("approach" or "retract"), the forces
-            electrostatic, adhesion and total [N], and radius [m].
+        rows: in the order of time; gap between tool and ball [m], voltage [V], direction ("approach" or "retract"),
+            the forces electrostatic, adhesion and total [N], positive if they attract, and radius [m].
         settings: of the run; `relative_humidity` [%] goes into the title if it is one number.
         out: directory.
 
@@ -67,30 +73,35 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
         Path of the PNG file.
     """
     path = out / "force_curve"
+    curves: dict[tuple[float, str, float], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        curves.setdefault((row["voltage"], row["direction"], row["radius"]), []).append(row)
+    voltages, radii = sorted({key[0] for key in curves}), sorted({key[2] for key in curves})
+    hues = dict(zip(voltages, colormaps["viridis"](np.linspace(0, 0.85, len(voltages))), strict=True))
     humidity = settings.get("relative_humidity")
     condition = f" at {humidity:g} % RH" if isinstance(humidity, int | float) else ""
-    several = len({row["radius"] for row in rows}) > 1
-    with figure(path, columns=2, size=(4.6, 3.8)) as (whole, parts):
-        for i, (voltage, radius) in enumerate(sorted({(row["voltage"], row["radius"]) for row in rows})):
-            hue = HUES[i % len(HUES)]
-            label = f"{voltage:g} V" + (f", R = {radius * _UM:g} µm" if several else "")
-            for direction, dash in (("approach", "-"), ("retract", "--")):
-                key = (voltage, radius, direction)
-                curve = [row for row in rows if (row["voltage"], row["radius"], row["direction"]) == key]
-                if not curve:
-                    continue
-                gap = column(curve, "gap") * _UM
-                whole.plot(gap, column(curve, "total") * _NN, dash, color=hue, lw=1.5, label=f"{label}, {direction}")
-                parts.plot(gap, column(curve, "electrostatic") * _NN, dash, color=hue, lw=1.5)
-                parts.plot(gap, column(curve, "adhesion") * _NN, dash, color=_BLACK, lw=1, zorder=3)
-        parts.plot([], [], color=_BLACK, lw=1, label="adhesion")
-        parts.plot([], [], color=HUES[0], lw=1.5, label="electrostatic, colours as on the left")
-        titles = f"Attraction of tool and ball{condition}", "Its parts"
-        for axes, title in zip((whole, parts), titles, strict=True):
-            axes.set_xscale("symlog", linthresh=1e-3)
-            axes.set_yscale("symlog", linthresh=1.0)
-            axes.set(xlabel="gap between tool and ball [µm]", ylabel="force [nN]", title=title)
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=7)
+    with figure(path, columns=2, size=(4.8, 3.9)) as (near, parts):
+        for (voltage, direction, _), curve in sorted(curves.items()):
+            style = {"ls": "-" if direction == "approach" else "--", "color": hues[voltage], "lw": 1.1}
+            gap, force = column(curve, "gap"), column(curve, "total") * _NN
+            near.plot(gap * _NM, force, label=f"{voltage:g} V, {direction}", **style)
+            if voltage:
+                force, label = column(curve, "electrostatic") * _NN, f"electrostatic, {voltage:g} V"
+                parts.plot(gap * _UM, force, label=label, **style)
+            style |= {"color": _BLACK, "lw": 0.8, "zorder": 3}
+            parts.plot(gap * _UM, column(curve, "adhesion") * _NN, label="adhesion", **style)
+        least, most = (pick(column(rows, "total")) * _NN for pick in (np.min, np.max))
+        near.set_xlim(max(-_NEAR, 1.1 * column(rows, "gap").min() * _NM), _NEAR)
+        near.set_ylim(max(1.1 * least, -max(most, 1.0)), 1.1 * max(most, 1.0))
+        near.axvline(0, color="0.6", lw=0.8)
+        near.set(xlabel="gap between tool and ball [nm]", ylabel="force, positive if it attracts [nN]")
+        near.set_title(f"Near contact{condition}")
+        parts.set(xlabel="gap between tool and ball [µm]", ylabel="attraction [nN]", title="Parts, without contact")
+        parts.set(xscale="log", yscale="log", xlim=(1e-3, None), ylim=(0.1, 2 * max(most, 1.0)))
+        span = f"R = {radii[0] * _UM:g} µm" if len(radii) == 1 else f"R = {radii[0] * _UM:g} to {radii[-1] * _UM:g} µm"
+        for axes in (near, parts):
+            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.18), "ncols": 2}
+            axes.legend(*entries(axes), **place, fontsize=7, title=span)
     return path.with_name(path.name + ".png")
 
 
@@ -128,5 +139,5 @@ def draw_trace(trace: Trace, path: Path) -> Path:
                 axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
         for start, left, right in zip(starts, edges[:-1], edges[1:], strict=True):
             name, at = trace.phases[trace.phase[start]], ((left + right) / 2, 1.03)
-            voltage.text(*at, name, transform=voltage.get_xaxis_transform(), rotation=30, fontsize=7)
+            voltage.text(*at, name, transform=voltage.get_xaxis_transform(), rotation=90, ha="center", fontsize=7)
     return path.with_name(path.name + ".png")

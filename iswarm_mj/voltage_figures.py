@@ -154,7 +154,7 @@ def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
                     gap, voltage, ls="none", marker=mark, mfc="none", mec=hue, label=label, rasterized=len(gap) > _MANY
                 )
         gaps, radii = column(rows, "gap"), column(rows, "radius")
-        x, radius = np.linspace(0.8 * gaps.min(), 1.05 * gaps.max(), 101), np.linspace(radii.min(), radii.max(), 11)
+        x, radius = np.linspace(0.5 * gaps.min(), 1.2 * gaps.max(), 101), np.linspace(radii.min(), radii.max(), 11)
         for i, percent in enumerate(sorted({row["relative_humidity"] for row in rows})):
             least = laws.grasp(radius[:, None], percent, x).min(axis=0)
             axes.plot(x * _UM, least, "--", color=HUES[i % len(HUES)], lw=1, label=f"force laws, {percent:g} % RH")
@@ -167,6 +167,14 @@ def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
 def column(rows: Rows, name: str) -> np.ndarray:
     """Numbers of one column (n,)."""
     return np.array([row[name] for row in rows], float)
+
+
+def entries(axes: Axes) -> tuple[list[Any], list[str]]:
+    """Handles and labels for a legend, each label once, with its first handle."""
+    first: dict[str, Any] = {}
+    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        first.setdefault(label, handle)
+    return list(first.values()), list(first)
 
 
 def _sound(rows: Rows) -> Rows:
@@ -190,12 +198,8 @@ def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
     """Title, and below the axes the caption and the legend, each label once."""
     faulty = len(rows) - len(_sound(rows))
     axes.set_title(title)
-    handles, labels = axes.get_legend_handles_labels()
-    first = {label: handle for handle, label in reversed(list(zip(handles, labels, strict=True)))}
-    names = list(dict.fromkeys(labels))
     axes.legend(
-        [first[name] for name in names],
-        names,
+        *entries(axes),
         loc="upper left",
         bbox_to_anchor=(-0.12, -0.16),
         ncols=3,

@@ -193,25 +193,33 @@ def test_no_rows(tmp_path):
     assert draw_figures([], {}, tmp_path) == [] and list(tmp_path.iterdir()) == []
 
 
-def test_force_curve(tmp_path, shown):
-    rows = [
-        {"gap": gap, "voltage": voltage, "direction": direction, "electrostatic": 4e-7 * (voltage > 0),
-         "adhesion": 1.8e-7 * (direction == "retract"), "total": 5e-7, "radius": 20e-6}
-        for voltage in (0.0, 40.0) for direction in ("approach", "retract") for gap in (0.0, 1e-8, 1e-6)
+def make_curves(voltages=(0.0, 40.0), directions=("approach", "retract"), radii=(20e-6,)):
+    return [
+        {"gap": gap, "voltage": voltage, "direction": direction, "radius": radius, "electrostatic": voltage * 1e-8,
+         "adhesion": 1.8e-7 * (gap < 1e-8), "total": voltage * 1e-8 + 1.8e-7 * (gap < 1e-8)}
+        for voltage in voltages for direction in directions for radius in radii for gap in (0.0, 1e-8, 1e-6)
     ]  # fmt: skip
-    assert draw_force_curve(rows, {"relative_humidity": 30.0}, tmp_path).exists()
-    whole, parts = shown["force_curve"]
-    names = [f"{voltage} V, {direction}" for voltage in (0, 40) for direction in ("approach", "retract")]
-    assert labels(whole) == names and "at 30 % RH" in whole.get_title()
-    np.testing.assert_allclose(line(whole, "40 V, retract"), [(0, 500), (0.01, 500), (1, 500)])
-    drawn = sorted(float(one.get_ydata()[0]) for one in parts.lines if len(one.get_ydata()))
-    np.testing.assert_allclose(drawn, [0, 0, 0, 0, 180, 180, 400, 400])
 
 
-def test_force_curve_of_one_direction(tmp_path, shown):
-    row = {"gap": 1e-6, "voltage": 40.0, "direction": "approach", "electrostatic": 4e-7, "adhesion": 0.0}
-    draw_force_curve([row | {"total": 4e-7, "radius": radius} for radius in RADII], {}, tmp_path)
-    assert labels(shown["force_curve"][0]) == [f"40 V, R = {radius} µm, approach" for radius in (15, 20, 25)]
+def test_force_curve(tmp_path, shown):
+    path = draw_force_curve(make_curves(), {"relative_humidity": 30.0}, tmp_path)
+    assert path == tmp_path / "force_curve.png" and path.exists()
+    near, parts = shown["force_curve"]
+    assert labels(near) == ["0 V, approach", "0 V, retract", "40 V, approach", "40 V, retract"]
+    assert "at 30 % RH" in near.get_title() and caption(near) == "R = 20 µm"
+    np.testing.assert_allclose(line(near, "40 V, retract"), [(0, 580), (10, 400), (1000, 400)])
+    assert [one.get_linestyle() for one in near.lines[:4]] == ["-", "--", "-", "--"]
+    np.testing.assert_allclose(line(parts, "electrostatic, 40 V"), [(0, 400), (0.01, 400), (1, 400)])
+    np.testing.assert_allclose(line(parts, "adhesion"), [(0, 180), (0.01, 0), (1, 0)])
+    assert set(labels(parts)) == {"electrostatic, 40 V", "adhesion"}
+
+
+@pytest.mark.parametrize("directions", [("approach",), ("retract",)])
+def test_force_curves_of_several_radii(tmp_path, shown, directions):
+    draw_force_curve(make_curves((40.0,), directions, RADII), {}, tmp_path)
+    near, _ = shown["force_curve"]
+    assert labels(near) == [f"40 V, {directions[0]}"] and caption(near) == "R = 15 to 25 µm"
+    assert [one.get_label() for one in near.lines].count(labels(near)[0]) == 3
 
 
 def test_trace(tmp_path, shown):
