@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from iswarm_mj.figures import figure
 
@@ -26,5 +27,5 @@ def draw(rows: Sequence[Mapping[str, Any]], n_dust: int, path: Path) -> None:
         axes.axhline(40 * n_dust - 20, color="0.3", linestyle="--", linewidth=0.8, label="most without the last ball")
         axes.set_xlabel("generation")
         axes.set_ylabel("fitness [points]")
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8)

@@ -8,7 +8,7 @@ import threading
 import time
 import warnings
 from collections.abc import Generator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from typing import Any, cast
 
 import jax
@@ -97,7 +97,7 @@ def _on_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished
     while left:
         pool: Any = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), initializer=_start_worker)
         try:
-            with closing(pool(delayed(_work)(*item) for item in list(left.items()))) as finished:
+            with _stopped(pool(delayed(_work)(*item) for item in list(left.items()))) as finished:
                 for index, outcome in finished:
                     del left[index]
                     losses = 0
@@ -106,6 +106,17 @@ def _on_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished
             losses += 1
             if losses > MAX_LOSSES:
                 raise SimulationFault(_lost(losses, left)) from None
+
+
+@contextmanager
+def _stopped(finished: Finished) -> Generator[Finished, None, None]:
+    """Close an iterator at the end, without joblib's warning that not all of it was wanted."""
+    try:
+        yield finished
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            finished.close()
 
 
 def _lost(times: int, left: dict[int, Job]) -> str:
