@@ -80,6 +80,8 @@ class Journal:
     def _read(self) -> None:
         self._file.seek(0)
         *lines, torn = self._file.read().split(b"\n")
+        if not lines and not _line(self._head).startswith(torn):
+            raise UserError(_damaged(self._path, "has no settings in its first line"))
         if torn:
             self._file.truncate(sum(len(line) + 1 for line in lines))
         if not lines:
@@ -112,7 +114,7 @@ def _line(content: Any) -> bytes:
 
 def _content(path: Path, number: int, line: bytes) -> Any:
     checksum, _, text = line.partition(b" ")
-    if checksum != b"%08x" % zlib.crc32(text):
+    if not text or checksum != b"%08x" % zlib.crc32(text):
         raise UserError(_damaged(path, f"does not match its checksum in line {number}"))
     return json.loads(text)
 
