@@ -8,8 +8,13 @@ from iswarm_mj.config import check
 
 @dataclass(frozen=True)
 class Bench(Swarm):
-    """Time the control step and its parts on this machine; prints one JSON line."""
+    """Time the control step and its parts, or the gripper's bench, on this machine; prints one JSON line."""
 
+    what: str = "swarm"
+    """swarm, or grasp: whole trials on the gripper's bench, as many as --worlds, where 1 stands for 256; its flags are
+    --engine (mujoco or mjx), --impl and --seed."""
+    impl: str = "jax"
+    """Implementation of MJX for --what grasp: jax or warp."""
     steps: int = 200
     """Control steps that are timed."""
     warm_up: int = 20
@@ -19,6 +24,10 @@ class Bench(Swarm):
 
     def run(self) -> None:
         """Run the command."""
+        check("what", self.what, "swarm or grasp", self.what in ("swarm", "grasp"))
+        if self.what == "grasp":
+            self._grasp()
+            return
         config, genome, n_robots = self.checked()
         check("steps", self.steps, "between 1 and 100000", 1 <= self.steps <= 100_000)
         check("warm_up", self.warm_up, "between 1 and 100000", 1 <= self.warm_up <= 100_000)
@@ -27,3 +36,15 @@ class Bench(Swarm):
 
         settings = RunSettings(n_robots, self.warm_up + self.steps, self.seed, self.worlds, self.threads)
         bench(config, genome, settings, self.engine, self.warm_up, self.record)
+
+    def _grasp(self) -> None:
+        check("engine", self.engine, "mujoco or mjx with --what grasp", self.engine in ("mujoco", "mjx"))
+        check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
+        check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
+        check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
+        from iswarm_mj.compilation import keep_compiled_programs
+        from iswarm_mj.gripper.bench_speed import speed
+
+        if self.engine == "mjx":
+            keep_compiled_programs()
+        speed(self.engine, self.impl, self.worlds if self.worlds > 1 else 256, self.seed)

@@ -34,7 +34,7 @@ class Grasp:
     """Numbers of the trials to record, by radius, then humidity, then repeat; none if empty."""
     force_curve: bool = False
     """Write force-distance curves instead, of the radii at the first humidity; trials are not run."""
-    voltages: tuple[float, ...] = (0.0, 10.0, 20.0, 40.0)
+    voltages: tuple[float, ...] = (0.0, 10.0, 20.0)
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
     """Directory for the results."""

@@ -52,6 +52,8 @@ class Bench(Protocol):
 
     timestep: float
     """[s]"""
+    steps: int
+    """Physics steps so far, of all benches together."""
 
     def __init__(self, trials: Sequence[Trial], start_gap: float):
         """Set up a bench for each trial, the tool `start_gap` above the ball [m]."""

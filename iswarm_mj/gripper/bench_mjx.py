@@ -21,6 +21,10 @@ N_CONTACTS, N_ROWS = 4, 24
 """Of a bench in MJX-Warp: contacts and rows of constraints it has room for."""
 
 
+ITERATIONS, LINE_SEARCH = 2, 4
+"""Of the contact solver, at most: more change no voltage, and single precision never meets MuJoCo's tolerance."""
+
+
 class State(NamedTuple):
     """What a bench remembers."""
 
@@ -58,11 +62,13 @@ class MjxBench:
     """`Bench` in MJX, with `impl` "jax" or "warp"; numbers are single precision."""
 
     def __init__(self, trials: Sequence[Trial], start_gap: float, impl: str = "jax", spec: mujoco.MjSpec | None = None):
-        spec = bench_spec() if spec is None else spec
+        spec = bench_spec() if spec is None else spec.copy()
+        spec.option.iterations, spec.option.ls_iterations = ITERATIONS, LINE_SEARCH
         model, portable, count = spec.compile(), mjx_compatible(spec), len(trials)
         self.timestep = float(model.opt.timestep) * MS
         self._where, self._forces = layout(model), gripper_forces(model)
         room = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
+        self.steps = 0
         self._model, self._data = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl, **room)
         columns = Trial(*map(np.array, zip(*trials, strict=True)))
         works = {self._forces.plate: columns.work_object_substrate, self._forces.probe: columns.work_tool_object}
@@ -85,6 +91,7 @@ class MjxBench:
         """See `Bench.move`; benches that are not active move as well."""
         del phase, active
         n_steps = max(1, round(duration / self.timestep))
+        self.steps += n_steps * len(self._touch)
         end = np.zeros((len(self._touch), 2))
         end[:, 0] = self._touch + tip / UM - self._where.tip_height
         end[:, 1] = voltage

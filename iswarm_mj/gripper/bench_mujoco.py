@@ -26,6 +26,7 @@ class MujocoBench:
         models = [models[trial.radius, trial.probe_radius] for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
+        self.steps = 0
         self._where = layout(first)
         self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
         self._batch = Batch(first, len(trials), threads)
@@ -48,6 +49,7 @@ class MujocoBench:
         del phase
         n_benches, n_steps = len(self._touch), max(1, round(duration / self.timestep))
         ids = np.arange(n_benches) if active is None else np.flatnonzero(active)
+        self.steps += n_steps * len(ids)
         begin = self._ctrl[ids]
         end = begin.copy()
         end[:, self._where.tip] = self._touch[ids] + np.broadcast_to(tip, n_benches)[ids] / UM - self._where.tip_height

@@ -32,6 +32,7 @@ class TraceBench:
         self._data.ctrl[self._where.tip] = self._data.qpos[self._where.slide]
         self._numbers = [plugin.state_index(self._model, *names) for names in _FORCES]
         self._ball, self._plate = self._model.geom("ball").id, self._model.geom("plate").id
+        self.steps = 0
         self._phases: list[str] = []
         self._rows: list[np.ndarray] = []
 
@@ -44,6 +45,7 @@ class TraceBench:
             self._phases.append(phase)
         data, where = self._data, self._where
         n_steps, first = max(1, round(duration / self.timestep)), len(self._rows)
+        self.steps += n_steps
         begin = data.ctrl.copy()
         end = begin.copy()
         end[where.tip], end[where.voltage] = self._touch + tip[0] / UM - where.tip_height, voltage[0]

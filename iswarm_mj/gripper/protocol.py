@@ -21,13 +21,13 @@ class Protocol:
     """Driven this far below first touch; more than the ball sinks by adhesion, so that the tool touches [m]."""
     dwell: float = 0.05e-3
     """At rest after the approach, and before the release ramp [s]."""
-    rise_time: float = 0.1e-3
+    rise_time: float = 0.05e-3
     """In which the voltage of a rung rises, with the tool in contact [s]."""
     peel: float = 10e-9
     """Height above first touch up to which the tool retracts slowly: within it one of the contacts opens [m]."""
-    peel_time: float = 0.5e-3
+    peel_time: float = 0.3e-3
     """[s]"""
-    lift: float = 0.5e-6
+    lift: float = 0.3e-6
     """Height above first touch at which it is decided whether the ball came along [m]."""
     acceleration: float = 40.0
     """Greatest acceleration of a tool that carries the ball; adhesion alone holds it [m/s^2]."""
@@ -39,13 +39,13 @@ class Protocol:
     """Between two rungs of the staircase [V]."""
     grasp_limit: float = 80.0
     """Highest rung [V]."""
-    ramp_rate: float = 20e3
+    ramp_rate: float = 40e3
     """Of the voltage in the release ramp and without contact [V/s]."""
     release_limit: float = 120.0
     """End of the release ramp [V]."""
     no_contact_limit: float = 50.0
     """End of the ramp without contact [V]."""
-    watch_time: float = 0.02e-3
+    watch_time: float = 0.01e-3
     """A ramp is stopped this long after the ball left, at most [s]."""
     flight_limit: float = 2e-3
     """A ball that has not landed after so long is lost [s]."""

@@ -33,6 +33,8 @@ class Outcomes(NamedTuple):
     """By the gap to the tool [m]."""
     timestep: float
     """[s]"""
+    steps: int
+    """Physics steps of all trials together."""
 
 
 def draw(seed: int, radius: float, relative_humidity: float, repeat: int) -> Trial:
@@ -88,6 +90,7 @@ def run_trials(
         {gap: _joined([part.release[gap] for part in parts]) for gap in release_gaps},
         {gap: _joined([part.no_contact[gap] for part in parts]) for gap in no_contact_gaps},
         parts[0].timestep,
+        sum(part.steps for part in parts),
     )
 
 
@@ -129,7 +132,7 @@ def _run(
         bench.restore(lifted)
         hang(bench, protocol, gap, held)
         dropped[gap] = release(bench, protocol, held, gap)
-    return Outcomes(grasp, dropped, apart, bench.timestep)
+    return Outcomes(grasp, dropped, apart, bench.timestep, bench.steps)
 
 
 def _joined(parts):
