@@ -1,5 +1,6 @@
 """The arena with its robots and balls, composed from the MJCF files in `models/`."""
 
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
@@ -73,9 +74,15 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
     return spec
 
 
-def compile_arena(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool = False) -> ArenaModel:
-    """Compile the arena and find its robots and balls. Arguments as for `arena_spec`."""
-    model = arena_spec(config, n_robots, ball_radius, visual).compile()
+def compile_arena(
+    config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool = False,
+    tune: Callable[[mujoco.MjSpec], None] | None = None,
+) -> ArenaModel:  # fmt: skip
+    """Compile the arena and find its robots and balls. Arguments as for `arena_spec`; `tune` changes what it made."""
+    spec = arena_spec(config, n_robots, ball_radius, visual)
+    if tune is not None:
+        tune(spec)
+    model = spec.compile()
     robot = mujoco.MjSpec.from_file(str(models_directory() / "robot.xml"))
     tip = robot.body("robot").pos + robot.site("probe_tip").pos
     robots = [f"robot{i}/" for i in range(n_robots)]

@@ -118,7 +118,10 @@ def see(config: SwarmConfig, engine: Engine, poses: np.ndarray, sends: np.ndarra
 
 
 def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.ndarray:
-    """Whether a wall reflects the light of each LED (B, N, 4): the first thing on its axis, within range."""
+    """Whether a wall reflects the light of each LED (B, N, 4): the first thing on its axis, within range.
+
+    A LED that a robot presses a little into a wall sees it too.
+    """
     length = mm_from_rd(config.optics.wall_range)
     edge = mm_from_rd(config.arena.size) / 2
     leds = side_centres(poses)
@@ -127,8 +130,8 @@ def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.nda
     world, robot, _ = np.nonzero(beyond)
     origin, vector = leds[beyond], outward[beyond]
     share, hit = engine.cast_rays(world, origin, vector, robot)
-    sees = np.zeros(beyond.shape, bool)
-    sees[beyond] = (share <= 1.0) & (hit >= poses.shape[1])
+    sees = np.abs(leds).max(axis=-1) > edge
+    sees[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
     return sees
 
 

@@ -59,8 +59,10 @@ FLOORS = [
         "sensors.links",
         "engines.base",
         "engines.mujoco_batch",
+        "engines.mjx_arena",
+        "engines.planar_contacts",
     ],
-    ["metrics", "swarm", "gripper.bench_model", "gripper.mjx_forces"],
+    ["engines.mjx_motion", "engines.mjx_sight", "metrics", "swarm", "gripper.bench_model", "gripper.mjx_forces"],
     ["rollout", "gripper.bench_mjx", "gripper.bench_mujoco"],
     ["snapshot", "record", "results", "gripper.bench_trace", "gripper.trials", "experiments.jobs"],
     ["cleaning", "gripper.force_curve", "picture", "experiments.pool"],
@@ -136,6 +138,7 @@ def test_packages_import_nothing(name):
     assert imports(MODULES[name]) == set()
 
 
+MJX = {"engines.mjx_arena", "engines.mjx_motion", "engines.mjx_sight", "engines.planar_contacts"}
 PLUGIN = {
     "gripper.bench_mjx",
     "gripper.bench_model",
@@ -153,7 +156,7 @@ PLUGIN = {
     "library, allowed",
     [
         ("rerun", {"record", "blueprint", "record_grasp", "blueprint_grasp"}),
-        ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture", *PLUGIN}),
+        ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture", *PLUGIN, *MJX}),
         ("tyro", {"cli", "commands.swarm_options", "commands.picture"}),
     ],
 )

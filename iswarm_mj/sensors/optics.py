@@ -8,8 +8,6 @@ angles in rad. Whether something stands in between is not their concern: see `li
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from iswarm_mj.arrays import array_module
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.units import mm_from_rd
@@ -131,8 +129,9 @@ def _receive_power(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics
     return Reception(side, led, bearing, xp.where(received, effective, math.inf))
 
 
-def side_centres(poses: np.ndarray) -> np.ndarray:
+def side_centres(poses: Any) -> Any:
     """World positions (..., 4, 2) of the middles of the sides, where the LEDs sit, of robots at (..., 3) [mm, rad]."""
-    c, s = HALF_WIDTH * np.cos(poses[..., 2]), HALF_WIDTH * np.sin(poses[..., 2])
-    outward = np.stack([c, s, -s, c, -c, -s, s, -c], axis=-1).reshape(*c.shape, N_SIDES, 2)
+    xp = array_module(poses)
+    c, s = HALF_WIDTH * xp.cos(poses[..., 2]), HALF_WIDTH * xp.sin(poses[..., 2])
+    outward = xp.stack([c, s, -s, c, -c, -s, s, -c], axis=-1).reshape(*c.shape, N_SIDES, 2)
     return poses[..., None, :2] + outward
