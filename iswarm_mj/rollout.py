@@ -22,6 +22,7 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.swarm import SwarmState
 from iswarm_mj.timing import Stopwatch
 from iswarm_mj.units import mm_from_rd
@@ -102,14 +103,15 @@ class Run:
         self.engine: Engine = MujocoBatchEngine(self.arena, s.n_worlds, s.n_threads)
         balls = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x) for x in a]), *[start.balls for start in self.starts])
         alive = jnp.stack([jnp.asarray(start.is_alive) for start in self.starts])
-        n_scouts = round(self.genome.fraction_scouts * s.n_robots)
-        self.state = SwarmState(jax.vmap(controller.init, in_axes=(None, 0))(n_scouts, alive), balls)
         self._sends = np.asarray(alive)
-        rules = controller.rules_of(self.genome)
-        given = (rules, conditions_of(c))
-        self._rules, self._conditions = jax.tree.map(lambda a: jnp.full(s.n_worlds, a), given)
+        n_scouts = jnp.asarray(round(self.genome.fraction_scouts * s.n_robots))
+        reach = float(self.arena.probe[0])
+        same = VectorStrategy(controller.rules_of(self.genome), n_scouts, c, reach), conditions_of(c)
+        self._strategy, self._conditions = jax.tree.map(lambda a: jnp.full(s.n_worlds, a), same)
         key = jax.random.key(s.seed)
         self._keys = jax.vmap(lambda w: jax.random.fold_in(key, w))(jnp.arange(s.n_worlds))
+        minds = jax.vmap(lambda strategy, key: strategy.init(s.n_robots, key))(self._strategy, self._keys)
+        self.state = SwarmState(minds, balls, alive)
         self.step = 0
         self.collisions = np.zeros(s.n_worlds, int)
         self.finished_at: list[int | None] = [None] * s.n_worlds
@@ -136,7 +138,7 @@ class Run:
             links, sees_wall = swarm.see(self.config, self.engine, before, self._sends)
         with self.watch("act"):
             self.state, command, priority = jax.block_until_ready(swarm.decide_worlds(
-                self.config, tuple(self.arena.probe.tolist()), self._conditions, self._rules, self.state,
+                self.config, tuple(self.arena.probe.tolist()), self._conditions, self._strategy, self.state,
                 before.astype(np.float32), links, sees_wall, self.step, self._keys, running,
             ))  # fmt: skip
         with self.watch("physics"):

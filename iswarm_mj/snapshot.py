@@ -66,7 +66,7 @@ class FrameBuffer:
 
 def _frame(view: StepView, world: int) -> dict[str, Any]:
     """One world's step, in arena units; `take` converts whole blocks."""
-    mind, balls = view.state
+    mind, balls = view.state.mind, view.state.balls
     held, delivered = np.asarray(balls.is_held)[world], np.asarray(balls.is_delivered)[world]
     is_loaded = np.zeros(view.poses.shape[1], bool)
     is_loaded[np.asarray(balls.holder)[world][held]] = True

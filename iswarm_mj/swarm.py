@@ -1,7 +1,7 @@
 """One control step of the swarm: sense, act, drive."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,24 +15,25 @@ from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
 from iswarm_mj.sensors.exchange import exchange
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.sensors.links import Links, find_links
-from iswarm_mj.sensors.messages import Message
 from iswarm_mj.sensors.optics import HALF_WIDTH, side_centres
-from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import Command, Mind, Observation, Rules
+from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.units import mm_from_rd
 
 
 class SwarmState(NamedTuple):
     """Everything about one world that is not rigid-body physics."""
 
-    mind: Mind
-    """What the robots remember."""
+    mind: Any
+    """What the robots remember, the strategy's memory."""
     balls: Balls
     """Where the balls are and who holds them."""
+    is_alive: Array
+    """(N,) bool; the others neither sense, nor send, nor move."""
 
 
 def decide(
-    config: SwarmConfig, probe: tuple[float, float], conditions: Conditions, rules: Rules, state: SwarmState,
+    config: SwarmConfig, probe: tuple[float, float], conditions: Conditions, strategy: Strategy, state: SwarmState,
     poses: Array, links: Links, sees_wall: Array, step: Array, key: Array,
 ) -> tuple[SwarmState, Command, Array]:  # fmt: skip
     """Hear, feel the floor, grip, think: one world's control step up to the commands. Pure.
@@ -41,7 +42,7 @@ def decide(
         config: everything that is not evolved.
         probe: the probe's tip ahead of and beside a robot's centre [mm].
         conditions: noise and voltages of this world; those in `config` do not count.
-        rules: the genome.
+        strategy: what the robots say and do.
         state: of the step before.
         poses: (N, 3) x, y [mm] and yaw [rad].
         links: who hears whom, without the world axis.
@@ -54,11 +55,9 @@ def decide(
     """
     n_robots = len(poses)
     passage_key, fall_key, mind_key = jax.random.split(jax.random.fold_in(key, step), 3)
-    mind, balls = state
-    was_loaded = loaded(balls, n_robots)
-    priority = controller.priority_flag(rules, mind, was_loaded)
-
-    content = Message(jnp.zeros(n_robots, jnp.int32), priority, mind.dust, mind.dump)
+    mind, balls, is_alive = state
+    content = strategy.say(mind, loaded(balls, n_robots))
+    content = content._replace(priority=content.priority & is_alive)
     longest = mm_from_rd(config.strategy.message_range)
     message, is_heard, distance = exchange(
         conditions,
@@ -77,7 +76,7 @@ def decide(
     reach = mm_from_rd(config.strategy.dust_range)
     view = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
     falls = jax.random.bernoulli(fall_key, conditions.drop_rate, balls.is_held.shape)
-    picks = controller.may_pick(config, mind)
+    picks = strategy.picks(mind) & is_alive
     balls, grasp_failed = handle(config.gripper, conditions, balls, tips, view, picks, falls)
 
     seen = Observation(
@@ -86,16 +85,17 @@ def decide(
         ball_vector=view.ball_vector, on_dump=view.on_dump, is_loaded=loaded(balls, n_robots),
         grasp_failed=grasp_failed,
     )  # fmt: skip
-    mind, command = controller.act(config, probe[0], rules, mind, seen, mind_key)
-    return SwarmState(mind, balls), command, priority
+    mind, command = strategy.act(mind, seen, mind_key)
+    command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
+    return SwarmState(mind, balls, is_alive), command, content.priority
 
 
 @partial(jax.jit, static_argnames=("config", "probe"))
-def decide_worlds(config, probe, conditions, rules, state, poses, links, sees_wall, step, key, is_running):
+def decide_worlds(config, probe, conditions, strategy, state, poses, links, sees_wall, step, key, is_running):
     """`decide` for B worlds at once; those that do not run keep their state."""
     one_world = partial(decide, config, probe)
     new, command, priority = jax.vmap(one_world, in_axes=(0, 0, 0, 0, 0, 0, None, 0))(
-        conditions, rules, state, poses, links, sees_wall, step, key
+        conditions, strategy, state, poses, links, sees_wall, step, key
     )
 
     def keep(new: Array, old: Array) -> Array:

@@ -12,7 +12,7 @@ import iswarm_mj
 PACKAGE = Path(iswarm_mj.__file__).parent
 
 FLOORS = [
-    ["__init__", "arrays", "compilation", "errors", "timing", "trajectory", "units", "gripper.trace"],
+    ["__init__", "arrays", "compilation", "errors", "hardware", "timing", "trajectory", "units", "gripper.trace"],
     ["config", "blueprint", "files", "gripper.protocol", "sensors.neighbours"],
     ["blueprint_grasp", "conditions", "figures", "tables", "experiments.checkpoint"],
     [
@@ -32,6 +32,7 @@ FLOORS = [
         "gripper.plugin_abi",
     ],
     [
+        "engines.timers",
         "gripper.detachment",
         "strategy.avoidance",
         "strategy.evolution",
@@ -58,6 +59,8 @@ FLOORS = [
         "gripper.plugin",
         "sensors.links",
         "engines.base",
+        "strategy.protocol",
+        "strategy.vector_strategy",
         "engines.mujoco_batch",
         "engines.mjx_arena",
         "engines.planar_contacts",
@@ -65,7 +68,7 @@ FLOORS = [
     ["engines.mjx_motion", "engines.mjx_sight", "metrics", "swarm", "gripper.bench_model", "gripper.mjx_forces"],
     ["rollout", "gripper.bench_mjx", "gripper.bench_mujoco"],
     ["snapshot", "record", "results", "gripper.bench_trace", "gripper.trials", "experiments.jobs"],
-    ["cleaning", "gripper.force_curve", "picture", "experiments.pool"],
+    ["cleaning", "gripper.bench_speed", "gripper.force_curve", "picture", "experiments.pool"],
     ["benchmark", "grasping", "commands.swarm_options", "experiments.evolve"],
     ["commands.clean", "commands.evolve", "commands.grasp", "commands.picture", "commands.bench"],
     ["cli"],
@@ -143,6 +146,7 @@ PLUGIN = {
     "gripper.bench_mjx",
     "gripper.bench_model",
     "gripper.bench_mujoco",
+    "gripper.bench_speed",
     "gripper.bench_trace",
     "gripper.mjx_forces",
     "gripper.plugin",

@@ -28,6 +28,7 @@ from iswarm_mj.strategy.controller import (
     steer,
 )
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.swarm import SwarmState, decide
 from iswarm_mj.units import RD
 
@@ -43,6 +44,7 @@ N_ROBOTS, N_BALLS = 24, 13  # of the worlds that `decided` is compiled for
 act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
 avoid_here, choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (avoid, choose, steer))
 learn_here = jax.jit(learn)
+STRATEGY = VectorStrategy(RULES, 0, DROPPING, PROBE)
 decide_here = jax.jit(decide, static_argnums=(0, 1))
 
 
@@ -52,7 +54,7 @@ def minds(n, scouts=False, dust=None, dump=None):
     def memory(vector):
         return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
 
-    return Mind(memory(dust), memory(dump), jnp.full(n, scouts), jnp.ones(n, bool))
+    return Mind(memory(dust), memory(dump), jnp.full(n, scouts))
 
 
 def wish(mind, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
@@ -195,13 +197,13 @@ def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
 
 
 def test_scouts_pick_only_if_they_may():
-    mind = init(2, jnp.ones(4, bool))
+    mind = init(4, 2)
     np.testing.assert_array_equal(may_pick(CONFIG, mind), [False, False, True, True])
     assert may_pick(SwarmConfig(strategy=StrategyConfig(scouts_pick=True)), mind).all()
 
 
 def test_who_sends_the_priority_flag():
-    mind, loaded = init(2, jnp.ones(4, bool)), jnp.array([False, True, False, True])
+    mind, loaded = init(4, 2), jnp.array([False, True, False, True])
     for scouts, carriers, flags in (
         (False, True, [0, 1, 0, 1]),
         (True, False, [1, 1, 0, 0]),
@@ -299,7 +301,7 @@ def crowded(n, rng):
         sees_wall=some(0.2, 4), at_dust=some(0.3), ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),
         on_dump=some(0.2), is_loaded=some(0.4), grasp_failed=some(0.2),
     )  # fmt: skip
-    return Mind(memory(), memory(), some(0.2), jnp.ones(n, bool)), seen
+    return Mind(memory(), memory(), some(0.2)), seen
 
 
 def test_relabelled_robots_do_the_same():
@@ -343,11 +345,11 @@ def world(rng, centre, spread):
         sender=rng.integers(0, n, (n, 4)), valid=np.asarray(seen.is_heard), led=np.asarray(seen.led),
         bearing=np.asarray(seen.bearing), distance=np.asarray(seen.distance),
     )  # fmt: skip
-    return poses, SwarmState(mind, balls), links, np.asarray(seen.sees_wall)
+    return poses, SwarmState(mind, balls, jnp.ones(N_ROBOTS, bool)), links, np.asarray(seen.sees_wall)
 
 
 def decided(poses, state, links, sees_wall, seed=5):
-    return decide_here(DROPPING, (PROBE, 0.0), conditions_of(DROPPING), RULES, state,
+    return decide_here(DROPPING, (PROBE, 0.0), conditions_of(DROPPING), STRATEGY, state,
                        jnp.asarray(poses, jnp.float32), links, sees_wall, 3, jax.random.key(seed))  # fmt: skip
 
 
@@ -395,7 +397,12 @@ def silent_world(rows, balls, holders):
         np.zeros(shape, int), np.zeros(shape, bool), np.zeros(shape, np.int32), *[np.zeros(shape, np.float32)] * 2
     )
     balls = lay(*balls, *[(0.0, -60.0)] * rest, holders=[*holders, *[None] * rest])
-    return place(*rows, *spare), SwarmState(minds(N_ROBOTS), balls), links, np.zeros(shape, bool)
+    return (
+        place(*rows, *spare),
+        SwarmState(minds(N_ROBOTS), balls, jnp.ones(N_ROBOTS, bool)),
+        links,
+        np.zeros(shape, bool),
+    )
 
 
 def test_the_dump_and_dust_are_learnt_by_standing_there():
@@ -419,7 +426,7 @@ def test_carried_balls_fall_at_the_configured_rate():
 
 
 def test_workers_and_scouts_at_the_start():
-    mind = controller.init(3, jnp.ones(10, bool))
+    mind = controller.init(10, 3)
     np.testing.assert_array_equal(mind.is_scout, np.arange(10) < 3)
     assert not mind.dust.known.any() and not mind.dump.known.any()
 

@@ -297,7 +297,7 @@ def test_the_noise_of_two_steps_differs(small):
 
     def minds(step):
         return swarm.decide_worlds(
-            small, tuple(run.arena.probe.tolist()), run._conditions, run._rules, run.state, poses.astype(np.float32),
+            small, tuple(run.arena.probe.tolist()), run._conditions, run._strategy, run.state, poses.astype(np.float32),
             links, sees_wall, step, run._keys, np.ones(1, bool),
         )[0].mind  # fmt: skip
 
@@ -320,7 +320,7 @@ def test_overlaps_stay_shallow_in_a_crowd():
 def test_the_dead_neither_move_nor_send_nor_carry(small):
     settings = RunSettings(n_robots=40, steps=60, seed=4, failed_fraction=0.5)
     run = Run(small, PRESETS["type1"], settings)
-    dead = ~np.asarray(run.state.mind.is_alive[0])
+    dead = ~np.asarray(run.state.is_alive[0])
     assert dead.sum() == 20
     heard, before, alone = False, run.engine.poses()[0], 0
     for view in views(run):

@@ -31,8 +31,6 @@ class Mind(NamedTuple):
     """Way to the dump."""
     is_scout: Array
     """(N,) bool."""
-    is_alive: Array
-    """(N,) bool; the others neither sense, nor send, nor move."""
 
 
 class Observation(NamedTuple):
@@ -80,21 +78,19 @@ def rules_of(genome: Genome) -> Rules:
     return Rules(*(jnp.asarray(v, bool if isinstance(v, bool) else jnp.float32) for v in astuple(genome)))
 
 
-def init(n_scouts: Array, is_alive: Array) -> Mind:
-    """Return the minds at the start: no vectors, the first `n_scouts` robots are scouts; `is_alive` (N,) bool."""
-    n_robots = len(is_alive)
-    return Mind(Memory.empty(n_robots), Memory.empty(n_robots), jnp.arange(n_robots) < n_scouts, is_alive)
+def init(n_robots: int, n_scouts: Array) -> Mind:
+    """Return the minds at the start: no vectors, the first `n_scouts` robots are scouts."""
+    return Mind(Memory.empty(n_robots), Memory.empty(n_robots), jnp.arange(n_robots) < n_scouts)
 
 
 def priority_flag(rules: Rules, mind: Mind, is_loaded: Array) -> Array:
     """Whether each robot sends the priority flag (N,)."""
-    flag = (mind.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
-    return flag & mind.is_alive
+    return (mind.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
 
 
 def may_pick(config: SwarmConfig, mind: Mind) -> Array:
     """Whether each robot picks up dust (N,)."""
-    return (~mind.is_scout | config.strategy.scouts_pick) & mind.is_alive
+    return ~mind.is_scout | config.strategy.scouts_pick
 
 
 def act(
@@ -121,7 +117,6 @@ def act(
     wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
     command = steer(config, wish + avoid(config, rules, seen, follows), limit, leftwards=draw[:, 3] < 0.5)
     command = approach(config, probe_reach, may_pick(config, mind), seen, command)
-    command = jax.tree.map(lambda a: a * mind.is_alive, command)
     moved = (command.turn, command.forward)
     return mind._replace(dust=after_motion(mind.dust, *moved), dump=after_motion(mind.dump, *moved)), command
 

@@ -1,0 +1,47 @@
+"""The paper's strategy, with vectors and scouts, as a `Strategy`."""
+
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+
+from iswarm_mj.arrays import Array
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.controller import Command, Mind, Observation, Rules
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class VectorStrategy:
+    """Vectors to dust and dump, hop counts, scouts, avoidance (section 4 of the paper).
+
+    Attributes:
+        rules: the genome; worlds may have different ones.
+        n_scouts: the first robots are scouts.
+        config: limits of the drive, open parameters of the strategy.
+        probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
+    """
+
+    rules: Rules
+    n_scouts: Array
+    config: SwarmConfig = field(metadata={"static": True})
+    probe_reach: float = field(metadata={"static": True})
+
+    def init(self, n_robots: int, key: Array) -> Mind:
+        """See `Strategy.init`."""
+        return controller.init(n_robots, self.n_scouts)
+
+    def say(self, memory: Mind, is_loaded: Array) -> Message:
+        """See `Strategy.say`."""
+        flag = controller.priority_flag(self.rules, memory, is_loaded)
+        return Message(jnp.zeros(len(flag), jnp.int32), flag, memory.dust, memory.dump)
+
+    def picks(self, memory: Mind) -> Array:
+        """See `Strategy.picks`."""
+        return controller.may_pick(self.config, memory)
+
+    def act(self, memory: Mind, seen: Observation, key: Array) -> tuple[Mind, Command]:
+        """See `Strategy.act`."""
+        return controller.act(self.config, self.probe_reach, self.rules, memory, seen, key)
