@@ -52,10 +52,8 @@ def render(directory: Path, step: int, camera: str, size: tuple[int, int], ball_
     last = int(frames["step"][-1])
     if not 0 <= step <= last:
         raise UserError(f"--step was {step}; the run has steps 0 to {last}: choose one of these.")
-    renderer, data = _scene(config, frames, step, camera, size, ball_scale)
-    with renderer:
-        renderer.update_scene(data, camera)
-        pixels = renderer.render()
+    with Stage(config, frames, camera, size, ball_scale) as stage:
+        pixels = stage.frame(frames, step)
     from PIL import Image
 
     try:
@@ -66,38 +64,83 @@ def render(directory: Path, step: int, camera: str, size: tuple[int, int], ball_
         ) from None
 
 
-def _scene(
-    config: SwarmConfig, frames: dict[str, np.ndarray], step: int, camera: str, size: tuple[int, int], ball_scale: float
-) -> Any:
-    """Return renderer and data, posed and coloured as in frame `step`."""
-    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        os.environ.setdefault("MUJOCO_GL", "egl")
-    import mujoco
+class Stage:
+    """The arena of a run before a camera; a context, since it holds off-screen OpenGL.
 
-    from iswarm_mj.model import compile_arena
+    Args:
+        config: of the arena.
+        frames: arrays of the run's trajectory.
+        camera: name of a camera in `models/arena.xml`.
+        size: width and height [pixels].
+        ball_scale: the balls are drawn this many times larger.
+        shadows: cast them; without, a frame takes a fifth of the time where no graphics card helps.
 
-    n_robots = frames["pose"].shape[1]
-    arena = compile_arena(config, n_robots, frames["scene_ball_radius"], visual=True)
-    model, data = arena.model, mujoco.MjData(arena.model)
-    cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
-    if camera not in cameras:
-        raise UserError(f"--camera was {camera!r}; the arena has {', '.join(cameras)}: choose one of these.")
-    pose = frames["pose"][step].astype(float)
-    data.qpos[arena.qpos] = np.column_stack([mm_from_m(pose[:, :2]), pose[:, 2]])
-    data.mocap_pos[arena.mocap] = mm_from_m(frames["ball_position"][step])
-    for robot in range(n_robots):
-        loaded, scout = frames["is_loaded"][step, robot], frames["scene_is_scout"][robot]
-        model.geom(f"robot{robot}/substrate").rgba = LOADED if loaded else SCOUT if scout else EMPTY
-    for ball in range(len(arena.mocap)):
-        model.geom(f"ball{ball}/ball").size[0] *= ball_scale
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
-    model.vis.global_.offwidth, model.vis.global_.offheight = size
-    try:
-        return mujoco.Renderer(model, size[1], size[0], max_geom=model.ngeom + 100), data
-    except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
-        raise UserError(
-            f"Off-screen OpenGL did not start ({error}); MUJOCO_GL must be egl or osmesa and its library there: "
-            "on Debian, apt-get install libegl1 libgl1-mesa-dri."
-        ) from None
+    Raises:
+        UserError: no such camera, or no off-screen OpenGL.
+    """
+
+    def __init__(
+        self, config: SwarmConfig, frames: dict[str, np.ndarray], camera: str, size: tuple[int, int],
+        ball_scale: float, shadows: bool = True,
+    ):  # fmt: skip
+        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+            os.environ.setdefault("MUJOCO_GL", "egl")
+        import mujoco
+
+        from iswarm_mj.model import compile_arena
+
+        arena = compile_arena(config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True)
+        model = arena.model
+        cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
+        if camera not in cameras:
+            raise UserError(f"--camera was {camera!r}; the arena has {', '.join(cameras)}: choose one of these.")
+        for ball in range(len(arena.mocap)):
+            model.geom(f"ball{ball}/ball").size[0] *= ball_scale
+        model.vis.global_.offwidth, model.vis.global_.offheight = size
+        self._arena, self._camera, self._data, self._is_scout = (
+            arena,
+            camera,
+            mujoco.MjData(model),
+            frames["scene_is_scout"],
+        )
+        try:
+            self._renderer = mujoco.Renderer(model, size[1], size[0], max_geom=model.ngeom + 100)
+        except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
+            raise UserError(
+                f"Off-screen OpenGL did not start ({error}); MUJOCO_GL must be egl or osmesa and its library there: "
+                "on Debian, apt-get install libegl1 libgl1-mesa-dri."
+            ) from None
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+
+    def __enter__(self) -> "Stage":
+        """Return the stage."""
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        """Give OpenGL free."""
+        self._renderer.close()
+
+    def frame(self, frames: dict[str, np.ndarray], step: int) -> np.ndarray:
+        """Pixels (height, width, 3) of a step of the trajectory."""
+        return self.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step])
+
+    def show(self, pose: np.ndarray, is_loaded: np.ndarray, balls: np.ndarray) -> np.ndarray:
+        """Pixels (height, width, 3) of robots and balls.
+
+        Args:
+            pose: (N, 3) x [m], y [m], yaw [rad].
+            is_loaded: (N,) bool.
+            balls: (K, 3) their centres [m].
+        """
+        import mujoco
+
+        model, data = self._arena.model, self._data
+        data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(pose[:, :2].astype(float)), pose[:, 2]])
+        data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
+        for robot, (loaded, scout) in enumerate(zip(is_loaded, self._is_scout, strict=True)):
+            model.geom(f"robot{robot}/substrate").rgba = LOADED if loaded else SCOUT if scout else EMPTY
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        self._renderer.update_scene(data, self._camera)
+        return self._renderer.render()
