@@ -101,7 +101,7 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
             settings.release_gaps, settings.no_contact_gaps, bar.update,
         )  # fmt: skip
     seconds = time.perf_counter() - started
-    rows = list(_rows(settings, listed, outcomes))
+    rows = table(settings, listed, outcomes)
     write_table(out / TABLE, rows, settings.told(), csv=True)
     draw_figures(rows, settings.told(), out)
     for number in record:
@@ -152,8 +152,17 @@ def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> 
     draw_trace(trace, path)
 
 
+def table(settings: GraspSettings, listed: Sequence[Case], outcomes: Outcomes) -> list[dict[str, Any]]:
+    """Rows of the table, those of a trial one below the other.
+
+    SI. voltage is None if it did not happen up to limit_voltage, and flight_time, landing_speed, landed are None but
+    for a release. gap is that to the plate in a release, to the tool without contact. A ball that was not lifted has
+    no release.
+    """
+    return list(_rows(settings, listed, outcomes))
+
+
 def _rows(settings: GraspSettings, listed: Sequence[Case], outcomes: Outcomes) -> Iterable[dict[str, Any]]:
-    """Rows of the table, those of a trial one below the other."""
     protocol = settings.protocol
     flown = {"flight_time": None, "landing_speed": None, "landed": None}
     for i, case in enumerate(listed):

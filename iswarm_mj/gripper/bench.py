@@ -1,6 +1,5 @@
 """What an engine offers to the experiments: B benches, each with a ball and a tool that can be moved."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -48,16 +47,15 @@ class Watch(NamedTuple):
 
 
 class Bench(Protocol):
-    """B benches. A new one has the ball at rest on the plate, the tool above it, no voltage."""
+    """B benches, made from B trials and the gap between tool and ball at the start.
+
+    A new one has the ball at rest on the plate, the tool above it, no voltage.
+    """
 
     timestep: float
     """[s]"""
     steps: int
     """Physics steps so far, of all benches together."""
-
-    def __init__(self, trials: Sequence[Trial], start_gap: float):
-        """Set up a bench for each trial, the tool `start_gap` above the ball [m]."""
-        ...
 
     def move(
         self, phase: str, duration: float, tip: np.ndarray, voltage: np.ndarray, active: np.ndarray | None = None

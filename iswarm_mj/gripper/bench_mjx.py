@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -62,23 +61,27 @@ class MjxBench:
     """`Bench` in MJX, with `impl` "jax" or "warp"; numbers are single precision."""
 
     def __init__(self, trials: Sequence[Trial], start_gap: float, impl: str = "jax", spec: mujoco.MjSpec | None = None):
-        spec = bench_spec() if spec is None else spec.copy()
-        spec.option.iterations, spec.option.ls_iterations = ITERATIONS, LINE_SEARCH
-        model, portable, count = spec.compile(), mjx_compatible(spec), len(trials)
+        chosen = spec or bench_spec()
+        if spec is None:
+            chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
+        model, portable, count = chosen.compile(), mjx_compatible(chosen), len(trials)
         self.timestep = float(model.opt.timestep) * MS
-        self._where, self._forces = layout(model), gripper_forces(model)
-        room = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self.steps = 0
+        self._where, self._forces = layout(model), gripper_forces(model)
+        room: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self._model, self._data = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl, **room)
-        columns = Trial(*map(np.array, zip(*trials, strict=True)))
-        works = {self._forces.plate: columns.work_object_substrate, self._forces.probe: columns.work_tool_object}
-        work = np.stack([works[surface] for _, surface in self._forces.pairs], axis=1)
+        column = {name: np.array([getattr(trial, name) for trial in trials]) for name in Trial._fields}
+        works = {self._forces.plate: "work_object_substrate", self._forces.probe: "work_tool_object"}
+        work = np.stack([column[works[surface]] for _, surface in self._forces.pairs], axis=1)
         self._numbers = _single(
             Numbers(
-                columns.radius / UM, columns.probe_radius / UM, work * UM / NN,
-                np.repeat(columns.relative_humidity[:, None], work.shape[1], axis=1), columns.contact_gap / UM,
+                column["radius"] / UM,
+                column["probe_radius"] / UM,
+                work * UM / NN,
+                np.repeat(column["relative_humidity"][:, None], work.shape[1], axis=1),
+                column["contact_gap"] / UM,
             )
-        )  # fmt: skip
+        )
         starts = [start(model, trial, start_gap) for trial in trials]
         qpos, self._touch = np.array([qpos for qpos, _ in starts]), np.array([touch for _, touch in starts])
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
@@ -96,7 +99,7 @@ class MjxBench:
         end[:, 0] = self._touch + tip / UM - self._where.tip_height
         end[:, 1] = voltage
         with jax.default_matmul_precision("highest"):
-            self._state, seen = _advance(
+            self._state, seen = _advance_compiled(
                 self._where, self._forces, self._model, self._data, self._numbers, self._state,
                 jnp.asarray(end, jnp.float32), n_steps,
             )  # fmt: skip
@@ -110,7 +113,8 @@ class MjxBench:
         finite = np.isfinite(state.qpos).all(axis=1) & np.isfinite(state.qvel).all(axis=1)
         gaps = seen.gaps.astype(float) * UM
         landing_speed = np.where(seen.first >= 0, seen.landing_speed, np.nan) * UM / MS
-        return Watch(*time(seen.last).T, time(seen.first), landing_speed, *gaps.T, speed, finite)
+        seen_in_order = (*time(seen.last).T, time(seen.first), landing_speed, *gaps.T, speed, finite)
+        return Watch(*seen_in_order)
 
     def save(self) -> Any:
         """See `Bench.save`."""
@@ -125,7 +129,6 @@ def _single(arrays):
     return type(arrays)(*(jnp.asarray(array, jnp.float32) for array in arrays))
 
 
-@partial(jax.jit, static_argnums=0)
 def _advance(
     where: Layout,
     forces: GripperForces,
@@ -165,6 +168,9 @@ def _advance(
         return State(now.qpos, now.qvel, now.qacc_warmstart, now.ctrl, potential), seen
 
     return jax.vmap(move)(numbers, state, end)
+
+
+_advance_compiled = jax.jit(_advance, static_argnums=0)
 
 
 def _see(seen: _Seen, k: Array, gaps: Array, speed: Array) -> _Seen:

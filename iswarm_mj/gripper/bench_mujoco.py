@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from iswarm_mj.engines.timers import without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench import Trial, Watch, speed_at_zero
 from iswarm_mj.gripper.bench_model import MS, UM, bench_spec, layout, plugin_values, sized, start
@@ -20,7 +21,7 @@ class MujocoBench:
     """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core."""
 
     def __init__(self, trials: Sequence[Trial], start_gap: float, threads: int = 0, spec: mujoco.MjSpec | None = None):
-        spec = bench_spec() if spec is None else spec.copy()
+        spec = spec or bench_spec()
         sizes = {(trial.radius, trial.probe_radius): trial for trial in trials}
         models = {size: sized(spec, trial) for size, trial in sizes.items()}
         models = [models[trial.radius, trial.probe_radius] for trial in trials]
@@ -61,7 +62,8 @@ class MujocoBench:
             way[:, self._where.tip] = smooth(share)
             speed = -self._qvel[ids, None, self._where.ball + 2]
             control = begin[:, None] + way * (end - begin)[:, None]
-            block = self._batch.rollout(len(share), control, record=("qvel", "plugin_state"), ids=ids)
+            with without_timers():
+                block = self._batch.rollout(len(share), control, record=("qvel", "plugin_state"), ids=ids)
             speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
             seen.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(seen, ids)
@@ -69,9 +71,8 @@ class MujocoBench:
     def _watch(self, seen: "_Seen", ids: np.ndarray) -> Watch:
         ball = slice(self._where.ball, self._where.ball + 3)
         speed = np.linalg.norm(self._qvel[ids, ball], axis=1)
-        finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~self._batch.warning[ids].reshape(len(ids), -1).any(
-            axis=1
-        )
+        warned = self._batch.warning[ids].any(axis=(1, 2))
+        finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
         dt = self.timestep
         values = (
             *(seen.last * dt).T, seen.first * dt, seen.landing_speed * UM / MS,

@@ -117,7 +117,10 @@ def release(bench: Bench, protocol: Protocol, held: np.ndarray, gap: float) -> R
         stays = np.where(ramp.active, rests, stays)
         over = (ramp.now > landed_at + protocol.rest_time) | (ramp.now > left_at + protocol.flight_limit)
         ramp.finish(over | (np.isinf(left_at) & ramp.at_limit))
-    return Release(voltage, landed_at - left_at, speed, stays & np.isfinite(landed_at), ramp.faulty)
+    landed = np.isfinite(landed_at)
+    flight = np.full(len(held), np.nan)
+    np.subtract(landed_at, left_at, out=flight, where=landed)
+    return Release(voltage, flight, speed, stays & landed, ramp.faulty)
 
 
 def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:
