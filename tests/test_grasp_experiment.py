@@ -102,14 +102,14 @@ def test_each_voltage_is_the_laws(rows):
 
 @pytest.mark.slow
 def test_bands_of_many_trials():
-    """95 % bands at 10 % RH: 20.9-29.8 V and 36.9-47.3 V; one ball in a hundred jumps without contact at 1 um."""
+    """95 % bands at 10 % RH: 21.0-29.7 V and 37.5-47.4 V; four balls in a thousand jump without contact at 1 um."""
     trials = [draw(1, radius, 10.0, i) for i, radius in enumerate(np.linspace(15e-6, 25e-6, 1000))]
     outcomes = run_trials(trials, Protocol(step_voltage=0.1), no_contact_gaps=(1e-6, 1.5e-6))
     grasp, release = np.sort(outcomes.grasp.voltage), np.sort(outcomes.release[5e-6].voltage)
     print(f"grasp {grasp[25]:.1f}-{grasp[-26]:.1f} V, release {release[25]:.1f}-{release[-26]:.1f} V")
-    assert grasp[25] > 20 and grasp[-26] < 30.5
-    assert release[25] > 36 and release[-26] < 48.5
+    assert grasp[25] > 20 and grasp[-26] < 30
+    assert release[25] > 37 and release[-26] < 48
     jumped = [np.isfinite(outcomes.no_contact[gap].voltage).mean() for gap in (1e-6, 1.5e-6)]
     print("jumped", jumped)
-    assert jumped[0] < 0.03 and jumped[1] == 0
+    assert jumped[0] < 0.01 and jumped[1] == 0
     assert outcomes.release[5e-6].landed.all()
