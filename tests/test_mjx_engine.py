@@ -9,7 +9,7 @@ import pytest
 from iswarm_mj import swarm
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.mjx_arena import Capacities, compile_mjx_arena, without_absent
-from iswarm_mj.engines.mjx_motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS, Bodies, advance, overlapping
+from iswarm_mj.engines.mjx_motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS, Bodies, Phase, advance, overlapping
 from iswarm_mj.engines.mjx_sight import see
 from iswarm_mj.engines.mujoco_batch import MujocoBatchEngine
 from iswarm_mj.engines.planar_contacts import box_box, plane_box
@@ -44,7 +44,7 @@ def in_c(poses, config=SMALL):
 def moved(arena, poses, velocity, n_substeps=10, model=None):
     def one(poses, velocity):
         rest = Bodies(poses, jnp.zeros_like(poses))
-        return advance(arena, arena.model if model is None else model, rest, velocity, n_substeps)
+        return advance(arena, arena.model if model is None else model, rest, [Phase(n_substeps, lambda _: velocity)])
 
     return jax.jit(jax.vmap(one))(poses, velocity)
 
@@ -68,7 +68,7 @@ class TestMotion:
         assert not np.asarray(motion.overflow).any()
         pairs = 0
         for world in range(WORLDS):
-            touching = np.argwhere(np.asarray(overlapping(motion.before[world]))) @ [N, 1]
+            touching = np.argwhere(np.asarray(overlapping(motion.before[world, 0]))) @ [N, 1]
             np.testing.assert_array_equal(touching, np.unique(engine.contacts(world)))
             pairs += len(touching)
         assert pairs > 100

@@ -1,5 +1,7 @@
 """Motion of one world in MJX: pure functions for `jit` and `vmap`."""
 
+import itertools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -26,42 +28,52 @@ class Bodies(NamedTuple):
     """(N, 3) [mm/s, mm/s, rad/s]."""
 
 
+class Phase(NamedTuple):
+    """Some physics steps in a row in which servos hold the same velocities."""
+
+    n_substeps: int
+    target: Callable[[Array], Array]
+    """From the poses (N, 3) at the phase's beginning to world velocities (N, 3) [mm/s, mm/s, rad/s]."""
+
+
 class Motion(NamedTuple):
     """What `advance` tells beside the new state."""
 
     before: Array
-    """(N, 3) poses before the last physics step, where its contacts were found."""
+    """(P, N, 3) poses before the last physics step of each phase, where its contacts were found."""
     overflow: Array
     """Bits, 0 if there was room for all contacts."""
 
 
-def advance(arena: MjxArena, model: mjx.Model, bodies: Bodies, velocity: Array, n_substeps: int):
-    """Take physics steps in which servos hold the robots' world velocities.
+def advance(arena: MjxArena, model: mjx.Model, bodies: Bodies, phases: Sequence[Phase]) -> tuple[Bodies, Motion]:
+    """Take the physics steps of P phases.
 
     Args:
         arena: compiled.
         model: `arena.model`, or one derived from it.
         bodies: N robots.
-        velocity: (N, 3) targets [mm/s, mm/s, rad/s].
-        n_substeps: at least 1.
+        phases: what the robots do, one after the other.
 
     Returns:
         The bodies, and the `Motion`.
     """
-    force = (arena.servo_gain * velocity).ravel()
-    data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel(), qfrc_applied=force)
-
-    def substep(carry: tuple, _: None) -> tuple[tuple, None]:
-        data, overflow, _ = carry
-        before = data.qpos
-        data = mjx.step(model, data)
-        return (data, overflow | _overflow(arena, data), before), None
-
-    start = data, jnp.int32(0), data.qpos
-    with jax.default_matmul_precision("highest"), planar_contacts():
-        (data, overflow, before), _ = jax.lax.scan(substep, start, None, length=n_substeps)
     shape = bodies.poses.shape
-    return Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape)), Motion(before.reshape(shape), overflow)
+    ends = list(itertools.accumulate(phase.n_substeps for phase in phases))
+
+    def substep(carry: tuple, k: Array) -> tuple[tuple, None]:
+        data, velocity, before, overflow = carry
+        poses = data.qpos.reshape(shape)
+        for phase, end in zip(phases, ends, strict=True):
+            velocity = jnp.where(k == end - phase.n_substeps, phase.target(poses), velocity)
+        before = jnp.where((k == jnp.array(ends) - 1)[:, None, None], poses, before)
+        data = mjx.step(model, data.replace(qfrc_applied=(arena.servo_gain * velocity).ravel()))
+        return (data, velocity, before, overflow | _overflow(arena, data)), None
+
+    data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
+    start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
+    with jax.default_matmul_precision("highest"), planar_contacts():
+        (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
+    return Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape)), Motion(before, overflow)
 
 
 def _overflow(arena: MjxArena, data: mjx.Data) -> Array:

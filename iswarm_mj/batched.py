@@ -1,0 +1,216 @@
+"""Batched runs in MJX: many worlds in one compiled program, on all devices, a chunk of steps at a time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.experimental import multihost_utils
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from iswarm_mj.batch_step import Fault, StepRecord, WorldState, control_step
+from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.engines.mjx_arena import IMPLEMENTATIONS, Capacities, MjxArena, compile_mjx_arena, without_absent
+from iswarm_mj.engines.mjx_motion import Bodies
+from iswarm_mj.errors import SimulationFault
+from iswarm_mj.faults import describe
+from iswarm_mj.layout import check_robots
+from iswarm_mj.metrics import Measures, measure
+from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.swarm import SwarmState
+from iswarm_mj.worlds import Given, World, conditions_of_all, padded, stacked, starts_of, vector_strategies
+
+_WORLDS = "worlds"  # the axis of the mesh of devices
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """One run of B worlds in MJX."""
+
+    steps: int
+    """Control steps at most."""
+    impl: str = "jax"
+    """MJX's implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
+    stop_at: int | None = None
+    """A world is finished when this many balls are delivered; None for all."""
+    chunk: int = 25
+    """Control steps that one call of the compiled program takes; faults and progress are seen between calls."""
+    record_worlds: tuple[int, ...] = ()
+    """Worlds whose steps are kept."""
+    room: Capacities | None = None
+    """Room for contacts in one world; by a rule if not given."""
+
+    def __post_init__(self):
+        check("impl", self.impl, " or ".join(IMPLEMENTATIONS), self.impl in IMPLEMENTATIONS)
+        check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
+        check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
+
+
+class BatchRun:
+    """A run in progress: B worlds that advance together, on all devices given."""
+
+    def __init__(
+        self, config: SwarmConfig, worlds: Sequence[World], settings: BatchSettings, strategy: Strategy | None = None,
+        devices: Sequence[jax.Device] | None = None,
+    ):  # fmt: skip
+        """Prepare the worlds.
+
+        Args:
+            config: what all worlds share.
+            worlds: B of them.
+            settings: of the run.
+            strategy: with a first axis of B worlds; by default the paper's, with each world's genome.
+            devices: all visible ones if not given.
+
+        Raises:
+            UserError: robots, worlds or settings that do not fit.
+        """
+        self.config, self.settings, self.worlds = config, settings, list(worlds)
+        n_worlds, n_robots = len(worlds), max(w.n_robots for w in worlds)
+        check_robots(config.arena, n_robots)
+        unknown = [w for w in settings.record_worlds if not 0 <= w < n_worlds]
+        check("record_worlds", str(unknown), f"numbers of worlds, 0 to {n_worlds - 1}", not unknown)
+        devices = list(jax.devices() if devices is None else devices)[:n_worlds]
+        self.mesh = Mesh(np.array(devices), (_WORLDS,))
+        self._n_padded = -(-n_worlds // len(devices)) * len(devices)
+        each = self._n_padded // len(devices)
+        self.arena: MjxArena = compile_mjx_arena(config, n_robots, settings.impl, each, settings.room)
+        self.starts = [padded(start, n_robots) for start in starts_of(config, self.worlds)]
+        strategy = vector_strategies(config, self.arena.probe[0], self.worlds) if strategy is None else strategy
+        given, state = self._prepare(n_robots, strategy)
+        self._is_masked = any(w.n_robots < n_robots for w in worlds)
+        self._given, self._state = self._spread(given), self._spread(state)
+        self.step = 0
+        self._seen = self._look()
+
+    def _prepare(self, n_robots: int, strategy: Strategy) -> tuple[Given, WorldState]:
+        """Arrays of all worlds, those that fill up the devices included."""
+        n_worlds = len(self.worlds)
+        key = jnp.stack([jax.random.fold_in(jax.random.key(w.seed), w.index) for w in self.worlds])
+        present = jnp.asarray([np.arange(n_robots) < w.n_robots for w in self.worlds])
+        goal = self.settings.stop_at or self.config.arena.n_dust
+        given = Given(strategy, conditions_of_all(self.config, self.worlds), key, present, jnp.full(n_worlds, goal))
+        minds = jax.vmap(lambda strategy, key: strategy.init(n_robots, key))(strategy, key)
+        poses = jnp.asarray(np.stack([start.poses for start in self.starts]), jnp.float32)
+        zero, no = jnp.zeros(n_worlds, jnp.int32), jnp.zeros(n_worlds, bool)
+        state = WorldState(
+            bodies=Bodies(poses, jnp.zeros_like(poses)),
+            swarm=SwarmState(
+                minds, stacked([start.balls for start in self.starts]), stacked([start.is_alive for start in self.starts])
+            ),
+            touching=jnp.zeros((n_worlds, n_robots, n_robots), bool),
+            collisions=zero, is_finished=no, finished_at=zero, fault=Fault(zero, zero, zero),
+        )  # fmt: skip
+        more = self._n_padded - n_worlds
+        given, state = jax.tree.map(lambda a: jnp.concatenate([a, jnp.repeat(a[-1:], more, axis=0)]), (given, state))
+        return given, state._replace(is_finished=state.is_finished.at[n_worlds:].set(True))
+
+    def _spread(self, tree: Any) -> Any:
+        """Put each device's worlds on it."""
+        sharding = NamedSharding(self.mesh, PartitionSpec(_WORLDS))
+        if jax.process_count() == 1:
+            return jax.device_put(tree, sharding)
+
+        def spread(leaf: jax.Array) -> jax.Array:
+            if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+                return jax.random.wrap_key_data(spread(jax.random.key_data(leaf)))
+            return jax.make_array_from_callback(leaf.shape, sharding, lambda index: np.asarray(leaf)[index])
+
+        return jax.tree.map(spread, tree)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is up or every world is finished."""
+        return self.step >= self.settings.steps or bool(self._seen["is_finished"].all())
+
+    def advance(self) -> StepRecord | None:
+        """Take a chunk of control steps.
+
+        Returns:
+            What is kept of the recorded worlds, with axes steps and recorded worlds; None if there are none.
+
+        Raises:
+            SimulationFault: a robot has no finite pose or is outside the walls, or contacts found no room.
+        """
+        s = self.settings
+        self._state, records = _chunk(
+            self.config, self.mesh, s.chunk, self._is_masked, bool(s.record_worlds), self.arena, self._given,
+            self._state, jnp.int32(self.step), jnp.int32(s.steps), jnp.asarray(s.record_worlds, jnp.int32),
+        )  # fmt: skip
+        self.step = min(self.step + s.chunk, s.steps)
+        self._seen = self._look()
+        faults = [
+            describe(world, *(int(part[world]) for part in self._seen["fault"]), self.arena.room)
+            for world in np.flatnonzero(self._seen["fault"].bits)
+        ]
+        if faults:
+            raise SimulationFault("; ".join(faults[:5]) + (f"; and {len(faults) - 5} more worlds" * (len(faults) > 5)))
+        return jax.tree.map(np.asarray, records) if s.record_worlds else None
+
+    def _look(self) -> dict[str, Any]:
+        """Bring the counts to the host."""
+        state = self._state
+        found = {
+            "balls": state.swarm.balls, "collisions": state.collisions, "is_finished": state.is_finished,
+            "finished_at": state.finished_at, "fault": state.fault,
+        }  # fmt: skip
+        if jax.process_count() > 1:
+            found = multihost_utils.process_allgather(found, tiled=True)
+        return jax.tree.map(lambda a: np.asarray(a)[: len(self.worlds)], found)
+
+    @property
+    def last_step(self) -> int:
+        """Last control step that any world took."""
+        finished = self._seen["is_finished"]
+        return int(self._seen["finished_at"].max()) if finished.all() else self.step
+
+    def delivered(self) -> np.ndarray:
+        """Return the number of balls delivered in each world (B,)."""
+        return self._seen["balls"].is_delivered.sum(axis=1)
+
+    def measures(self, world: int) -> Measures:
+        """Return the measures of a world so far."""
+        seen = self._seen
+        finished_at = int(seen["finished_at"][world]) if seen["is_finished"][world] else None
+        return measure(seen["balls"], world, int(seen["collisions"][world]), finished_at)
+
+
+@partial(jax.jit, static_argnames=("config", "mesh", "n_steps", "is_masked", "records"), donate_argnames=("state",))
+def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, first, last, recorded):
+    """Take `n_steps` control steps of all worlds; each device those of its own."""
+
+    def on_device(arena, given, state, first, last, recorded):
+        n_local = len(given.goal)
+        place = recorded - jax.lax.axis_index(_WORLDS) * n_local
+
+        def one_world(given: Given, state: WorldState, step: jax.Array) -> tuple[WorldState, StepRecord]:
+            model = without_absent(arena.model, given.is_present) if is_masked else arena.model
+            return control_step(config, arena, model, given, state, step, last)
+
+        def keep(values: jax.Array) -> jax.Array:
+            """Those of the recorded worlds, from whichever device has them."""
+            here = values[jnp.clip(place, 0, n_local - 1)]
+            mine = ((place >= 0) & (place < n_local)).reshape(-1, *[1] * (here.ndim - 1))
+            number = here.astype(jnp.int32) if here.dtype == bool else here
+            return jax.lax.psum(jnp.where(mine, number, 0), _WORLDS).astype(here.dtype)
+
+        def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, Any]:
+            state, record = jax.vmap(one_world, in_axes=(0, 0, None))(given, state, step)
+            return state, jax.tree.map(keep, record) if records else None
+
+        return jax.lax.scan(all_worlds, state, first + jnp.arange(n_steps))
+
+    own, shared = PartitionSpec(_WORLDS), PartitionSpec()
+    spread = jax.shard_map(
+        on_device, mesh=mesh, in_specs=(shared, own, own, shared, shared, shared), out_specs=(own, shared),
+        check_vma=False,
+    )  # fmt: skip
+    return spread(arena, given, state, first, last, recorded)
+
+
+def worlds_of_seed(world: World, n_worlds: int) -> list[World]:
+    """Return B worlds of one seed, numbered from 0: those of a run of that seed on a CPU."""
+    return [replace(world, index=index) for index in range(n_worlds)]
