@@ -13,8 +13,10 @@ import tyro
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.commands.evolve import Evolve
+from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.picture import Picture
+from iswarm_mj.commands.video import Video
 from iswarm_mj.compilation import quieten
 from iswarm_mj.errors import SimulationFault, UserError
 
@@ -30,9 +32,11 @@ class Command(Protocol):
 COMMANDS: dict[str, type[Command]] = {
     "clean": Clean,
     "picture": Picture,
+    "video": Video,
     "bench": Bench,
     "grasp": Grasp,
     "evolve": Evolve,
+    "experiment": Experiment,
 }
 
 

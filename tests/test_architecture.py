@@ -12,12 +12,25 @@ import iswarm_mj
 PACKAGE = Path(iswarm_mj.__file__).parent
 
 FLOORS = [
-    ["__init__", "arrays", "compilation", "errors", "hardware", "timing", "trajectory", "units", "gripper.trace"],
-    ["config", "blueprint", "files", "gripper.protocol", "sensors.neighbours"],
-    ["blueprint_grasp", "conditions", "figures", "tables", "experiments.checkpoint"],
+    [
+        "__init__",
+        "arrays",
+        "compilation",
+        "errors",
+        "experiments.statistics",
+        "hardware",
+        "timing",
+        "trajectory",
+        "units",
+        "gripper.trace",
+    ],
+    ["config", "blueprint", "experiments.findings", "files", "gripper.protocol", "sensors.neighbours"],
+    ["blueprint_grasp", "conditions", "experiments.measures", "figures", "tables", "experiments.checkpoint"],
     [
         "record_grasp",
         "experiments.evolution_figure",
+        "experiments.plots",
+        "swarm_figure",
         "gripper.adhesion",
         "gripper.humidity",
         "gripper.maugis",
@@ -67,10 +80,13 @@ FLOORS = [
     ],
     ["engines.mjx_motion", "engines.mjx_sight", "metrics", "swarm", "gripper.bench_model", "gripper.mjx_forces"],
     ["rollout", "gripper.bench_mjx", "gripper.bench_mujoco"],
-    ["snapshot", "record", "results", "gripper.bench_trace", "gripper.trials", "experiments.jobs"],
-    ["cleaning", "gripper.bench_speed", "gripper.force_curve", "picture", "experiments.pool"],
-    ["benchmark", "grasping", "commands.swarm_options", "experiments.evolve"],
-    ["commands.clean", "commands.evolve", "commands.grasp", "commands.picture", "commands.bench"],
+    ["worlds", "snapshot", "record", "results", "gripper.bench_trace", "gripper.trials", "experiments.jobs"],
+    ["batch_step", "cleaning", "gripper.bench_speed", "gripper.force_curve", "picture", "experiments.pool"],
+    ["benchmark", "faults", "grasping", "commands.swarm_options", "experiments.evolve", "experiments.study", "video"],
+    ["batched", "commands.clean", "commands.evolve", "commands.grasp", "commands.picture", "commands.bench"],
+    [f"experiments.{name}" for name in ("hop_count", "density", "types", "sensitivity", "robustness")],
+    ["experiments.registry", "commands.video"],
+    ["commands.experiment"],
     ["cli"],
     ["__main__"],
 ]
@@ -141,7 +157,7 @@ def test_packages_import_nothing(name):
     assert imports(MODULES[name]) == set()
 
 
-MJX = {"engines.mjx_arena", "engines.mjx_motion", "engines.mjx_sight", "engines.planar_contacts"}
+MJX = {"batch_step", "engines.mjx_arena", "engines.mjx_motion", "engines.mjx_sight", "engines.planar_contacts"}
 PLUGIN = {
     "gripper.bench_mjx",
     "gripper.bench_model",
@@ -161,7 +177,7 @@ PLUGIN = {
     [
         ("rerun", {"record", "blueprint", "record_grasp", "blueprint_grasp"}),
         ("mujoco", {"model", "engines.mujoco_batch", "rollout", "picture", *PLUGIN, *MJX}),
-        ("tyro", {"cli", "commands.swarm_options", "commands.picture"}),
+        ("tyro", {"cli", "commands.experiment", "commands.swarm_options", "commands.picture", "commands.video"}),
     ],
 )
 def test_libraries_are_met_in_few_places(library, allowed):

@@ -1,0 +1,70 @@
+"""`iswarm experiment`."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from iswarm_mj.config import (
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+    check,
+)
+from iswarm_mj.errors import UserError
+from iswarm_mj.strategy.genome import load_genome
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Run an experiment of the paper or beyond it: table, statistics, figures. Finished runs are kept for next time."""
+
+    name: tyro.conf.Positional[str] = ""
+    """Which one; --list names them."""
+    list: bool = False
+    """List the experiments."""
+    quick: bool = False
+    """A version of about a minute, with fewer and shorter runs."""
+    genome: str = "type1"
+    """A preset or a JSON file, the swarm in question; the experiment types takes all presets."""
+    seed: int = 0
+    """Seed of all random numbers."""
+    engine: Literal["mujoco", "mjx"] = "mujoco"
+    """Physics: mujoco (C, on CPUs) or mjx (JAX, runs batched on a GPU)."""
+    workers: int = 0
+    """Worker processes, 0 for one a core; the results do not depend on it."""
+    backend: Literal["processes", "ray"] = "processes"
+    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
+    again: bool = False
+    """Do runs again that were kept in --out."""
+    out: Path | None = None
+    """Directory for the results; runs/experiments/NAME, and NAME-quick with --quick, by default."""
+    arena: ArenaConfig = field(default_factory=ArenaConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    optics: OpticsConfig = field(default_factory=OpticsConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+    strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+    def run(self) -> None:
+        """Run the command."""
+        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
+        check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
+        genome = load_genome(self.genome)
+        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        from iswarm_mj.experiments.registry import experiment, listing
+        from iswarm_mj.experiments.study import Plan, run_experiment
+
+        if self.list:
+            print(listing())
+            return
+        if not self.name:
+            raise UserError(f"No experiment was named; these are there, name one:\n{listing()}")
+        chosen = experiment(self.name)
+        folder = f"{self.name}-quick" if self.quick else self.name
+        out = self.out or Path("runs/experiments") / folder
+        plan = Plan(config, genome, self.seed, self.quick)
+        run_experiment(chosen, plan, out, self.workers, self.engine, self.backend, self.again)

@@ -1,0 +1,151 @@
+"""Statistics of the experiments: tests between two groups of runs, intervals, correlations, slopes."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+RESAMPLES = 9999
+LEVEL = 0.95
+"""Confidence of all intervals."""
+
+Values = Sequence[float] | np.ndarray
+
+
+class Interval(NamedTuple):
+    """An estimate and its interval at `LEVEL`."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+class Comparison(NamedTuple):
+    """Two groups compared by the Mann-Whitney test, two-sided."""
+
+    u: float
+    """Pairs in which the first group's value is the larger one; a tie counts one half."""
+    p: float
+    n_first: int
+    n_second: int
+    difference: Interval
+    """Of the medians, first minus second, by bootstrap."""
+
+    @property
+    def superiority(self) -> float:
+        """Share of the pairs in which the first group's value is the larger one; a tie counts one half."""
+        return self.u / (self.n_first * self.n_second)
+
+
+def median(values: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Median along an axis."""
+    return np.median(values, axis=axis)
+
+
+def mean(values: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Mean along an axis."""
+    return np.mean(values, axis=axis)
+
+
+Statistic = Callable[..., np.ndarray]
+
+
+def interval(values: Values, statistic: Statistic = mean) -> Interval:
+    """Statistic of a sample with its percentile bootstrap interval; always the same random numbers.
+
+    Args:
+        values: (n,) at least one.
+        statistic: of an array along `axis`, as `mean` or `median`.
+    """
+    x = np.asarray(values, float)
+    low, high = _percentiles(_resampled(x, statistic, np.random.default_rng(0)))
+    return Interval(float(statistic(x, axis=-1)), low, high)
+
+
+def difference(first: Values, second: Values, statistic: Statistic = median) -> Interval:
+    """Statistic of the first sample minus that of the second, with its percentile bootstrap interval."""
+    a, b = np.asarray(first, float), np.asarray(second, float)
+    rng = np.random.default_rng(0)
+    low, high = _percentiles(_resampled(a, statistic, rng) - _resampled(b, statistic, rng))
+    return Interval(float(statistic(a, axis=-1) - statistic(b, axis=-1)), low, high)
+
+
+def compare(first: Values, second: Values) -> Comparison:
+    """Mann-Whitney test of two samples and the difference of their medians.
+
+    The p-value is exact up to 20 values in a sample where there are no ties, else by the normal approximation with
+    its corrections for ties and continuity.
+    """
+    a, b = np.asarray(first, float), np.asarray(second, float)
+    tied = len(np.unique(np.concatenate([a, b]))) < len(a) + len(b)
+    method = "asymptotic" if tied or min(len(a), len(b)) > 20 else "exact"
+    result = stats.mannwhitneyu(a, b, alternative="two-sided", method=method)
+    p = 1.0 if math.isnan(result.pvalue) else float(result.pvalue)
+    return Comparison(float(result.statistic), p, len(a), len(b), difference(a, b))
+
+
+def smallest_p(n_first: int, n_second: int) -> float:
+    """Least p-value that the exact two-sided Mann-Whitney test can give for samples of these sizes."""
+    return min(1.0, 2.0 / math.comb(n_first + n_second, n_first)) if n_first and n_second else 1.0
+
+
+def share(count: int, total: int) -> Interval:
+    """Share of a total with Wilson's interval."""
+    ends = stats.binomtest(count, total).proportion_ci(LEVEL, method="wilson")
+    return Interval(count / total, float(ends.low), float(ends.high))
+
+
+def correlation(x: Values, y: Values) -> Interval:
+    """Pearson's correlation with Fisher's interval; nan where one of them does not vary."""
+    a, b = np.asarray(x, float), np.asarray(y, float)
+    if len(a) < 4 or np.ptp(a) == 0 or np.ptp(b) == 0:
+        return Interval(math.nan, math.nan, math.nan)
+    result = stats.pearsonr(a, b)
+    ends = result.confidence_interval(LEVEL)
+    return Interval(float(result.statistic), float(ends.low), float(ends.high))
+
+
+def rank_correlation(x: Values, y: Values) -> tuple[float, float]:
+    """Spearman's correlation and its p-value; nan where one of them does not vary."""
+    a, b = np.asarray(x, float), np.asarray(y, float)
+    if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
+        return math.nan, math.nan
+    result = stats.spearmanr(a, b)
+    return float(result.statistic), float(result.pvalue)
+
+
+def slope(x: Values, y: Values) -> Interval:
+    """Slope of the least-squares line with its t interval; nan where x does not vary."""
+    a, b = np.asarray(x, float), np.asarray(y, float)
+    if len(a) < 3 or np.ptp(a) == 0:
+        return Interval(math.nan, math.nan, math.nan)
+    line = stats.linregress(a, b)
+    half = float(stats.t.ppf((1 + LEVEL) / 2, len(a) - 2)) * line.stderr
+    return Interval(float(line.slope), float(line.slope - half), float(line.slope + half))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values adjusted for their number by Holm's step-down procedure, in the given order."""
+    order = np.argsort(p_values, kind="stable")
+    adjusted, most = [1.0] * len(p_values), 0.0
+    for rank, index in enumerate(order):
+        most = max(most, min(1.0, (len(p_values) - rank) * p_values[index]))
+        adjusted[index] = most
+    return adjusted
+
+
+def _resampled(values: np.ndarray, statistic: Statistic, rng: np.random.Generator) -> np.ndarray:
+    """Statistic of `RESAMPLES` resamples, a block of them at a time to spare memory."""
+    n, block = len(values), max(1, 2_000_000 // len(values))
+    parts = []
+    for start in range(0, RESAMPLES, block):
+        count = min(block, RESAMPLES - start)
+        parts.append(statistic(values[rng.integers(0, n, (count, n))], axis=-1))
+    return np.concatenate(parts)
+
+
+def _percentiles(values: np.ndarray) -> tuple[float, float]:
+    low, high = np.quantile(values, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return float(low), float(high)
