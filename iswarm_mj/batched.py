@@ -76,12 +76,12 @@ class BatchRun:
         devices = list(jax.devices() if devices is None else devices)[:n_worlds]
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         self._n_padded = -(-n_worlds // len(devices)) * len(devices)
-        each = self._n_padded // len(devices)
+        each = self.worlds_per_device = self._n_padded // len(devices)
         self.arena: MjxArena = compile_mjx_arena(config, n_robots, settings.impl, each, settings.room)
         self.starts = [padded(start, n_robots) for start in starts_of(config, self.worlds)]
         strategy = vector_strategies(config, self.arena.probe[0], self.worlds) if strategy is None else strategy
         given, state = self._prepare(n_robots, strategy)
-        self._is_masked = any(w.n_robots < n_robots for w in worlds)
+        self.is_masked = any(w.n_robots < n_robots for w in worlds)
         self._given, self._state = self._spread(given), self._spread(state)
         self.step = 0
         self._seen = self._look()
@@ -99,7 +99,9 @@ class BatchRun:
         state = WorldState(
             bodies=Bodies(poses, jnp.zeros_like(poses)),
             swarm=SwarmState(
-                minds, stacked([start.balls for start in self.starts]), stacked([start.is_alive for start in self.starts])
+                minds,
+                stacked([start.balls for start in self.starts]),
+                stacked([start.is_alive for start in self.starts]),
             ),
             touching=jnp.zeros((n_worlds, n_robots, n_robots), bool),
             collisions=zero, is_finished=no, finished_at=zero, fault=Fault(zero, zero, zero),
@@ -137,7 +139,7 @@ class BatchRun:
         """
         s = self.settings
         self._state, records = _chunk(
-            self.config, self.mesh, s.chunk, self._is_masked, bool(s.record_worlds), self.arena, self._given,
+            self.config, self.mesh, s.chunk, self.is_masked, bool(s.record_worlds), self.arena, self._given,
             self._state, jnp.int32(self.step), jnp.int32(s.steps), jnp.asarray(s.record_worlds, jnp.int32),
         )  # fmt: skip
         self.step = min(self.step + s.chunk, s.steps)
@@ -166,6 +168,14 @@ class BatchRun:
         """Last control step that any world took."""
         finished = self._seen["is_finished"]
         return int(self._seen["finished_at"].max()) if finished.all() else self.step
+
+    def arrays(self) -> tuple[Given, WorldState]:
+        """Return what is given and what changes, of all worlds and those that fill up the devices."""
+        return self._given, self._state
+
+    def swarm_state(self) -> SwarmState:
+        """Return what is not rigid-body physics, of all worlds."""
+        return jax.tree.map(lambda a: a[: len(self.worlds)], self._state.swarm)
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""

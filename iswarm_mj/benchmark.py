@@ -2,7 +2,6 @@
 
 import json
 import os
-import platform
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from iswarm_mj.cleaning import Recorder
 from iswarm_mj.compilation import keep_compiled_programs
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.hardware import processor
 from iswarm_mj.rollout import Run, RunSettings
 from iswarm_mj.strategy.genome import Genome
 
@@ -47,16 +47,7 @@ def bench(
         "ms_per_step_mean": round(float(laps["step"].mean()), 3),
         **{f"{stage}_ms": round(float(np.median(t)), 3) for stage, t in laps.items() if stage in STAGES and len(t)},
         "cores": len(os.sched_getaffinity(0)),
-        "machine": _processor(),
+        "machine": processor(),
     }
     print(json.dumps(content))
     return content
-
-
-def _processor() -> str:
-    """Name of the processor, as far as the system tells."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()

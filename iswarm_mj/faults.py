@@ -16,7 +16,7 @@ def describe(world: int, bits: int, step: int, robot: int, room: Capacities) -> 
         room: what there was for contacts.
     """
     texts = {
-        TOO_MANY_PAIRS: f"more than {room.pairs} pairs of robots were close enough to touch, for which there is no room",
+        TOO_MANY_PAIRS: f"more than {room.pairs} pairs of robots were near enough to touch, for which there is no room",
         TOO_MANY_CONTACTS: f"more than {room.contacts} contact points, for which there is no room",
         NOT_FINITE: f"robot {robot} has no finite pose",
         OUTSIDE: f"robot {robot} left the arena",

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.config import check
+from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.strategy.genome import Genome
 
 
 @dataclass(frozen=True)
@@ -11,14 +12,14 @@ class Bench(Swarm):
     """Time the control step and its parts, or the gripper's bench, on this machine; prints one JSON line."""
 
     what: str = "swarm"
-    """swarm, or grasp: whole trials on the gripper's bench, as many as --worlds, where 1 stands for 256; its flags are
+    """swarm, or grasp: whole trials on the gripper's bench, as many as --worlds, where 1 stands for 100; its flags are
     --engine (mujoco or mjx), --impl and --seed."""
-    impl: str = "jax"
-    """Implementation of MJX for --what grasp: jax or warp."""
     steps: int = 200
     """Control steps that are timed."""
     warm_up: int = 20
     """Control steps before that."""
+    chunk: int = 20
+    """Control steps that one call takes with --engine mjx; the first call compiles and warms up."""
     record: bool = False
     """Record too, to a temporary file."""
 
@@ -31,11 +32,25 @@ class Bench(Swarm):
         config, genome, n_robots = self.checked()
         check("steps", self.steps, "between 1 and 100000", 1 <= self.steps <= 100_000)
         check("warm_up", self.warm_up, "between 1 and 100000", 1 <= self.warm_up <= 100_000)
+        if self.engine == "mjx":
+            self._swarm_in_mjx(config, genome, n_robots)
+            return
         from iswarm_mj.benchmark import bench
         from iswarm_mj.rollout import RunSettings
 
         settings = RunSettings(n_robots, self.warm_up + self.steps, self.seed, self.worlds, self.threads)
         bench(config, genome, settings, self.engine, self.warm_up, self.record)
+
+    def _swarm_in_mjx(self, config: SwarmConfig, genome: Genome, n_robots: int) -> None:
+        from iswarm_mj.batched import BatchSettings
+        from iswarm_mj.benchmark_mjx import bench
+        from iswarm_mj.compilation import keep_compiled_programs
+
+        keep_compiled_programs()
+        chunk = min(self.chunk, self.steps)
+        n_chunks = -(-self.steps // chunk)
+        settings = BatchSettings(chunk * (n_chunks + 1), self.impl, chunk=chunk)
+        bench(self.mjx_run(config, genome, n_robots, settings), n_chunks)
 
     def _grasp(self) -> None:
         check("engine", self.engine, "mujoco or mjx with --what grasp", self.engine in ("mujoco", "mjx"))
@@ -47,4 +62,4 @@ class Bench(Swarm):
 
         if self.engine == "mjx":
             keep_compiled_programs()
-        speed(self.engine, self.impl, self.worlds if self.worlds > 1 else 256, self.seed)
+        speed(self.engine, self.impl, self.worlds if self.worlds > 1 else 100, self.seed)

@@ -1,5 +1,6 @@
 """Flags that every command on a swarm has."""
 
+import importlib.util
 from dataclasses import dataclass, field, fields, make_dataclass
 from typing import Annotated, Any
 
@@ -30,6 +31,8 @@ GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper
 
 MOST_ROBOTS = 200_000
 """Robots in all worlds together that the memory of an ordinary machine holds (about 0.1 MB each)."""
+MOST_ROBOTS_MJX = 5_000_000
+"""Likewise on GPUs, several of them together."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,13 @@ class Swarm:
     worlds: int = 1
     """Number of independent worlds at once."""
     engine: str = "mujoco"
-    """Physics engine: mujoco (C, on CPUs)."""
+    """Physics engine: mujoco (C, on CPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
+    impl: str = "jax"
+    """Implementation of mjx: jax (everywhere), or warp (NVIDIA GPUs, the fastest there; slow on CPUs)."""
+    devices: str = "all"
+    """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
+    hosts: bool = False
+    """Spread the worlds of mjx over the processes of a job on several hosts (jax.distributed)."""
     threads: int = 0
     """Threads for the physics, 0 for one a core; the results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
@@ -68,7 +77,10 @@ class Swarm:
         check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
         check("worlds", self.worlds, "at least 1", self.worlds >= 1)
         check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
-        check("engine", self.engine, "mujoco", self.engine == "mujoco")
+        check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
+        check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
+        if self.impl == "warp" and self.engine == "mjx" and importlib.util.find_spec("warp") is None:
+            raise UserError("--impl was warp, which needs the package warp-lang: pip install 'iswarm-mj[warp]'.")
         genome = overridden(load_genome(self.genome), vars(self.override))
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
         if self.robots is not None and self.density is not None:
@@ -77,6 +89,24 @@ class Swarm:
         name = "density_of_robots of the genome" if self.density is None else "--density"
         n_robots = robots_for(config.arena, density, name) if self.robots is None else self.robots
         check_robots(config.arena, n_robots)
-        most = MOST_ROBOTS // n_robots
+        most = (MOST_ROBOTS if self.engine == "mujoco" else MOST_ROBOTS_MJX) // n_robots
         check("worlds", self.worlds, f"between 1 and {most} with {n_robots} robots in each", self.worlds <= most)
         return config, genome, n_robots
+
+    def mjx_run(self, config: SwarmConfig, genome: Genome, n_robots: int, batch: Any) -> Any:
+        """Return a `BatchRun` of these worlds.
+
+        Args:
+            config: as `checked` returned it.
+            genome: likewise.
+            n_robots: likewise.
+            batch: `BatchSettings`.
+        """
+        from iswarm_mj.batched import BatchRun, worlds_of_seed
+        from iswarm_mj.devices import devices, join_hosts
+        from iswarm_mj.worlds import World
+
+        if self.hosts:
+            join_hosts()
+        worlds = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
+        return BatchRun(config, worlds, batch, devices=devices(self.devices))

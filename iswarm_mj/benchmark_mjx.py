@@ -1,0 +1,113 @@
+"""Where the time and the memory of a batched control step go, on this machine's devices."""
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj import swarm
+from iswarm_mj.batch_step import drive
+from iswarm_mj.batched import BatchRun
+from iswarm_mj.engines.mjx_arena import without_absent
+from iswarm_mj.engines.mjx_sight import see
+from iswarm_mj.hardware import processor
+
+REPEATS = 5
+
+
+def bench(run: BatchRun, n_chunks: int) -> dict[str, Any]:
+    """Time chunks of control steps after the first, print one JSON line and return its content.
+
+    Times are milliseconds per control step of all worlds together: the median over the chunks of the whole, and of
+    each stage on its own, of the worlds of one device, from the state at the end. Memory is the most that a device
+    had in use until then, in GB.
+
+    Args:
+        run: at its start, with enough steps for a chunk of warm-up and `n_chunks` more.
+        n_chunks: chunks that are timed.
+    """
+    laps = []
+    for _ in range(n_chunks + 1):
+        started = time.perf_counter()
+        run.advance()
+        laps.append(time.perf_counter() - started)
+    settings, n_robots = run.settings, run.arena.n_robots
+    step_s = float(np.median(laps[1:])) / settings.chunk
+    substeps = run.config.drive.turn_substeps + run.config.drive.walk_substeps
+    memory = _peak_memory(run)
+    devices = list(run.mesh.devices.flat)
+    content = {
+        "engine": "mjx",
+        "impl": settings.impl,
+        "n_robots": n_robots,
+        "n_worlds": len(run.worlds),
+        "steps": n_chunks * settings.chunk,
+        "ms_per_step": round(1e3 * step_s, 3),
+        "robot_physics_steps_per_s": round(len(run.worlds) * n_robots * substeps / step_s),
+        **{f"{stage}_ms": round(1e3 * t, 3) for stage, t in _stages(run).items()},
+        "first_chunk_s": round(laps[0], 1),
+        "delivered_mean": float(run.delivered().mean()),
+        "peak_memory_gb": memory,
+        "devices": f"{len(devices)} x {devices[0].device_kind}",
+        "machine": processor(),
+    }
+    print(json.dumps(content))
+    return content
+
+
+def _stages(run: BatchRun) -> dict[str, float]:
+    """Seconds per control step of sight, decision and physics, each as a program of its own on the first device."""
+    each = run.worlds_per_device
+    given, state = jax.tree.map(lambda a: jax.device_put(a[:each], run.mesh.devices.flat[0]), run.arrays())
+    config, arena = run.config, jax.device_put(run.arena, run.mesh.devices.flat[0])
+    poses, alive = state.bodies.poses, state.swarm.is_alive
+
+    @jax.jit
+    @jax.vmap
+    def look(poses, alive, present):
+        return see(config, arena, poses, alive, present)
+
+    links, walls = look(poses, alive, given.is_present)
+
+    @jax.jit
+    @jax.vmap
+    def decide(given, state, poses, links, walls):
+        return swarm.decide(
+            config, arena.probe, given.conditions, given.strategy, state, poses, links, walls, jnp.int32(7), given.key
+        )
+
+    command = decide(given, state.swarm, poses, links, walls)[1]
+
+    @jax.jit
+    @jax.vmap
+    def move(given, bodies, command):
+        model = without_absent(arena.model, given.is_present) if run.is_masked else arena.model
+        return drive(config, arena, model, bodies, command)
+
+    return {
+        "see": _median(look, poses, alive, given.is_present),
+        "act": _median(decide, given, state.swarm, poses, links, walls),
+        "physics": _median(move, given, state.bodies, command),
+    }
+
+
+def _median(program: Callable[..., Any], *arguments: Any) -> float:
+    """Median time of a compiled program [s]."""
+    jax.block_until_ready(program(*arguments))
+    laps = []
+    for _ in range(REPEATS):
+        started = time.perf_counter()
+        jax.block_until_ready(program(*arguments))
+        laps.append(time.perf_counter() - started)
+    return float(np.median(laps))
+
+
+def _peak_memory(run: BatchRun) -> float | None:
+    """Most memory that a device had in use [GB]; None where the device does not tell."""
+    stats = [device.memory_stats() for device in run.mesh.devices.flat]
+    peaks = [s["peak_bytes_in_use"] for s in stats if s and "peak_bytes_in_use" in s]
+    return round(max(peaks) / 1e9, 2) if peaks else None
