@@ -55,7 +55,7 @@ def test_writes_table_figures_and_recordings(here, capfd):
     assert not any(name.startswith(".") for name in names)
     rows, told = read_table(out / TABLE)
     assert set(rows[0]) == COLUMNS
-    assert [sum(r["experiment"] == e for r in rows) for e in ("grasp", "release", "no_contact")] == [8, 8, 8]
+    assert [sum(r["experiment"] == e for r in rows) for e in ("grasp", "release", "no_contact")] == [8, 8, 24]
     assert sorted({(r["radius"], r["relative_humidity"], r["repeat"]) for r in rows}) == [
         (radius, rh, repeat) for radius in (15e-6, 25e-6) for rh in (10, 50) for repeat in (0, 1)
     ]

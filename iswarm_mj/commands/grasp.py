@@ -22,7 +22,7 @@ class Grasp:
     """Seed of the works of adhesion."""
     gap: tuple[float, ...] = (5e-6,)
     """Gaps to the plate at which a ball is released [m]."""
-    no_contact_gap: tuple[float, ...] = (1e-6,)
+    no_contact_gap: tuple[float, ...] = (1e-6, 2e-6, 5e-6)
     """Gaps to the ball at which the tool stops in attempts without contact [m]."""
     engine: str = "mujoco"
     """Physics engine: mujoco (C, on CPUs) or mjx (JAX)."""
