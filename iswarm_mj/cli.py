@@ -16,6 +16,7 @@ from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.picture import Picture
+from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.video import Video
 from iswarm_mj.compilation import quieten
 from iswarm_mj.errors import SimulationFault, UserError
@@ -37,6 +38,7 @@ COMMANDS: dict[str, type[Command]] = {
     "grasp": Grasp,
     "evolve": Evolve,
     "experiment": Experiment,
+    "report": Report,
 }
 
 
