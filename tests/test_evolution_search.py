@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -251,7 +252,9 @@ def command(out, *flags):
 def killed_at(lines, delay, out, *flags):
     """Run `iswarm evolve` and kill -9 it when the checkpoint has so many lines, a little later; whether it lived."""
     path = out / CHECKPOINT
-    with subprocess.Popen(command(out, *flags, "--resume"), stdout=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        command(out, *flags, "--resume"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as process:
         while process.poll() is None and not (path.exists() and path.read_bytes().count(b"\n") >= lines):
             time.sleep(0.002)
         time.sleep(delay)
@@ -273,6 +276,41 @@ def test_killed_and_resumed(tmp_path):
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     rows, _ = read_table(tmp_path / "out" / TABLE)
     assert len(rows) == 12 and {row["n_robots"] for row in rows} == {12} and len({row["fitness"] for row in rows}) > 6
+
+
+@pytest.mark.parametrize(
+    "flags, message",
+    [
+        ("--generations 0", r"--generations was 0; it must be between 1 and 100000"),
+        ("--population 1", r"--population was 1;"),
+        ("--population 2", r"--operators\.elite was 2; it must be below --population"),
+        ("--evaluations 0", r"--evaluations was 0;"),
+        ("--steps 0", r"--steps was 0;"),
+        ("--seed -1", r"--seed was -1;"),
+        ("--workers -1", r"--workers was -1;"),
+        ("--method bees", r"Expected one of \('paper', 'cmaes', 'random'\)"),
+        ("--backend abacus", r"Expected one of \('processes', 'ray'\)"),
+        ("--operators.span nan", r"--operators\.span was nan;"),
+        ("--operators.density-max 2", r"--operators\.density-max was 2\.0;"),
+        ("--arena.n-dust 0", r"--arena\.n-dust was 0;"),
+    ],
+)
+def test_refusals(capfd, tmp_path, monkeypatch, flags, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["evolve", *flags.split()])
+    out, error = capfd.readouterr()
+    assert stop.value.code == 2 and out == "" and error.count("\n") == 1
+    assert re.search(message, error) and not list(tmp_path.iterdir())
+
+
+def test_a_search_is_summed_up(capfd, tmp_path, monkeypatch):
+    pretend(monkeypatch)
+    cli.main(["evolve", "--generations=4", "--population=5", "--seed=3", "--out", str(tmp_path / "out")])
+    out, error = capfd.readouterr()
+    rows, _ = read_table(tmp_path / "out" / TABLE)
+    assert "paper, 4 generations of 5, seed 3" in out and "runs  20, of which" in out and error == ""
+    assert f"p_vector_forget = {best_of(rows).genome.p_vector_forget:.3g}" in out
 
 
 @pytest.mark.slow

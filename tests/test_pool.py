@@ -204,3 +204,13 @@ class TestRay:
         assert [outcome.delivered for outcome in map_jobs(jobs, 2, backend="ray")] == [job.seed for job in jobs]
         with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
             map_jobs([*jobs, jobs[0]], 2, backend="ray")
+
+
+@pytest.mark.slow
+def test_worlds_of_a_batch_are_the_jobs(small):
+    """MJX runs jobs of two lengths and of different numbers of robots as two batches; over a few steps as MuJoCo C."""
+    given = [(12, 1, 20), (10, 2, 20), (12, 3, 10)]
+    jobs = [Job(small, Genome(), n_robots, seed, steps=steps) for n_robots, seed, steps in given]
+    batched, alone = map_jobs(jobs, engine="mjx"), map_jobs(jobs, 1)
+    assert [(o.delivered, o.picked, o.steps) for o in batched] == [(o.delivered, o.picked, o.steps) for o in alone]
+    assert sum(o.picked for o in alone) > 3

@@ -17,7 +17,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 from tqdm import tqdm
 
 from iswarm_mj.errors import SimulationFault, UserError
-from iswarm_mj.experiments.jobs import Job, Outcome, run_job
+from iswarm_mj.experiments.jobs import Job, Outcome, outcome, run_job
 
 BACKENDS = ("processes", "ray")
 MAX_LOSSES = 3
@@ -35,8 +35,8 @@ def map_jobs(
     """
     outcomes: dict[int, Outcome] = {}
     with progress(len(jobs), describe) as bar, closing(each(jobs, workers, engine, backend)) as finished:
-        for index, outcome in finished:
-            outcomes[index] = outcome
+        for index, found in finished:
+            outcomes[index] = found
             bar.update()
     return [outcomes[index] for index in range(len(jobs))]
 
@@ -50,7 +50,7 @@ def each(jobs: Sequence[Job], workers: int = 0, engine: str = "mujoco", backend:
     Args:
         jobs: what to run.
         workers: processes, 0 for one a core of this machine (of the cluster, with Ray); 1 is this process itself.
-        engine: physics; mujoco.
+        engine: physics; mujoco, or mjx, where all jobs of equal settings are one batch of worlds in this process.
         backend: processes (of this machine) or ray (a cluster, where RAY_ADDRESS names one).
 
     Raises:
@@ -93,15 +93,17 @@ def _end_with(parent: int) -> None:
 
 def _on_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished:
     """Jobs on worker processes of this machine."""
+    # A worker that has grown by 300 MB, by programs for many numbers of robots, is replaced between two jobs.
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     left, losses = dict(numbered), 0
     while left:
         pool: Any = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), initializer=_start_worker)
         try:
             with _stopped(pool(delayed(_work)(*item) for item in list(left.items()))) as finished:
-                for index, outcome in finished:
+                for index, found in finished:
                     del left[index]
                     losses = 0
-                    yield index, outcome
+                    yield index, found
         except BrokenProcessPool:
             losses += 1
             if losses > MAX_LOSSES:
@@ -164,7 +166,19 @@ def _started_ray(workers: int) -> Any:
 
 
 def _batched(jobs: Sequence[Job]) -> Finished:
-    """Jobs as worlds of one compiled program."""
-    from iswarm_mj.batched import run_jobs_batched  # pyright: ignore[reportMissingImports]
+    """Jobs as worlds of compiled programs, one for those of equal settings."""
+    from iswarm_mj.batched import BatchRun, BatchSettings
+    from iswarm_mj.worlds import World
 
-    yield from enumerate(run_jobs_batched(jobs))
+    alike: dict[Any, list[int]] = {}
+    for index, job in enumerate(jobs):
+        alike.setdefault((job.config, job.steps, job.stop_at), []).append(index)
+    for (config, steps, stop_at), indices in alike.items():
+        of = [jobs[index] for index in indices]
+        worlds = [World(job.genome, job.n_robots, job.seed, failed_fraction=job.failed_fraction) for job in of]
+        run = BatchRun(config, worlds, BatchSettings(steps, stop_at=stop_at))
+        while not run.is_over:
+            run.advance()
+        for world, index in enumerate(indices):
+            measures = run.measures(world)
+            yield index, outcome(jobs[index], measures, measures.finished_at or steps)
