@@ -18,6 +18,8 @@ RISE = 35
 PLATEAU = (35, 100)
 """Generations from which the paper takes its fittest swarms."""
 FITTEST = 250
+GROUP = 30
+"""Least runs of a group whose parameters are compared."""
 SMALL = 0.2
 """Differences of less than this share of a standard deviation count as none (Cohen's small effect)."""
 
@@ -180,8 +182,8 @@ def _counting(claim: Claim, rows: Rows, flag: bool, least: float) -> Finding:
 
 def _equal(claim: Claim, name: str, good: Rows, poor: Rows) -> Finding:
     """Whether a parameter differs by less than a small effect between two groups of runs."""
-    if len(good) < 2 or len(poor) < 2:
-        return claim.found("no two groups of runs", "", TOO_FEW)
+    if min(len(good), len(poor)) < GROUP:
+        return claim.found(f"{len(good)} and {len(poor)} runs", f"needs {GROUP} of both", TOO_FEW)
     first, second = (np.array([row[name] for row in rows]) for rows in (good, poor))
     apart = difference(first, second, mean)
     pooled = float(np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 2))
@@ -209,6 +211,8 @@ def _trade(top: Rows) -> Finding:
 
 def _density(rows: Rows) -> Finding:
     last = max(row["generation"] for row in rows) - LAST
+    if last < FIRST:
+        return DENSITY.found(f"the search has {last + LAST + 1} generations", f"needs {FIRST + LAST + 1}", TOO_FEW)
     found = np.array([row["density_of_robots"] for row in rows if row["generation"] > last])
     low, middle, high = np.quantile(found, [0.25, 0.5, 0.75])
     ours = (

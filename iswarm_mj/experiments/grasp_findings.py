@@ -34,6 +34,7 @@ RELEASE = Claim("The release voltage at 10 % RH and 5 µm ranges from 37 to 47 V
 RELIABLE = Claim("The release is highly reliable and repeatable", _WHERE, "highly")
 THEORY = Claim("The release voltage is smaller than the theory's 70 V", _WHERE, "37 to 47 V instead of 70 V")
 FLAT_RELEASE = Claim("The radius does not influence the release voltage", "not in the paper", "not reported")
+ALIKE = Claim("Grasping and releasing take voltages of the same typical amplitude", "section 3.2.1", "by symmetry")
 MELTS = Claim("A ball of 15 µm melts at 70 V in contact", f"{_WHERE}, Fig. 10", "70 V")
 
 
@@ -55,6 +56,7 @@ def findings(rows: Rows) -> list[Finding]:
         _reliable(let_go),
         _below_theory(let_go),
         _flat(FLAT_RELEASE, let_go),
+        _alike(dry, let_go),
         _melting(sound),
     ]
 
@@ -156,6 +158,16 @@ def _below_theory(rows: Rows) -> Finding:
         f"with the work of adhesion fitted here gives {law:.1f} V; holds if all are below"
     )
     return THEORY.found(f"{found.min():.1f} to {found.max():.1f} V", tested, bool(found.max() < 70.0))
+
+
+def _alike(dry: Rows, let_go: Rows) -> Finding:
+    lift, drop = voltages(dry), voltages(let_go)
+    if not len(lift) or not len(drop):
+        return ALIKE.not_run()
+    ratio = float(drop.mean() / lift.mean())
+    ours = f"release {drop.mean():.1f} V, grasp {lift.mean():.1f} V on average, ratio {ratio:.2f}"
+    tested = f"n = {len(drop)} and {len(lift)}; both are fitted to the paper's ranges; holds if within a factor of 2"
+    return ALIKE.found(ours, tested, bool(0.5 < ratio < 2))
 
 
 def _melting(rows: Rows) -> Finding:

@@ -68,6 +68,8 @@ def _section(anchor: str, section: Section) -> str:
         parts.append(f'<div class="beside">{theirs}{ours}</div>')
     elif figures:
         parts.append(f'<div class="beside alone">{ours}</div>')
+    if not section.commands:
+        return "\n".join(parts)
     commands = "<br>".join(f"<code>{escape(line)}</code>" for line in section.commands)
     parts.append(f"<p>Run again: {commands}</p>")
     return "\n".join(parts)

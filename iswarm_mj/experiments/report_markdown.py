@@ -26,7 +26,8 @@ def document(sections: Sequence[Section], results: Results, again: str, figures:
         if section.paper:
             parts.append(f"The paper: {section.paper}")
         parts += [_figure(picture, figures) for picture in section.pictures]
-        parts.append("Run again: " + ", ".join(f"`{line}`" for line in section.commands))
+        if section.commands:
+            parts.append("Run again: " + ", ".join(f"`{line}`" for line in section.commands))
     names = ("Name", "Value", "Meaning")
     parts += [
         "## Chosen where the paper is silent",

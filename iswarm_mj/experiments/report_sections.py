@@ -87,7 +87,7 @@ def sections_of(results: Results, figures: Path) -> list[Section]:
     drawn = [evolution_findings.draw_search(*search, figures) for search in searches.values()]
     trials = results.trials
     sections = [
-        Section("The gripper's theory (section 3.2.1)", law_findings.findings(), [], "", ["pytest"]),
+        Section("The gripper's theory (section 3.2.1)", law_findings.findings(), [], "", []),
         Section(
             "Grasping and releasing (section 3.2.3, Figs. 6 to 11)",
             grasp_findings.findings(trials.rows if trials else []),
