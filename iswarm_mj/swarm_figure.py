@@ -56,8 +56,8 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
         axes.set(xlim=(-1.02 * half, 1.02 * half), ylim=(-1.02 * half, 1.02 * half))
         axes.axis("off")
         axes.set_aspect("equal")
-        axes.set_title(title)
-        axes.legend(handles=_legend(), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=5, fontsize=8)
+        axes.set_title(title, pad=10)
+        axes.legend(handles=_legend(), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
     return path.with_name(path.name + ".png")
 
 
@@ -94,4 +94,5 @@ def _area(axes: Axes, rectangle: np.ndarray, hue: str) -> None:
 def _legend() -> list[Line2D]:
     marks = (("empty worker", RED, "s"), ("loaded", BLUE, "s"), ("scout", GREEN, "s"), ("dust", "black", "."))
     handles = [Line2D([], [], color=hue, marker=mark, linestyle="", label=name) for name, hue, mark in marks]
-    return [*handles, Line2D([], [], color=_LINK, label="link")]
+    followed = Line2D([], [], color=RED, linewidth=0.8, label="vector followed")
+    return [*handles, followed, Line2D([], [], color=_LINK, label="link")]

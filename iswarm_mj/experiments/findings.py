@@ -39,7 +39,7 @@ class Claim(NamedTuple):
 
     def found(self, ours: str, statistics: str, verdict: str | bool) -> Finding:
         """Return the finding; a verdict may be a truth value."""
-        if isinstance(verdict, bool):
+        if not isinstance(verdict, str):
             verdict = HOLDS if verdict else FAILS
         return Finding(*self, ours, statistics, verdict)
 

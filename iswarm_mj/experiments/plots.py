@@ -148,8 +148,8 @@ def draw_samples(samples: Mapping[str, Mapping[str, Sequence[float]]], path: Pat
                 if len(found):
                     axes.hlines(np.median(found), place - 0.28, place + 0.28, color=ORANGE, linewidth=1.6)
             axes.set_xticks(range(len(groups)), list(groups))
-            axes.set_xlim(-0.6, len(groups) - 0.4)
-            axes.set_ylim(bottom=0)
+            most = max((max(found) for found in groups.values() if len(found)), default=1.0)
+            axes.set(xlim=(-0.6, len(groups) - 0.4), ylim=(0, 1.06 * most))
             axes.grid(axis="x", visible=False)
             axes.set_ylabel(label)
     return path.with_name(path.name + ".png")

@@ -1,19 +1,21 @@
 """The types of very fit swarms (Fig. 16, Table 2): fitness, aggregation, pictures and videos."""
 
+import io
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from iswarm_mj.cleaning import clean
-from iswarm_mj.experiments.findings import Claim, Finding, Rows, number, span, told, verdict_of
+from iswarm_mj.experiments.findings import ALPHA, TOO_FEW, Claim, Finding, Rows, number, span, told, verdict_of
 from iswarm_mj.experiments.jobs import Job
 from iswarm_mj.experiments.measures import TIME, finished, select
 from iswarm_mj.experiments.plots import draw_samples
-from iswarm_mj.experiments.statistics import compare, difference, interval, mean
+from iswarm_mj.experiments.statistics import compare, difference, interval, mean, smallest_p
 from iswarm_mj.experiments.study import Entry, Experiment, Plan, run_seed
 from iswarm_mj.layout import robots_for
 from iswarm_mj.picture import load
@@ -90,7 +92,8 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
             continue
         directory = out / f"{row['type']}-{row['repeat']}"
         settings = RunSettings(row["n_robots"], STEPS, row["seed"], stop_at=plan.goal)
-        clean(plan.config, PRESETS[row["type"]], settings, "mujoco", directory, record=True)
+        with redirect_stdout(io.StringIO()):
+            clean(plan.config, PRESETS[row["type"]], settings, "mujoco", directory, recorded=(0,))
         frames = load(directory)[1]
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
@@ -122,7 +125,9 @@ def _fitness(one: Rows, two: Rows) -> Finding:
         f"difference of the means {span(apart, 'points')}; {told(compare(first, second), 'points')}; "
         f"holds if the interval lies within {100 * EQUAL:.0f} % of the mean fitness"
     )
-    return FITNESS.found(ours, tested, bool(max(abs(apart.low), abs(apart.high)) < EQUAL * typical))
+    few = smallest_p(len(first), len(second)) >= ALPHA
+    equal = bool(max(abs(apart.low), abs(apart.high)) < EQUAL * typical)
+    return FITNESS.found(ours, tested, TOO_FEW if few else equal)
 
 
 def _gathering(one: Rows, two: Rows) -> Finding:
