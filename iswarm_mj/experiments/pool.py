@@ -79,10 +79,10 @@ def _work(index: int, job: Job) -> tuple[int, Outcome]:
     return index, run_job(job)
 
 
-def _start_worker() -> None:
+def _start_worker(parent: int) -> None:
     """Leave interrupts to the parent, and end with it even where it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=[os.getppid()], daemon=True).start()
+    threading.Thread(target=_end_with, args=[parent], daemon=True).start()
 
 
 def _end_with(parent: int) -> None:
@@ -97,7 +97,10 @@ def _on_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     left, losses = dict(numbered), 0
     while left:
-        pool: Any = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), initializer=_start_worker)
+        pool: Any = Parallel(
+            workers, "loky", "generator_unordered", batch_size=cast(Any, 1), initializer=_start_worker,
+            initargs=(os.getpid(),),
+        )  # fmt: skip
         try:
             with _stopped(pool(delayed(_work)(*item) for item in list(left.items()))) as finished:
                 for index, found in finished:
