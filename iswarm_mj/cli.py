@@ -33,12 +33,12 @@ class Command(Protocol):
 COMMANDS: dict[str, type[Command]] = {
     "clean": Clean,
     "picture": Picture,
-    "video": Video,
     "bench": Bench,
     "grasp": Grasp,
     "evolve": Evolve,
     "experiment": Experiment,
     "report": Report,
+    "video": Video,
 }
 
 
