@@ -290,7 +290,7 @@ def test_bench_prints_one_line(capfd, here):
         (["clean", "--optics.mode", "laser"], "Expected one of ('sector', 'power')"),
         (["clean", "--robotss", "3"], "--robotss"),
         (["sweep"], "Available subcommands: clean, picture, bench"),
-        ([], "Expected one of {clean, picture, bench}"),
+        ([], "Expected one of {clean, picture, bench, "),
     ],
 )
 def test_flags_that_cannot_be_read_get_one_line(arguments, fact, capfd, tmp_path, monkeypatch):
