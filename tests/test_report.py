@@ -308,6 +308,10 @@ class TestReport:
         assert "iswarm experiment hop-count --genome type1 --seed 0 --optics.wall-range 2.0" in text
         assert "iswarm experiment density" in text and "iswarm evolve --method random" in text
 
+    def test_a_quick_version_is_told(self, results, written, tmp_path):
+        quick = report([results / "quick"], tmp_path / "r.html")
+        assert "quick version" in quick[3].title and "quick version" not in written[0][3].title
+
     def test_without_results_all_but_the_laws_is_open(self, tmp_path, capsys):
         (tmp_path / "empty").mkdir()
         main(["report", "--results", str(tmp_path / "empty"), "--out", str(tmp_path / "r.html")])

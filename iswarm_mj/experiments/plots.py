@@ -12,6 +12,7 @@ from iswarm_mj.experiments.statistics import Interval
 from iswarm_mj.figures import figure
 
 BLUE, ORANGE, GREY = "#4477aa", "#d55e00", "#777777"
+_TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
 
 
 class Effect(NamedTuple):
@@ -87,7 +88,10 @@ def draw_forest(effects: Sequence[Effect], x_label: str, path: Path) -> Path:
         axes.set_yticks(places, texts, fontsize=8)
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
+        low, high = axes.get_xlim()
         axes.set_xscale("symlog", linthresh=100, linscale=1.0)
+        axes.set_xticks([x for x in _TICKS if low <= x <= high], [str(x) for x in _TICKS if low <= x <= high])
+        axes.set_xticks([], minor=True)
         axes.set_xlabel(x_label)
     return path.with_name(path.name + ".png")
 

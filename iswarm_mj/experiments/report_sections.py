@@ -120,6 +120,8 @@ def _experiment(name: str, title: str, result: Result | None, figures: Path) -> 
     paper = PAPER_FIGURES.get(name, "")
     if result is None:
         return Section(title, experiment.findings([]), [], paper, [f"iswarm experiment {name}"])
+    if result.settings["quick"]:
+        title += ": the quick version, with few and short runs"
     pictures = _pictures(experiment.draw(result.rows, figures))
     if name == "types":
         pictures = _at_run_time(result.path.parent) + pictures

@@ -133,7 +133,7 @@ def draw(rows: Rows, out: Path) -> list[Path]:
     listed = [effect for effect, _ in effects(rows)]
     if not listed:
         return []
-    label = "difference of the mean time from the default [steps], 95 % interval; right: runs that reached the goal"
+    label = "mean time minus that of the default [steps], 95 % interval\nat the right edge: runs that reached the goal"
     return [draw_forest(listed, label, out / "sensitivity")]
 
 
