@@ -13,7 +13,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.batch_step import Fault, StepRecord, WorldState, control_step
 from iswarm_mj.config import SwarmConfig, check
-from iswarm_mj.engines.mjx_arena import IMPLEMENTATIONS, Capacities, MjxArena, compile_mjx_arena, without_absent
+from iswarm_mj.engines.mjx_arena import EXACT, IMPLEMENTATIONS, Capacities, MjxArena, compile_mjx_arena, without_absent
 from iswarm_mj.engines.mjx_motion import Bodies
 from iswarm_mj.errors import SimulationFault
 from iswarm_mj.faults import describe
@@ -42,10 +42,13 @@ class BatchSettings:
     """Worlds whose steps are kept."""
     room: Capacities | None = None
     """Room for contacts in one world; by a rule if not given."""
+    solver_iterations: int = EXACT
+    """Iterations of the contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
 
     def __post_init__(self):
         check("impl", self.impl, " or ".join(IMPLEMENTATIONS), self.impl in IMPLEMENTATIONS)
         check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
+        check("solver_iterations", self.solver_iterations, "between 1 and 1000", 1 <= self.solver_iterations <= 1000)
         check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
 
 
@@ -54,7 +57,7 @@ class BatchRun:
 
     def __init__(
         self, config: SwarmConfig, worlds: Sequence[World], settings: BatchSettings, strategy: Strategy | None = None,
-        devices: Sequence[jax.Device] | None = None,
+        devices: Sequence[Any] | None = None,
     ):  # fmt: skip
         """Prepare the worlds.
 
@@ -77,7 +80,9 @@ class BatchRun:
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         self._n_padded = -(-n_worlds // len(devices)) * len(devices)
         each = self.worlds_per_device = self._n_padded // len(devices)
-        self.arena: MjxArena = compile_mjx_arena(config, n_robots, settings.impl, each, settings.room)
+        self.arena: MjxArena = compile_mjx_arena(
+            config, n_robots, settings.impl, each, settings.room, settings.solver_iterations
+        )
         self.starts = [padded(start, n_robots) for start in starts_of(config, self.worlds)]
         strategy = vector_strategies(config, self.arena.probe[0], self.worlds) if strategy is None else strategy
         given, state = self._prepare(n_robots, strategy)
@@ -144,9 +149,12 @@ class BatchRun:
         )  # fmt: skip
         self.step = min(self.step + s.chunk, s.steps)
         self._seen = self._look()
+        fault: Fault = self._seen["fault"]
         faults = [
-            describe(world, *(int(part[world]) for part in self._seen["fault"]), self.arena.room)
-            for world in np.flatnonzero(self._seen["fault"].bits)
+            describe(
+                int(world), int(fault.bits[world]), int(fault.step[world]), int(fault.robot[world]), self.arena.room
+            )
+            for world in np.flatnonzero(fault.bits)
         ]
         if faults:
             raise SimulationFault("; ".join(faults[:5]) + (f"; and {len(faults) - 5} more worlds" * (len(faults) > 5)))

@@ -31,7 +31,7 @@ def bench(
     with jax.default_device(jax.devices("cpu")[0]), ExitStack() as stack:
         run = Run(config, genome, settings)
         out = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        recorder = stack.enter_context(Recorder(run, out)) if record else None
+        recorder = stack.enter_context(Recorder(run, out, run.start_view())) if record else None
         while not run.is_over:
             with run.watch("step"):
                 view = run.advance()

@@ -43,6 +43,7 @@ def bench(run: BatchRun, n_chunks: int) -> dict[str, Any]:
     content = {
         "engine": "mjx",
         "impl": settings.impl,
+        "solver_iterations": settings.solver_iterations,
         "n_robots": n_robots,
         "n_worlds": len(run.worlds),
         "steps": n_chunks * settings.chunk,

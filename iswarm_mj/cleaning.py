@@ -2,11 +2,11 @@
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 from tqdm import tqdm
@@ -18,6 +18,7 @@ from iswarm_mj.files import prepare
 from iswarm_mj.rollout import Run, RunSettings, StepView
 from iswarm_mj.snapshot import FrameBuffer, scene_of
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.timing import Stopwatch
 from iswarm_mj.trajectory import RECORDING, Frames, Scene
 
 BLOCK = 64
@@ -25,7 +26,7 @@ BLOCK = 64
 
 
 def clean(
-    config: SwarmConfig, genome: Genome, settings: RunSettings, engine: str, out: Path, record: bool
+    config: SwarmConfig, genome: Genome, settings: RunSettings, engine: str, out: Path, recorded: Sequence[int]
 ) -> dict[str, Any]:
     """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
 
@@ -33,29 +34,32 @@ def clean(
         UserError: `out` cannot be written to.
         SimulationFault: the run had to stop; what was recorded so far is in `out`.
     """
-    prepare(out)
+    places = [(out if k == 0 else out / f"world-{world}", world) for k, world in enumerate(recorded)]
+    for place, _ in places or [(out, 0)]:
+        prepare(place)
     keep_compiled_programs()
     started = time.perf_counter()
     with jax.default_device(jax.devices("cpu")[0]):
         run = Run(config, genome, settings)
         with ExitStack() as stack:
-            recorder = stack.enter_context(Recorder(run, out)) if record else None
-            results.clear(out, record)
-            _advance(run, recorder)
+            recorders = [stack.enter_context(Recorder(run, p, run.start_view(), w)) for p, w in places]
+            for place, _ in places or [(out, 0)]:
+                results.clear(place, bool(places))
+            _advance(run, recorders)
     content = results.result(run, engine, time.perf_counter() - started)
     results.write_result(out, content)
     print(summary(content, out))
     return content
 
 
-def _advance(run: Run, recorder: "Recorder | None") -> None:
+def _advance(run: Run, recorders: "list[Recorder]") -> None:
     """Take all steps, with a progress bar on a terminal."""
     settings = run.settings
     goal = (settings.stop_at or run.config.arena.n_dust) * settings.n_worlds
     with tqdm(total=settings.steps, unit="step", disable=not sys.stderr.isatty()) as bar:
         while not run.is_over:
             view = run.advance()
-            if recorder is not None:
+            for recorder in recorders:
                 recorder.add(view)
             bar.update()
             if run.step % 10 == 0:
@@ -63,16 +67,36 @@ def _advance(run: Run, recorder: "Recorder | None") -> None:
                 bar.set_postfix_str(f"delivered {delivered} of {goal}", refresh=False)
 
 
-class Recorder:
-    """Records the first world of a run; what it has is written on leaving, whatever the reason."""
+class Recorded(Protocol):
+    """What a recorder knows of a run."""
 
-    def __init__(self, run: Run, out: Path):
+    genome: Genome
+    settings: RunSettings
+    watch: Stopwatch
+
+    @property
+    def config(self) -> SwarmConfig:
+        """The configuration."""
+        ...
+
+
+class Recorder:
+    """Records one world of a run; what it has is written on leaving, whatever the reason."""
+
+    def __init__(self, run: Recorded, out: Path, start: StepView, world: int = 0):
+        """Begin with the start.
+
+        Args:
+            run: settings and stopwatch.
+            out: directory for the files.
+            start: view of the start.
+            world: which of those in the views.
+        """
         from iswarm_mj.record import Recording
 
         self._run, self._out = run, out
-        start = run.start_view()
-        self._scene: Scene = scene_of(run.config, start, world=0)
-        self._buffer = FrameBuffer(world=0)
+        self._scene: Scene = scene_of(run.config, start, world)
+        self._buffer = FrameBuffer(world)
         self._blocks: list[Frames] = []
         settings = {"genome": asdict(run.genome), "run": asdict(run.settings), **asdict(run.config)}
         self._recording = Recording(out / RECORDING, self._scene, settings, _properties(run))
@@ -104,7 +128,7 @@ class Recorder:
             self._recording.append(self._blocks[-1])
 
 
-def _properties(run: Run) -> Mapping[str, Any]:
+def _properties(run: Recorded) -> Mapping[str, Any]:
     """What identifies a run among recordings."""
     return {"version": __version__, "seed": run.settings.seed, "n_robots": run.settings.n_robots}
 

@@ -1,5 +1,7 @@
 """The devices and hosts that a batched run is spread over."""
 
+from typing import Any
+
 import jax
 
 from iswarm_mj.errors import UserError
@@ -33,7 +35,7 @@ def join_hosts() -> None:
         ) from None
 
 
-def devices(count: str) -> list[jax.Device]:
+def devices(count: str) -> list[Any]:
     """Return the devices to use.
 
     Args:

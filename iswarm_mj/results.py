@@ -3,14 +3,17 @@
 import json
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from iswarm_mj import __version__
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.files import whole
 from iswarm_mj.metrics import Measures, fitness
-from iswarm_mj.rollout import Run
+from iswarm_mj.rollout import RunSettings
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.timing import Stopwatch
 from iswarm_mj.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
 
 
@@ -20,7 +23,29 @@ def clear(out: Path, record: bool) -> None:
         (out / name).unlink(missing_ok=True)
 
 
-def result(run: Run, engine: str, wall_s: float) -> dict[str, Any]:
+class Finished(Protocol):
+    """What a result tells of a run."""
+
+    genome: Genome
+    settings: RunSettings
+    watch: Stopwatch
+
+    @property
+    def config(self) -> SwarmConfig:
+        """The configuration."""
+        ...
+
+    @property
+    def step(self) -> int:
+        """Control steps taken."""
+        ...
+
+    def measures(self, world: int) -> Measures:
+        """Return the measures of a world."""
+        ...
+
+
+def result(run: Finished, engine: str, wall_s: float) -> dict[str, Any]:
     """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists."""
     settings = run.settings
     measures = [run.measures(world) for world in range(settings.n_worlds)]

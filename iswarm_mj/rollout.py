@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -46,8 +46,15 @@ class RunSettings:
     """A world is finished when this many balls are delivered; None for all."""
     failed_fraction: float = 0.0
     """Share of the robots that are dead from the start: they only stand in the way."""
+    n_places: int | None = None
+    """Robots that the compiled program has room for, at least `n_robots`; None for exactly those.
+
+    Runs of different numbers of robots share a program, which takes seconds to compile, if they have as many places.
+    """
 
     def __post_init__(self):
+        if self.n_places is not None:
+            check("n_places", self.n_places, "at least the number of robots", self.n_places >= self.n_robots)
         check("failed_fraction", self.failed_fraction, "within 0 to 1", 0 <= self.failed_fraction <= 1)
 
 
@@ -110,14 +117,21 @@ class Run:
         self._strategy, self._conditions = jax.tree.map(lambda a: jnp.full(s.n_worlds, a), same)
         key = jax.random.key(s.seed)
         self._keys = jax.vmap(lambda w: jax.random.fold_in(key, w))(jnp.arange(s.n_worlds))
-        minds = jax.vmap(lambda strategy, key: strategy.init(s.n_robots, key))(self._strategy, self._keys)
-        self.state = SwarmState(minds, balls, alive)
+        places = s.n_places or s.n_robots
+        minds = jax.vmap(lambda strategy, key: strategy.init(places, key))(self._strategy, self._keys)
+        self._state = SwarmState(minds, balls, jnp.asarray(self._seated(self._sends)))
         self.step = 0
         self.collisions = np.zeros(s.n_worlds, int)
         self.finished_at: list[int | None] = [None] * s.n_worlds
         self._touching = [np.zeros(0, int)] * s.n_worlds
         poses = np.stack([start.poses for start in self.starts])
         self.engine.reset(poses, self._ball_centres(poses))
+
+    @property
+    def state(self) -> SwarmState:
+        """State of all worlds, without empty places."""
+        n, (mind, balls, is_alive) = self.settings.n_robots, self._state
+        return self._state if is_alive.shape[1] == n else SwarmState(_first(mind, n), balls, _first(is_alive, n))
 
     @property
     def is_over(self) -> bool:
@@ -137,10 +151,12 @@ class Run:
         with self.watch("sense"):
             links, sees_wall = swarm.see(self.config, self.engine, before, self._sends)
         with self.watch("act"):
-            self.state, command, priority = jax.block_until_ready(swarm.decide_worlds(
-                self.config, tuple(self.arena.probe.tolist()), self._conditions, self._strategy, self.state,
-                before.astype(np.float32), links, sees_wall, self.step, self._keys, running,
+            seated = jax.tree.map(self._seated, (before.astype(np.float32), links, sees_wall))
+            self._state, command, priority = jax.block_until_ready(swarm.decide_worlds(
+                self.config, tuple(self.arena.probe.tolist()), self._conditions, self._strategy, self._state,
+                *seated, self.step, self._keys, running,
             ))  # fmt: skip
+            command, priority = _first((command, priority), self.settings.n_robots)
         with self.watch("physics"):
             try:
                 touching = swarm.drive(self.config, self.engine, command, worlds)
@@ -171,10 +187,10 @@ class Run:
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far."""
-        return measure(self.state.balls, world, int(self.collisions[world]), self.finished_at[world])
+        return measure(self._state.balls, world, int(self.collisions[world]), self.finished_at[world])
 
     def _count(self, worlds: np.ndarray, touching: list[np.ndarray]) -> None:
-        delivered = np.asarray(self.state.balls.is_delivered).sum(axis=1)
+        delivered = np.asarray(self._state.balls.is_delivered).sum(axis=1)
         goal = self.settings.stop_at or self.config.arena.n_dust
         for world, pairs in zip(worlds, touching, strict=True):
             self.collisions[world] += len(np.setdiff1d(pairs, self._touching[world], assume_unique=True))
@@ -182,8 +198,17 @@ class Run:
             if delivered[world] >= goal:
                 self.finished_at[world] = self.step
 
+    def _seated(self, values: np.ndarray) -> np.ndarray:
+        """Values of robots (B, N, ...) with zeros, or false, for the empty places after them (B, P, ...)."""
+        places = self.settings.n_places or values.shape[1]
+        if places == values.shape[1]:
+            return values
+        filled = np.zeros((len(values), places, *values.shape[2:]), values.dtype)
+        filled[:, : values.shape[1]] = values
+        return filled
+
     def _ball_centres(self, poses: np.ndarray) -> np.ndarray:
-        return swarm.ball_centres(self.state, poses, self.arena.probe, self.arena.tip_height)
+        return swarm.ball_centres(self._state, poses, self.arena.probe, self.arena.tip_height)
 
     def _check(self, poses: np.ndarray) -> None:
         """Raise a SimulationFault if a robot has no finite pose or is outside the walls."""
@@ -196,6 +221,11 @@ class Run:
             raise SimulationFault(
                 f"step {self.step + 1}, world {world}: robots {names} left the arena or have no finite pose"
             )
+
+
+def _first(tree: Any, n: int) -> Any:
+    """Arrays (B, P, ...) without what comes after the first n places (B, n, ...)."""
+    return jax.tree.map(lambda a: np.asarray(a)[:, :n], tree)
 
 
 def draw_start(config: SwarmConfig, settings: RunSettings, world: int) -> Start:

@@ -176,6 +176,20 @@ class TestSeedsAndWorlds:
             np.testing.assert_allclose(one.poses[0], many.poses[world], atol=1e-3)
             np.testing.assert_array_equal(one.state.balls.is_held[0], many.state.balls.is_held[world])
 
+    def test_empty_places_do_not_matter(self, small):
+        """Up to the rounding of float32, as programs for other shapes may round otherwise."""
+        exact, roomy = (run_of(small, n_worlds=2, steps=20, failed_fraction=0.1, n_places=p) for p in (None, 64))
+        for one, other in zip(views(exact), views(roomy), strict=True):
+            np.testing.assert_allclose(one.poses, other.poses, atol=1e-3)
+            np.testing.assert_array_equal(one.has_priority, other.has_priority)
+            jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-3), one.state, other.state)
+            jax.tree.map(np.testing.assert_array_equal, one.links, other.links)
+        assert exact.measures(1) == roomy.measures(1) and exact.measures(1).picked > 2
+
+    def test_too_few_places(self):
+        with pytest.raises(UserError, match="--n-places was 29; it must be at least the number of robots"):
+            RunSettings(30, 5, n_places=29)
+
     def test_finished_worlds_stand_still(self, small):
         run = run_of(small, n_worlds=3, steps=300, stop_at=6)
         frozen = {}

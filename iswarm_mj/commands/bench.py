@@ -49,7 +49,9 @@ class Bench(Swarm):
         keep_compiled_programs()
         chunk = min(self.chunk, self.steps)
         n_chunks = -(-self.steps // chunk)
-        settings = BatchSettings(chunk * (n_chunks + 1), self.impl, chunk=chunk)
+        settings = BatchSettings(
+            chunk * (n_chunks + 1), self.impl, chunk=chunk, solver_iterations=self.solver_iterations
+        )
         bench(self.mjx_run(config, genome, n_robots, settings), n_chunks)
 
     def _grasp(self) -> None:

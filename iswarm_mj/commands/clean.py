@@ -18,7 +18,9 @@ class Clean(Swarm):
     out: Path = Path("runs/clean")
     """Directory for the results; those of an earlier run in it are replaced."""
     record: bool = True
-    """Record the first world to trajectory.npz and clean.rrd."""
+    """Record to trajectory.npz and clean.rrd."""
+    record_worlds: tuple[int, ...] = (0,)
+    """Worlds to record; the files of all but the first of them go into world-N."""
 
     def run(self) -> None:
         """Run the command."""
@@ -27,8 +29,24 @@ class Clean(Swarm):
         n_dust = config.arena.n_dust
         stop_at = n_dust if self.stop_at is None else self.stop_at
         check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
-        from iswarm_mj.cleaning import clean
+        unknown = [w for w in self.record_worlds if not 0 <= w < self.worlds]
+        check("record_worlds", self.record_worlds, f"different numbers of worlds, from 0 to {self.worlds - 1}",
+              not unknown and len(set(self.record_worlds)) == len(self.record_worlds))  # fmt: skip
         from iswarm_mj.rollout import RunSettings
 
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, self.threads, stop_at)
-        clean(config, genome, settings, self.engine, self.out, self.record)
+        if self.engine == "mujoco":
+            from iswarm_mj.cleaning import clean
+
+            clean(config, genome, settings, self.engine, self.out, self.record_worlds if self.record else ())
+            return
+        from iswarm_mj import cleaning_mjx
+        from iswarm_mj.batched import BatchSettings
+        from iswarm_mj.compilation import keep_compiled_programs
+
+        keep_compiled_programs()
+        recorded = self.record_worlds if self.record else ()
+        batch = BatchSettings(
+            self.steps, self.impl, stop_at, record_worlds=recorded, solver_iterations=self.solver_iterations
+        )
+        cleaning_mjx.clean(self.mjx_run(config, genome, n_robots, batch), genome, settings, self.out)

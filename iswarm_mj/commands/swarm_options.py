@@ -53,6 +53,8 @@ class Swarm:
     """Physics engine: mujoco (C, on CPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
     impl: str = "jax"
     """Implementation of mjx: jax (everywhere), or warp (NVIDIA GPUs, the fastest there; slow on CPUs)."""
+    solver_iterations: int = 100
+    """Iterations of the contact solver of mjx at most: 100 for MuJoCo's own result, 20 for speed."""
     devices: str = "all"
     """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
     hosts: bool = False

@@ -59,7 +59,8 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
             later = (reach > last[:, s, None]) | ((reach == last[:, s, None]) & (index > last_sender[:, s, None]))
             distance = jnp.where((side == s) & later, reach, jnp.inf)
             columns.append((distance.min(axis=1), distance.argmin(axis=1).astype(jnp.int32)))
-        return tuple(jnp.stack(column, axis=1) for column in zip(*columns, strict=True))
+        distance, sender = zip(*columns, strict=True)
+        return jnp.stack(distance, axis=1), jnp.stack(sender, axis=1)
 
     def led_of(sender: Array) -> Array:
         """Where the LED of each sender (N, 4) sits that shines towards its receiver (N, 4, 2)."""

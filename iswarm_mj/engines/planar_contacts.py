@@ -120,6 +120,18 @@ def _rims(point: Array, box: Box) -> Array:
     return jnp.column_stack([jnp.tile(point, (2, 1)), height])
 
 
+class _Contacts:
+    """A function of MJX's table, which tells the number of its contact points."""
+
+    ncon = 4
+
+    def __init__(self, function: Callable[..., Any]):
+        self._function = function
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._function(*arguments)
+
+
 def _per_pair(contact: Callable[[Box, Box], tuple[Array, Array, Array]]) -> Any:
     """Contact function as MJX's table wants it: (model, data, key, geom pairs) -> distances, points, frames."""
 
@@ -130,8 +142,7 @@ def _per_pair(contact: Callable[[Box, Box], tuple[Array, Array, Array]]) -> Any:
         distance, point, normal = jax.vmap(contact)(bodies(geom[:, 0]), bodies(geom[:, 1]))
         left = jnp.stack([-normal[:, 1], normal[:, 0], jnp.zeros(len(normal))], axis=-1)
         up = jnp.broadcast_to(jnp.array([0.0, 0.0, 1.0]), normal.shape)
-        frame = jnp.repeat(jnp.stack([normal, left, up], axis=1), collide.ncon, axis=0)
+        frame = jnp.repeat(jnp.stack([normal, left, up], axis=1), _Contacts.ncon, axis=0)
         return distance.ravel(), point.reshape(-1, 3), frame
 
-    collide.ncon = 4
-    return collide
+    return _Contacts(collide)

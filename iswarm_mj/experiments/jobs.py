@@ -12,6 +12,9 @@ from iswarm_mj.metrics import Measures, fitness
 from iswarm_mj.rollout import Run, RunSettings
 from iswarm_mj.strategy.genome import Genome
 
+PLACES = 64
+"""Jobs whose numbers of robots are alike up to a multiple of this share a compiled program."""
+
 
 @dataclass(frozen=True)
 class Job:
@@ -59,8 +62,9 @@ def run_job(job: Job) -> Outcome:
     """
     keep_compiled_programs()
     settings = RunSettings(
-        job.n_robots, job.steps, job.seed, n_threads=1, stop_at=job.stop_at, failed_fraction=job.failed_fraction
-    )
+        job.n_robots, job.steps, job.seed, n_threads=1, stop_at=job.stop_at, failed_fraction=job.failed_fraction,
+        n_places=-(-job.n_robots // PLACES) * PLACES,
+    )  # fmt: skip
     with jax.default_device(jax.devices("cpu")[0]):
         run = Run(job.config, job.genome, settings)
         try:
