@@ -94,7 +94,7 @@ class BatchRun:
     def _prepare(self, n_robots: int, strategy: Strategy) -> tuple[Given, WorldState]:
         """Arrays of all worlds, those that fill up the devices included."""
         n_worlds = len(self.worlds)
-        key = jnp.stack([jax.random.fold_in(jax.random.key(w.seed), w.index) for w in self.worlds])
+        key = jnp.stack([w.random_key for w in self.worlds])
         present = jnp.asarray([np.arange(n_robots) < w.n_robots for w in self.worlds])
         goal = self.settings.stop_at or self.config.arena.n_dust
         given = Given(strategy, conditions_of_all(self.config, self.worlds), key, present, jnp.full(n_worlds, goal))

@@ -232,12 +232,19 @@ def draw_start(config: SwarmConfig, settings: RunSettings, world: int) -> Start:
     """Draw how a world begins; all worlds of a seed have balls of the same radii, since they share one model."""
     radii = layout.draw_radii(config.arena, np.random.default_rng([settings.seed, 2**32 - 1]))
     rng = np.random.default_rng([settings.seed, world])
-    poses = layout.place_robots(config.arena, settings.n_robots, rng)
+    return start_with(config, settings.n_robots, radii, rng, settings.failed_fraction)
+
+
+def start_with(
+    config: SwarmConfig, n_robots: int, radii: np.ndarray, rng: np.random.Generator, failed_fraction: float = 0.0
+) -> Start:
+    """Draw how a world with balls of these radii (K,) [m] begins."""
+    poses = layout.place_robots(config.arena, n_robots, rng)
     position = layout.place_balls(config.arena, rng)
     works = layout.draw_works(config.gripper, len(radii), rng)
     floats = (a.astype(np.float32) for a in (position, radii, *works))
     no, zero = np.zeros(len(radii), bool), np.zeros(len(radii), np.int32)
     balls = Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero)
-    is_alive = np.ones(settings.n_robots, bool)
-    is_alive[rng.permutation(settings.n_robots)[: round(settings.failed_fraction * settings.n_robots)]] = False
+    is_alive = np.ones(n_robots, bool)
+    is_alive[rng.permutation(n_robots)[: round(failed_fraction * n_robots)]] = False
     return Start(poses, balls, is_alive)

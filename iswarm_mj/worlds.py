@@ -27,7 +27,7 @@ class World:
     """One world of a batch; what is not given is as in the batch's configuration."""
 
     genome: Genome
-    """The paper's strategy with these parameters (Table 2)."""
+    """The paper's strategy with these parameters (Table 2); does not count where the batch is given another."""
     n_robots: int
     """Robots in this world, at most those of the batch."""
     seed: int = 0
@@ -42,6 +42,13 @@ class World:
     """May differ in all but gap and reach: humidity, works of adhesion, voltages, drop rate."""
     start: Start | None = None
     """How the world begins; drawn by its seed if not given."""
+    key: Array | None = None
+    """Random key of what happens then; by seed and index if not given."""
+
+    @property
+    def random_key(self) -> Array:
+        """Key of the world's noise and of its robots' chances."""
+        return jax.random.fold_in(jax.random.key(self.seed), self.index) if self.key is None else self.key
 
 
 class Given(NamedTuple):

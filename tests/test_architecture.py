@@ -78,6 +78,7 @@ FLOORS = [
         "strategy.protocol",
         "strategy.vector_strategy",
         "engines.mujoco_batch",
+        "engines.implicit_contacts",
         "engines.mjx_arena",
         "engines.planar_contacts",
     ],
@@ -168,7 +169,14 @@ def test_packages_import_nothing(name):
     assert imports(MODULES[name]) == set()
 
 
-MJX = {"batch_step", "engines.mjx_arena", "engines.mjx_motion", "engines.mjx_sight", "engines.planar_contacts"}
+MJX = {
+    "batch_step",
+    "engines.implicit_contacts",
+    "engines.mjx_arena",
+    "engines.mjx_motion",
+    "engines.mjx_sight",
+    "engines.planar_contacts",
+}
 PLUGIN = {
     "gripper.bench_mjx",
     "gripper.bench_model",

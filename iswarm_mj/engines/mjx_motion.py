@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from mujoco import mjx
 
 from iswarm_mj.arrays import Array
+from iswarm_mj.engines.implicit_contacts import implicit_contacts
 from iswarm_mj.engines.mjx_arena import MjxArena
 from iswarm_mj.engines.planar_contacts import planar_contacts
 
@@ -71,7 +72,7 @@ def advance(arena: MjxArena, model: mjx.Model, bodies: Bodies, phases: Sequence[
 
     data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
     start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
-    with jax.default_matmul_precision("highest"), planar_contacts():
+    with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts():
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
     return Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape)), Motion(before, overflow)
 
