@@ -1,6 +1,6 @@
 """Batched runs in MJX: many worlds in one compiled program, on all devices, a chunk of steps at a time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -78,8 +78,12 @@ class BatchRun:
         check("record_worlds", str(unknown), f"numbers of worlds, 0 to {n_worlds - 1}", not unknown)
         devices = list(jax.devices() if devices is None else devices)[:n_worlds]
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
-        self._n_padded = -(-n_worlds // len(devices)) * len(devices)
-        each = self.worlds_per_device = self._n_padded // len(devices)
+        each = self.worlds_per_device = -(-n_worlds // len(devices))
+        # Two at least: with one, its axis would vanish from the program, and with it the last bits.
+        places = max(each, 2) if _in_turn_on(devices[0], settings.impl) else each
+        world = np.arange(n_worlds)
+        self._rows = world // each * places + world % each
+        self._n_rows = places * len(devices)
         self.arena: MjxArena = compile_mjx_arena(
             config, n_robots, settings.impl, each, settings.room, settings.solver_iterations
         )
@@ -111,9 +115,10 @@ class BatchRun:
             touching=jnp.zeros((n_worlds, n_robots, n_robots), bool),
             collisions=zero, is_finished=no, finished_at=zero, fault=Fault(zero, zero, zero),
         )  # fmt: skip
-        more = self._n_padded - n_worlds
-        given, state = jax.tree.map(lambda a: jnp.concatenate([a, jnp.repeat(a[-1:], more, axis=0)]), (given, state))
-        return given, state._replace(is_finished=state.is_finished.at[n_worlds:].set(True))
+        world, is_filler = np.zeros(self._n_rows, int), np.ones(self._n_rows, bool)
+        world[self._rows], is_filler[self._rows] = np.arange(n_worlds), False
+        given, state = jax.tree.map(lambda a: a[world], (given, state))
+        return given, state._replace(is_finished=jnp.asarray(is_filler))
 
     def _spread(self, tree: Any) -> Any:
         """Put each device's worlds on it."""
@@ -145,7 +150,7 @@ class BatchRun:
         s = self.settings
         self._state, records = _chunk(
             self.config, self.mesh, s.chunk, self.is_masked, bool(s.record_worlds), self.arena, self._given,
-            self._state, jnp.int32(self.step), jnp.int32(s.steps), jnp.asarray(s.record_worlds, jnp.int32),
+            self._state, jnp.int32(self.worlds_per_device), jnp.int32(self.step), jnp.int32(s.steps), jnp.asarray(self._rows[list(s.record_worlds)], jnp.int32),
         )  # fmt: skip
         self.step = min(self.step + s.chunk, s.steps)
         self._seen = self._look()
@@ -169,7 +174,7 @@ class BatchRun:
         }  # fmt: skip
         if jax.process_count() > 1:
             found = multihost_utils.process_allgather(found, tiled=True)
-        return jax.tree.map(lambda a: np.asarray(a)[: len(self.worlds)], found)
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)
 
     @property
     def last_step(self) -> int:
@@ -183,7 +188,7 @@ class BatchRun:
 
     def swarm_state(self) -> SwarmState:
         """Return what is not rigid-body physics, of all worlds."""
-        return jax.tree.map(lambda a: a[: len(self.worlds)], self._state.swarm)
+        return jax.tree.map(lambda a: a[self._rows], self._state.swarm)
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""
@@ -197,10 +202,12 @@ class BatchRun:
 
 
 @partial(jax.jit, static_argnames=("config", "mesh", "n_steps", "is_masked", "records"), donate_argnames=("state",))
-def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, first, last, recorded):
+def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, count, first, last, recorded):
     """Take `n_steps` control steps of all worlds; each device those of its own."""
 
-    def on_device(arena, given, state, first, last, recorded):
+    one_by_one = _in_turn_on(mesh.devices.flat[0], arena.impl)
+
+    def on_device(arena, given, state, count, first, last, recorded):
         n_local = len(given.goal)
         place = recorded - jax.lax.axis_index(_WORLDS) * n_local
 
@@ -216,17 +223,43 @@ def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, first
             return jax.lax.psum(jnp.where(mine, number, 0), _WORLDS).astype(here.dtype)
 
         def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, Any]:
-            state, record = jax.vmap(one_world, in_axes=(0, 0, None))(given, state, step)
+            if one_by_one:
+                state, record = _in_turn(lambda given, state: one_world(given, state, step), given, state, count)
+            else:
+                state, record = jax.vmap(one_world, in_axes=(0, 0, None))(given, state, step)
             return state, jax.tree.map(keep, record) if records else None
 
         return jax.lax.scan(all_worlds, state, first + jnp.arange(n_steps))
 
     own, shared = PartitionSpec(_WORLDS), PartitionSpec()
     spread = jax.shard_map(
-        on_device, mesh=mesh, in_specs=(shared, own, own, shared, shared, shared), out_specs=(own, shared),
+        on_device, mesh=mesh, in_specs=(shared, own, own, shared, shared, shared, shared), out_specs=(own, shared),
         check_vma=False,
     )  # fmt: skip
-    return spread(arena, given, state, first, last, recorded)
+    return spread(arena, given, state, count, first, last, recorded)
+
+
+def _in_turn_on(device: Any, impl: str) -> bool:
+    """Whether worlds go one after the other: on a CPU that is as fast, and each is the same, bit by bit, in any batch."""
+    return impl == "jax" and device.platform == "cpu"
+
+
+def _in_turn(step: Callable[..., Any], given: Given, state: WorldState, count: jax.Array) -> tuple[WorldState, Any]:
+    """Take a step of one world after the other, as `vmap` would of all at once.
+
+    The number of worlds is a number at run time, so that the program of a world does not depend on it.
+    """
+
+    def world(tree: Any, index: jax.Array) -> Any:
+        return jax.lax.optimization_barrier(jax.tree.map(lambda a: a[index], tree))
+
+    def one(index: jax.Array, carry: tuple[WorldState, Any]) -> tuple[WorldState, Any]:
+        new = jax.lax.optimization_barrier(step(world(given, index), world(carry[0], index)))
+        return jax.tree.map(lambda all_, one: all_.at[index].set(one), carry, new)
+
+    shapes = jax.eval_shape(step, world(given, 0), world(state, 0))[1]
+    records = jax.tree.map(lambda a: jnp.zeros((len(given.goal), *a.shape), a.dtype), shapes)
+    return jax.lax.fori_loop(0, count, one, (state, records))
 
 
 def worlds_of_seed(world: World, n_worlds: int) -> list[World]:

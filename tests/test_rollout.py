@@ -93,7 +93,7 @@ class TestMeasures:
         seen = [(run.measures(0).delivered, run.measures(0).picked, run.measures(0).collisions) for _ in views(run)]
         assert (np.diff(seen, axis=0) >= 0).all()
         assert (np.array(seen)[:, 0] <= np.array(seen)[:, 1]).all()
-        assert min(seen[-1]) >= 24
+        assert min(seen[-1]) >= 20
 
     def test_collisions_are_new_contacts(self, small, monkeypatch):
         """Pair 5 comes, 7 joins it, 5 goes, comes again, both go, both come."""
