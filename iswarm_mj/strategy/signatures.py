@@ -1,0 +1,77 @@
+"""Whether a strategy returns what a control step can go on with: shapes and types, found without running it."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from iswarm_mj.errors import UserError
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.sensors.optics import N_SIDES
+from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.vectors import Memory
+
+
+def observation_shapes(n_robots: int) -> Observation:
+    """Shapes and types of what N robots sense."""
+    here, sides = (n_robots,), (n_robots, N_SIDES)
+    memory = Memory(_floats(*sides, 2), _integers(*sides), _flags(*sides))
+    return Observation(
+        is_heard=_flags(*sides), bearing=_floats(*sides), distance=_floats(*sides), led=_integers(*sides),
+        priority=_flags(*sides), dust=memory, dump=memory, sees_wall=_flags(*sides), at_dust=_flags(*here),
+        ball_vector=_floats(*here, 2), on_dump=_flags(*here), is_loaded=_flags(*here), grasp_failed=_flags(*here),
+    )  # fmt: skip
+
+
+def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
+    """Raise a UserError unless what a strategy's methods return has the right shapes and types.
+
+    Args:
+        strategy: of one world.
+        n_robots: N.
+        key: any random key.
+    """
+    vector = Memory(_floats(n_robots, 2), _integers(n_robots), _flags(n_robots))
+    message = Message(_integers(n_robots), _flags(n_robots), vector, vector)
+    command = Command(_floats(n_robots), _floats(n_robots))
+    memory = jax.eval_shape(lambda key: strategy.init(n_robots, key), key)
+    name = type(strategy).__name__
+    _compare(f"{name}.say", jax.eval_shape(strategy.say, memory, _flags(n_robots)), message)
+    _compare(f"{name}.picks", jax.eval_shape(strategy.picks, memory), _flags(n_robots))
+    returned = jax.eval_shape(strategy.act, memory, observation_shapes(n_robots), key)
+    if not isinstance(returned, tuple) or len(returned) != 2:
+        raise UserError(f"{name}.act returned a {type(returned).__name__}; it must be the memory and a Command: do so.")
+    _compare(f"{name}.act", returned[0], memory, "memory, which must be as it was given")
+    _compare(f"{name}.act", returned[1], command, "command")
+
+
+def _compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
+    if jax.tree.structure(given) != jax.tree.structure(wanted):
+        raise UserError(
+            f"{method} returned {_named(given)} as {what}; it must be {_named(wanted)}: return the same type, "
+            "with the same parts."
+        )
+    for (path, mine), its in zip(jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True):
+        if (mine.shape, mine.dtype) != (its.shape, its.dtype):
+            part = jax.tree_util.keystr(path)
+            raise UserError(
+                f"{method} returned {mine.dtype}{list(mine.shape)} as {part + ' of its ' if part else ''}{what}; "
+                f"it must be {its.dtype}{list(its.shape)}: make it so, for instance by astype."
+            )
+
+
+def _named(tree: Any) -> str:
+    return f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"
+
+
+def _floats(*shape: int) -> Any:
+    return jax.ShapeDtypeStruct(shape, jnp.float32)
+
+
+def _integers(*shape: int) -> Any:
+    return jax.ShapeDtypeStruct(shape, jnp.int32)
+
+
+def _flags(*shape: int) -> Any:
+    return jax.ShapeDtypeStruct(shape, jnp.bool_)
