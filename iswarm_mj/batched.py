@@ -13,7 +13,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.batch_step import Fault, StepRecord, WorldState, control_step
 from iswarm_mj.config import SwarmConfig, check
-from iswarm_mj.engines.mjx_arena import EXACT, IMPLEMENTATIONS, Capacities, MjxArena, compile_mjx_arena, without_absent
+from iswarm_mj.engines.mjx_arena import EXACT, IMPLEMENTATIONS, MjxArena, capacities, compile_mjx_arena, without_absent
 from iswarm_mj.engines.mjx_motion import Bodies
 from iswarm_mj.errors import SimulationFault
 from iswarm_mj.faults import describe
@@ -40,14 +40,15 @@ class BatchSettings:
     """Control steps that one call of the compiled program takes; faults and progress are seen between calls."""
     record_worlds: tuple[int, ...] = ()
     """Worlds whose steps are kept."""
-    room: Capacities | None = None
-    """Room for contacts in one world; by a rule if not given."""
+    contact_room: float = 1.0
+    """Room for contacts, relative to that of the rule (`engines.mjx_arena.capacities`); jams need more."""
     solver_iterations: int = EXACT
     """Iterations of the contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
 
     def __post_init__(self):
         check("impl", self.impl, " or ".join(IMPLEMENTATIONS), self.impl in IMPLEMENTATIONS)
         check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
+        check("contact_room", self.contact_room, "between 0.01 and 100", 0.01 <= self.contact_room <= 100)
         check("solver_iterations", self.solver_iterations, "between 1 and 1000", 1 <= self.solver_iterations <= 1000)
         check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
 
@@ -85,13 +86,19 @@ class BatchRun:
         self._rows = world // each * places + world % each
         self._n_rows = places * len(devices)
         self.arena: MjxArena = compile_mjx_arena(
-            config, n_robots, settings.impl, each, settings.room, settings.solver_iterations
+            config,
+            n_robots,
+            settings.impl,
+            each,
+            capacities(config, n_robots, settings.contact_room),
+            settings.solver_iterations,
         )
         self.starts = [padded(start, n_robots) for start in starts_of(config, self.worlds)]
         strategy = vector_strategies(config, self.arena.probe[0], self.worlds) if strategy is None else strategy
         given, state = self._prepare(n_robots, strategy)
         self.is_masked = any(w.n_robots < n_robots for w in worlds)
-        self._given, self._state = self._spread(given), self._spread(state)
+        self._given, self._state = self._placed((given, state), PartitionSpec(_WORLDS))
+        self.arena = self._placed(self.arena, PartitionSpec())
         self.step = 0
         self._seen = self._look()
 
@@ -120,9 +127,9 @@ class BatchRun:
         given, state = jax.tree.map(lambda a: a[world], (given, state))
         return given, state._replace(is_finished=jnp.asarray(is_filler))
 
-    def _spread(self, tree: Any) -> Any:
-        """Put each device's worlds on it."""
-        sharding = NamedSharding(self.mesh, PartitionSpec(_WORLDS))
+    def _placed(self, tree: Any, spec: PartitionSpec) -> Any:
+        """Put each device's worlds on it, or on each all that they share."""
+        sharding = NamedSharding(self.mesh, spec)
         if jax.process_count() == 1:
             return jax.device_put(tree, sharding)
 
@@ -148,9 +155,11 @@ class BatchRun:
             SimulationFault: a robot has no finite pose or is outside the walls, or contacts found no room.
         """
         s = self.settings
+        recorded = jnp.asarray(self._rows[list(s.record_worlds)], jnp.int32)
+        n_worlds, first, last = (jnp.int32(n) for n in (self.worlds_per_device, self.step, s.steps))
         self._state, records = _chunk(
             self.config, self.mesh, s.chunk, self.is_masked, bool(s.record_worlds), self.arena, self._given,
-            self._state, jnp.int32(self.worlds_per_device), jnp.int32(self.step), jnp.int32(s.steps), jnp.asarray(self._rows[list(s.record_worlds)], jnp.int32),
+            self._state, n_worlds, first, last, recorded,
         )  # fmt: skip
         self.step = min(self.step + s.chunk, s.steps)
         self._seen = self._look()
@@ -240,7 +249,7 @@ def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, count
 
 
 def _in_turn_on(device: Any, impl: str) -> bool:
-    """Whether worlds go one after the other: on a CPU that is as fast, and each is the same, bit by bit, in any batch."""
+    """Whether worlds go one after the other: as fast on a CPU, and each is the same, bit by bit, in any batch."""
     return impl == "jax" and device.platform == "cpu"
 
 
@@ -257,7 +266,8 @@ def _in_turn(step: Callable[..., Any], given: Given, state: WorldState, count: j
         new = jax.lax.optimization_barrier(step(world(given, index), world(carry[0], index)))
         return jax.tree.map(lambda all_, one: all_.at[index].set(one), carry, new)
 
-    shapes = jax.eval_shape(step, world(given, 0), world(state, 0))[1]
+    first = jnp.int32(0)
+    shapes = jax.eval_shape(step, world(given, first), world(state, first))[1]
     records = jax.tree.map(lambda a: jnp.zeros((len(given.goal), *a.shape), a.dtype), shapes)
     return jax.lax.fori_loop(0, count, one, (state, records))
 

@@ -15,9 +15,10 @@ def describe(world: int, bits: int, step: int, robot: int, room: Capacities) -> 
         robot: the first that is concerned.
         room: what there was for contacts.
     """
+    remedy = "for which there is no room: give more --contact-room"
     texts = {
-        TOO_MANY_PAIRS: f"more than {room.pairs} pairs of robots were near enough to touch, for which there is no room",
-        TOO_MANY_CONTACTS: f"more than {room.contacts} contact points, for which there is no room",
+        TOO_MANY_PAIRS: f"more than {room.pairs} pairs of robots near enough to touch {remedy}",
+        TOO_MANY_CONTACTS: f"more than {room.contacts} contact points {remedy}",
         NOT_FINITE: f"robot {robot} has no finite pose",
         OUTSIDE: f"robot {robot} left the arena",
     }

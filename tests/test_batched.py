@@ -12,7 +12,6 @@ import pytest
 
 from iswarm_mj.batched import BatchRun, BatchSettings, _chunk, worlds_of_seed
 from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
-from iswarm_mj.engines.mjx_arena import Capacities
 from iswarm_mj.errors import SimulationFault, UserError
 from iswarm_mj.rollout import Run, RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -76,7 +75,7 @@ def test_worlds_of_other_conditions():
     humid = replace(WORLD, gripper=GripperConfig(relative_humidity=50, grasp_voltage=20, drop_rate=0))
     loose = replace(WORLD, gripper=GripperConfig(drop_rate=1.0))
     deaf = replace(WORLD, optics=OpticsConfig(p_communication_break=1.0))
-    run = ran([WORLD, humid, loose, deaf])
+    run = ran([WORLD, humid, loose, deaf], contact_room=4)  # the deaf do not avoid each other
     picked = [run.measures(w).picked for w in range(4)]
     carried = np.asarray(run.swarm_state().balls.carried_steps).sum(axis=1)
     assert picked[0] > 0 and picked[1] == 0 and picked[2] > 0
@@ -92,7 +91,7 @@ def test_failed_robots_stay(batch):
 
 def test_a_fault_names_world_and_step():
     with pytest.raises(SimulationFault, match=r"step \d+, world [012]: more than 4 contact points"):
-        ran(worlds_of_seed(WORLD, 3), room=Capacities(pairs=100, contacts=4))
+        ran(worlds_of_seed(WORLD, 3), contact_room=0.05)
 
 
 def test_what_is_recorded_is_what_happened(batch):

@@ -50,7 +50,11 @@ class Bench(Swarm):
         chunk = min(self.chunk, self.steps)
         n_chunks = -(-self.steps // chunk)
         settings = BatchSettings(
-            chunk * (n_chunks + 1), self.impl, chunk=chunk, solver_iterations=self.solver_iterations
+            chunk * (n_chunks + 1),
+            self.impl,
+            chunk=chunk,
+            solver_iterations=self.solver_iterations,
+            contact_room=self.contact_room,
         )
         bench(self.mjx_run(config, genome, n_robots, settings), n_chunks)
 

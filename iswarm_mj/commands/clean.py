@@ -47,6 +47,11 @@ class Clean(Swarm):
         keep_compiled_programs()
         recorded = self.record_worlds if self.record else ()
         batch = BatchSettings(
-            self.steps, self.impl, stop_at, record_worlds=recorded, solver_iterations=self.solver_iterations
+            self.steps,
+            self.impl,
+            stop_at,
+            record_worlds=recorded,
+            solver_iterations=self.solver_iterations,
+            contact_room=self.contact_room,
         )
         cleaning_mjx.clean(self.mjx_run(config, genome, n_robots, batch), genome, settings, self.out)

@@ -55,6 +55,8 @@ class Swarm:
     """Implementation of mjx: jax (everywhere), or warp (NVIDIA GPUs, the fastest there; slow on CPUs)."""
     solver_iterations: int = 100
     """Iterations of the contact solver of mjx at most: 100 for MuJoCo's own result, 20 for speed."""
+    contact_room: float = 1.0
+    """Room for contacts in mjx, relative to the rule's; jammed swarms need more."""
     devices: str = "all"
     """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
     hosts: bool = False
