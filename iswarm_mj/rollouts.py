@@ -9,7 +9,7 @@ import numpy as np
 
 from iswarm_mj.batched import BatchRun, BatchSettings
 from iswarm_mj.config import SwarmConfig, check
-from iswarm_mj.engines.mjx_arena import EXACT, Capacities
+from iswarm_mj.engines.mjx_arena import EXACT
 from iswarm_mj.errors import UserError
 from iswarm_mj.layout import check_robots, draw_radii
 from iswarm_mj.model import compile_arena
@@ -48,7 +48,7 @@ class Rollout(NamedTuple):
 def rollout(
     config: SwarmConfig, strategy: Strategy, keys: jax.Array, *, n_robots: int, steps: int, impl: str = "jax",
     strategy_per_world: bool = False, stop_at: int | None = None, every: int = 10, poses_of: Sequence[int] = (),
-    room: Capacities | None = None, solver_iterations: int = EXACT, devices: Sequence[Any] | None = None,
+    contact_room: float = 1.0, solver_iterations: int = EXACT, devices: Sequence[Any] | None = None,
 ) -> Rollout:  # fmt: skip
     """Let a strategy clean the floor of B worlds, in one compiled program on all devices.
 
@@ -70,7 +70,7 @@ def rollout(
         stop_at: a world is finished when this many balls are delivered; None for all.
         every: deliveries are counted after so many control steps each, and after the last.
         poses_of: W numbers of worlds whose poses after each step are kept.
-        room: for contacts in one world; by a rule if not given.
+        contact_room: room for contacts, relative to that of the rule; jams need more.
         solver_iterations: of the contact solver at most.
         devices: all visible ones if not given.
 
@@ -86,8 +86,8 @@ def rollout(
     # The genome of a world does not count: the strategy is given.
     worlds = [World(PRESETS["type1"], n_robots, start=_start(config, n_robots, key), key=key) for key in keys]
     settings = BatchSettings(
-        steps=steps, impl=impl, stop_at=stop_at, chunk=every, record_worlds=tuple(poses_of), room=room,
-        solver_iterations=solver_iterations,
+        steps=steps, impl=impl, stop_at=stop_at, chunk=every, record_worlds=tuple(poses_of),
+        contact_room=contact_room, solver_iterations=solver_iterations,
     )  # fmt: skip
     run = BatchRun(config, worlds, settings, many, devices)
     counted = np.minimum(np.arange(every, steps + every, every), steps)
