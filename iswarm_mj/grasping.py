@@ -2,7 +2,8 @@
 
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from itertools import product
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from iswarm_mj.compilation import keep_compiled_programs
+from iswarm_mj.errors import UserError
 from iswarm_mj.files import prepare
 from iswarm_mj.gripper import detachment
 from iswarm_mj.gripper.bench import Trial
@@ -25,6 +27,13 @@ from iswarm_mj.tables import write_table
 
 TABLE = "trials.parquet"
 CURVES = "force_curve.parquet"
+
+_RESULTS = (
+    "trials.parquet", "trials.csv", "trial-[0-9][0-9][0-9][0-9]*.*",
+    *(f"{name}.{suffix}" for name in ("grasp_voltage", "grasp_voltage_humidity", "release_voltage",
+                                      "release_voltage_*um", "no_contact") for suffix in ("png", "svg")),
+)  # fmt: skip
+"""Patterns of the names of what `run_grasp` writes."""
 
 CALIBRATION = (
     "WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "VARIATION_TOOL_OBJECT", "VARIATION_OBJECT_SUBSTRATE", "CONTACT_GAP",
@@ -90,6 +99,10 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
     """
     from iswarm_mj.grasp_figures import draw_figures
 
+    if record:
+        from iswarm_mj.record_grasp import require_recordings
+
+        require_recordings()
     prepare(out)
     if settings.engine == "mjx":
         keep_compiled_programs()
@@ -102,10 +115,12 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         )  # fmt: skip
     seconds = time.perf_counter() - started
     rows = table(settings, listed, outcomes)
-    write_table(out / TABLE, rows, settings.told(), csv=True)
-    draw_figures(rows, settings.told(), out)
-    for number in record:
-        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
+    with _writing(out):
+        _clear(out)
+        write_table(out / TABLE, rows, settings.told(), csv=True)
+        draw_figures(rows, settings.told(), out)
+        for number in record:
+            _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
     print(summary(settings, rows, seconds, out))
     return rows
 
@@ -133,10 +148,30 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     for radius, voltage in product(settings.radii, voltages):
         rows += force_curve(Trial(radius, *works, humidity), settings.protocol, voltage)
     told = {**settings.told(), "relative_humidity": humidity}
-    write_table(out / CURVES, rows, told, csv=True)
-    path = draw_force_curve(rows, told, out)
+    with _writing(out):
+        write_table(out / CURVES, rows, told, csv=True)
+        path = draw_force_curve(rows, told, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}, {path}")
     return rows
+
+
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Say what is in the way of the results."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(
+            f"Results in {out} cannot be written ({error.strerror}: {error.filename2 or error.filename}); "
+            "--out must be a directory of yours with room for them: make room or choose another."
+        ) from None
+
+
+def _clear(out: Path) -> None:
+    """Remove the results of an earlier run."""
+    for pattern in _RESULTS:
+        for path in out.glob(pattern):
+            path.unlink()
 
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:
@@ -189,7 +224,7 @@ def _rows(settings: GraspSettings, listed: Sequence[Case], outcomes: Outcomes) -
             yield common | _voltages("no_contact", *limits, lift, touched) | flown | {"faulty": bool(attempt.faulty[i])}
         grasp = outcomes.grasp
         lift = grasp_voltage(trial.radius, *works)
-        limits = (0.0, grasp.voltage[i], protocol.grasp_limit, protocol.step_voltage)
+        limits = (0.0, grasp.voltage[i], protocol.highest_rung * protocol.step_voltage, protocol.step_voltage)
         yield common | _voltages("grasp", *limits, lift, True) | flown | {"faulty": bool(grasp.faulty[i])}
         if np.isnan(grasp.voltage[i]):
             continue

@@ -22,6 +22,9 @@ SAMPLES = 4000
 ARROW_FORCE = 4e-6
 """Force whose arrow is one radius long; lengths go with the square root [N]."""
 
+_APPLICATION = "iswarm_mj_grasp"
+"""Recordings of one application share the viewer's layout."""
+
 _BLOCK = 1000
 """Samples that are written at a time, for quick seeking."""
 
@@ -43,12 +46,8 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     """
     _check(trace)
     path = Path(path)
-    stream = rr.RecordingStream("iswarm_mj_grasp")
-    if not rr.is_enabled(stream):
-        raise UserError(
-            f"The environment variable RERUN={os.environ.get('RERUN', '')} switches recordings off: "
-            "unset it, set it to 1, or run without a recording."
-        )
+    require_recordings()
+    stream = rr.RecordingStream(_APPLICATION)
     try:
         with whole(path) as part:
             part.open("wb").close()
@@ -63,6 +62,19 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
             f"The recording {str(path)!r} cannot be written ({error}): "
             "give a file name in an existing folder that you may write to, with room on its disk."
         ) from error
+
+
+def require_recordings() -> None:
+    """Do nothing if recordings can be made.
+
+    Raises:
+        UserError: they are switched off by the environment.
+    """
+    if not rr.is_enabled(rr.RecordingStream(_APPLICATION)):
+        raise UserError(
+            f"The environment variable RERUN={os.environ.get('RERUN', '')} switches recordings off: "
+            "unset it, set it to 1, or run without a recording."
+        )
 
 
 def _check(trace: Trace) -> None:

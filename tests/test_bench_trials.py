@@ -240,6 +240,8 @@ def test_engines_agree_over_fifty_random_trials(impl):
 def test_speed_where_a_gap_closes():
     assert speed_at_zero(np.array([1.0, 10.0]), np.array([-1.0, 20.0])) == 15.0
     assert speed_at_zero(np.array([-1.0, 10.0]), np.array([-2.0, 20.0])) == 20.0
+    with np.errstate(all="raise"):
+        assert speed_at_zero(np.array([1.0, 10.0]), np.array([1.0, 20.0])) == 20.0
 
 
 def test_paths_are_smooth():

@@ -98,6 +98,44 @@ def test_a_ball_that_cannot_be_lifted(capfd):
     assert "1 of 1 not up to 10 V" in capfd.readouterr().out
 
 
+def test_the_highest_rung_is_not_above_the_limit():
+    flags = ["--radius", "20e-6", "--rh", 10, "--repeats", 1, "--protocol.grasp-limit", 11, "--out", "out"]
+    assert code_of("grasp", "--protocol.step-voltage=4", *flags) == 0
+    (row,) = (row for row in from_path("out") if row["experiment"] == "grasp")
+    assert (row["voltage"], row["limit_voltage"], row["step_voltage"]) == (None, 8, 4)
+
+
+def test_values_given_twice_count_once():
+    flags = ["--radius", "20e-6", "20e-6:20e-6:3", "--rh", 10, 10, "--repeats", 1, "--gap", "5e-6", "5e-6"]
+    assert code_of("grasp", *FAST, *flags, "--no-contact-gap", "1e-6", "1e-6", "--record", "--out", "out") == 0
+    assert sorted(row["experiment"] for row in from_path("out")) == ["grasp", "no_contact", "release"]
+
+
+def test_results_of_an_earlier_run_are_replaced(here):
+    flags = [*FAST, "--radius", "20e-6", "--repeats", 1, "--out", "out"]
+    assert code_of("grasp", *flags, "--rh", 10, 30, "--gap", "3e-6", "5e-6", "--record", 0, 1) == 0
+    (here / "out" / "trial-notes.txt").write_text("mine")
+    assert code_of("grasp", *flags, "--rh", 10, "--record", "--protocol.grasp-limit", 10) == 0
+    stems = {path.stem for path in (here / "out").iterdir()}
+    assert stems == {"trials", "grasp_voltage", "no_contact", "trial-notes"}
+
+
+def test_results_that_cannot_be_written(here, capfd):
+    flags = [*FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1, "--record", "--out", "out"]
+    (here / "out" / "trials.parquet").mkdir(parents=True)
+    assert code_of("grasp", *flags) == 2
+    assert re.fullmatch(
+        r"iswarm: Results in out cannot be written \([^\n]*trials\.parquet\);[^\n]*\.\n", capfd.readouterr().err
+    )
+    assert [path.name for path in (here / "out").iterdir()] == ["trials.parquet"]
+
+
+def test_recordings_switched_off_are_told_before_the_trials(here, capfd, monkeypatch):
+    monkeypatch.setenv("RERUN", "0")
+    assert code_of("grasp", *FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1) == 2
+    assert "switches recordings off" in capfd.readouterr().err and list(here.iterdir()) == []
+
+
 def test_force_curves(here):
     assert code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, 20, "--out", "out") == 0
     names = {path.name for path in (here / "out").iterdir()}
@@ -138,8 +176,15 @@ def test_force_curves(here):
         ("--force-curve --voltages 500", r"--voltages was 500\.0;"),
         ("--force-curve --voltages", r"ask for 0 force-distance curves"),
         ("--protocol.step-voltage 0", r"step_voltage of the protocol was 0\.0;"),
-        ("--protocol.step-voltage 1e-9", r"step_voltage of the protocol was 1e-09 V, too fine"),
+        ("--protocol.step-voltage 1e-9", r"step_voltage of the protocol was 1e-09; it must be between 0\.002 and 200:"),
         ("--protocol.ramp-rate inf", r"ramp_rate of the protocol was inf;"),
+        ("--protocol.ramp-rate 1e-3", r"ramp_rate of the protocol was 0\.001; it must be between 1000 and 1e\+07:"),
+        ("--protocol.approach-time 1e9", r"approach_time of the protocol was 1000000000\.0;"),
+        ("--protocol.press 1e-3", r"press of the protocol was 0\.001;"),
+        ("--protocol.grasp-limit 201", r"grasp_limit of the protocol was 201\.0; it must be between 0\.1 and 200:"),
+        ("--protocol.step-voltage 100", r"step_voltage of the protocol was 100\.0; it must be below its grasp_limit"),
+        ("--protocol.lift 1e-7", r"away of the protocol was 2e-07; it must be below its lift, 1e-07:"),
+        ("--radius 10e-6 --gap 45e-6", r"--gap was 4\.5e-05; it must be at most 4 times the least radius"),
     ],
 )
 def test_values_out_of_range(flags, message, capfd, here):

@@ -37,7 +37,7 @@ class Grasp:
     voltages: tuple[float, ...] = (0.0, 10.0, 20.0)
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
-    """Directory for the results."""
+    """Directory for the results; those of an earlier run in it are replaced."""
     protocol: Protocol = field(default_factory=Protocol)
 
     def run(self) -> None:
@@ -55,7 +55,9 @@ class Grasp:
         for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
             for gap in gaps:
                 check(name, gap, "between 0.5e-6 and 50e-6 m", 0.5e-6 <= gap <= 50e-6)
-        count = len(radii) * len(self.rh) * self.repeats
+                check(name, gap, "at most 4 times the least radius", gap <= 4 * min(radii))
+        humidities = tuple(dict.fromkeys(self.rh))
+        count = len(radii) * len(humidities) * self.repeats
         check("repeats", self.repeats, "so that there are at most 1000000 trials", count <= 1_000_000)
         for number in self.record:
             check("record", number, f"the number of a trial, 0 to {count - 1}", 0 <= number < count)
@@ -69,17 +71,17 @@ class Grasp:
         from iswarm_mj.grasping import GraspSettings, run_force_curves, run_grasp
 
         settings = GraspSettings(
-            radii, self.rh, self.repeats, self.seed, self.gap, self.no_contact_gap,
+            radii, humidities, self.repeats, self.seed, self.gap, self.no_contact_gap,
             self.engine, self.impl, self.threads, self.protocol,
         )  # fmt: skip
         if self.force_curve:
             run_force_curves(settings, self.voltages, self.out)
         else:
-            run_grasp(settings, self.out, self.record)
+            run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
 
 
 def _radii(given: tuple[str, ...]) -> tuple[float, ...]:
-    """Radii from numbers and ranges start:stop:count [m].
+    """Radii from numbers and ranges start:stop:count, each once [m].
 
     Raises:
         UserError: it is neither, or out of range.
@@ -104,4 +106,4 @@ def _radii(given: tuple[str, ...]) -> tuple[float, ...]:
             check("radius", text, allowed, False)
     for radius in radii:
         check("radius", radius, allowed, 10e-6 <= radius <= 50e-6)
-    return tuple(radii)
+    return tuple(dict.fromkeys(radii))

@@ -83,6 +83,6 @@ class Bench(Protocol):
 def speed_at_zero(before: Any, now: Any) -> Any:
     """Speed where a gap closes, between two steps of gap and speed (..., 2); that of `now` if it was closed before."""
     xp = array_module(before, now)
-    opened = before[..., 0] > 0
-    share = xp.where(opened, before[..., 0] / xp.where(opened, before[..., 0] - now[..., 0], 1.0), 1.0)
-    return xp.where(opened, before[..., 1] + share * (now[..., 1] - before[..., 1]), now[..., 1])
+    closes = (before[..., 0] > 0) & (now[..., 0] < before[..., 0])
+    share = xp.where(closes, before[..., 0] / xp.where(closes, before[..., 0] - now[..., 0], 1.0), 1.0)
+    return xp.where(closes, before[..., 1] + share * (now[..., 1] - before[..., 1]), now[..., 1])

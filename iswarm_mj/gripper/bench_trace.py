@@ -124,8 +124,9 @@ def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: fl
         gap: to the plate at which the ball is released [m].
     """
     bench = TraceBench(trial, protocol.start_gap)
+    highest = protocol.highest_rung * protocol.step_voltage
     touch(bench, protocol)
-    watch = rung(bench, protocol, np.array([protocol.grasp_limit if voltage is None else voltage]))
+    watch = rung(bench, protocol, np.array([highest if voltage is None else voltage]))
     if watch.gap_plate[0] > protocol.away:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap)

@@ -70,7 +70,7 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
     """Find the least voltage that lifts, from a bench as it was set up; balls that can be lifted are so at the end."""
     touch(bench, protocol)
     start = bench.save()
-    top = round(protocol.grasp_limit / protocol.step_voltage)
+    top = protocol.highest_rung
     low, high = np.full(count, -1), np.full(count, top + 1)
     faulty = np.zeros(count, bool)
     while (high - low > 1).any():

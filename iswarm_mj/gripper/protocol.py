@@ -4,6 +4,7 @@ Source: section 3.2.3 for the order of things, the contact, the 5 um gap and the
 and what counts as lifted are choices: slow enough that half the speeds change no voltage by 1 %.
 """
 
+import math
 from dataclasses import dataclass, fields
 
 from iswarm_mj.errors import UserError
@@ -54,14 +55,23 @@ class Protocol:
 
     def __post_init__(self):
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0 < value < float("inf"):
-                raise UserError(f"{field.name} of the protocol was {value}; give a finite number above 0.")
-        if self.grasp_limit / self.step_voltage > 100_000:
-            raise UserError(
-                f"step_voltage of the protocol was {self.step_voltage} V, too fine for {self.grasp_limit} V; "
-                "at most 100000 rungs are possible: give a larger one."
-            )
+            value, (low, high) = getattr(self, field.name), allowed(field.name)
+            if not low <= value <= high:
+                raise UserError(
+                    f"{field.name} of the protocol was {value}; it must be between {low:g} and {high:g}: "
+                    "give such a value."
+                )
+        for small, large in (("peel", "lift"), ("away", "lift"), ("step_voltage", "grasp_limit")):
+            if getattr(self, small) >= getattr(self, large):
+                raise UserError(
+                    f"{small} of the protocol was {getattr(self, small)}; it must be below its {large}, "
+                    f"{getattr(self, large)}: give a smaller {small} or a larger {large}."
+                )
+
+    @property
+    def highest_rung(self) -> int:
+        """Number of the staircase's last rung, the first being number 0, without voltage."""
+        return math.floor(self.grasp_limit / self.step_voltage + 1e-9)
 
     def carry_time(self, distance: float) -> float:
         """Time to move by a distance [m] with the protocol's acceleration, along `smooth` [s]."""
@@ -74,6 +84,25 @@ class Protocol:
         kept = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in times}
         kept |= {"ramp_rate": self.ramp_rate / factor, "acceleration": self.acceleration / factor**2}
         return Protocol(**kept, **changed)
+
+
+_TIME, _VOLTAGE = (1e-6, 0.1), (0.1, 200.0)
+_ALLOWED = {
+    "start_gap": (0.1e-6, 40e-6),
+    "press": (1e-9, 1e-6),
+    "peel": (1e-9, 5e-6),
+    "lift": (10e-9, 5e-6),
+    "away": (1e-9, 0.4e-6),
+    "acceleration": (0.01, 1e4),
+    "step_voltage": (2e-3, 200.0),
+    "ramp_rate": (1e3, 1e7),
+    "watch_time": (1e-6, 1e-3),
+}
+
+
+def allowed(name: str) -> tuple[float, float]:
+    """Least and greatest value of a field of `Protocol`: beyond them a trial never ends or shows nothing."""
+    return _ALLOWED.get(name, _VOLTAGE if name.endswith("_limit") and name != "flight_limit" else _TIME)
 
 
 _PEAK = 10 / 3**0.5
