@@ -157,5 +157,6 @@ def _of_all_worlds(strategy: Strategy, n_worlds: int, is_per_world: bool) -> Any
                 f"strategy has an array of shape {shape}; with strategy_per_world its first axis is that of the "
                 f"{n_worlds} worlds: stack the strategies of all worlds."
             )
-    arrays = jax.tree.map(jnp.asarray, strategy)
+    # With types named, or numbers without one of their own would make another program.
+    arrays = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), strategy)
     return arrays if is_per_world else jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), arrays)

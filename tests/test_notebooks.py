@@ -8,6 +8,24 @@ import pytest
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
 
+def first_run(names):
+    assert names["run"].is_over
+    assert 0 < names["measures"].delivered == names["delivered"][-1]
+
+
+def batched_rollouts(names):
+    papers, walk = names["found"].values()
+    assert papers.delivered.shape == walk.delivered.shape == (4,)
+    assert papers.delivered.sum() > walk.delivered.sum() > 0
+    assert (papers.delivered_after[:, -1] == papers.delivered).all()
+    assert len(set(names["swept"].collisions)) > 1
+    assert names["figure"].axes
+
+
+SHOWN = {"00_first_run": first_run, "01_batched_rollouts": batched_rollouts}
+"""What holds at the end of each notebook."""
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path):
     import matplotlib
@@ -19,8 +37,7 @@ def test_notebook_runs(path):
         if cell["cell_type"] == "code":
             assert not cell["outputs"]  # committed without outputs
             exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
-    assert names["run"].is_over
-    assert 0 < names["measures"].delivered == names["delivered"][-1]
+    SHOWN[path.stem](names)
 
 
 def test_there_are_notebooks():

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from iswarm_mj import layout
+from iswarm_mj import batched, layout
 from iswarm_mj.errors import UserError
 from iswarm_mj.rollouts import paper_strategy, rollout
 from iswarm_mj.sensors.messages import Message
@@ -63,6 +63,13 @@ class TestOneRobot:
             layout.draw_radii(small.arena, rng)
             start = layout.place_robots(small.arena, 1, rng)
             np.testing.assert_array_equal(alone.poses[row, 0], start.astype(np.float32))
+
+    def test_other_values_need_no_compilation(self, alone, small):
+        before = batched._chunk._cache_size()
+        strides = Straight(jnp.full(3, 0.1))
+        rollout(small, strides, KEYS, n_robots=1, steps=4, every=5, strategy_per_world=True, poses_of=(0, 1, 2))
+        rollout(small, Straight(jnp.float32(0.3)), KEYS, n_robots=1, steps=4, every=5, poses_of=(0, 1, 2))
+        assert batched._chunk._cache_size() == before
 
     def test_nothing_is_picked_or_hit(self, alone):
         assert alone.steps.tolist() == [5, 7]
