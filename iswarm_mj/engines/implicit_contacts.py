@@ -12,8 +12,8 @@ So forward mode (`jax.jvp`, `jax.jacfwd`) goes through whole control steps, and 
 but not through sight, whose search is a loop of unknown length. A derivative is that of the branch which the run took:
 it does not know that another contact, link, message bit or decision would come about nearby, where the outcome jumps.
 Pack and unpack of messages round, and pass nothing on. In crowds a derivative needs a solver that went to the end: in
-single precision, with MJX's tolerance, it is some per cent off after four control steps, in double precision it is
-exact to rounding.
+single precision it is some per cent off after four control steps, in double precision, where the solver's tolerance
+can be zero, it agrees with differences to 1e-5.
 """
 
 from collections.abc import Callable, Iterator
