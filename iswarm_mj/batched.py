@@ -172,7 +172,19 @@ class BatchRun:
         ]
         if faults:
             raise SimulationFault("; ".join(faults[:5]) + (f"; and {len(faults) - 5} more worlds" * (len(faults) > 5)))
-        return jax.tree.map(np.asarray, records) if s.record_worlds else None
+        return self._recorded(records) if s.record_worlds else None
+
+    def _recorded(self, records: StepRecord) -> StepRecord:
+        """Of what each device kept (D, T, R, ...), the worlds that it has (T, R, ...)."""
+        device = self._rows[list(self.settings.record_worlds)] // (self._n_rows // self.mesh.size)
+        index = np.arange(len(device))
+        return jax.tree.map(lambda a: np.moveaxis(a[device, :, index], 0, 1), self._on_host(records))
+
+    def _on_host(self, tree: Any) -> Any:
+        """Arrays of all devices, of other processes too."""
+        if jax.process_count() > 1:
+            tree = multihost_utils.process_allgather(tree, tiled=True)
+        return jax.tree.map(np.asarray, tree)
 
     def _look(self) -> dict[str, Any]:
         """Bring the counts to the host."""
@@ -181,9 +193,7 @@ class BatchRun:
             "balls": state.swarm.balls, "collisions": state.collisions, "is_finished": state.is_finished,
             "finished_at": state.finished_at, "fault": state.fault,
         }  # fmt: skip
-        if jax.process_count() > 1:
-            found = multihost_utils.process_allgather(found, tiled=True)
-        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)
+        return jax.tree.map(lambda a: a[self._rows], self._on_host(found))
 
     @property
     def last_step(self) -> int:
@@ -197,7 +207,7 @@ class BatchRun:
 
     def swarm_state(self) -> SwarmState:
         """Return what is not rigid-body physics, of all worlds."""
-        return jax.tree.map(lambda a: a[self._rows], self._state.swarm)
+        return jax.tree.map(lambda a: a[self._rows], self._on_host(self._state.swarm))
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""
@@ -225,11 +235,8 @@ def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, count
             return control_step(config, arena, model, given, state, step, last)
 
         def keep(values: jax.Array) -> jax.Array:
-            """Those of the recorded worlds, from whichever device has them."""
-            here = values[jnp.clip(place, 0, n_local - 1)]
-            mine = ((place >= 0) & (place < n_local)).reshape(-1, *[1] * (here.ndim - 1))
-            number = here.astype(jnp.int32) if here.dtype == bool else here
-            return jax.lax.psum(jnp.where(mine, number, 0), _WORLDS).astype(here.dtype)
+            """Those of the recorded worlds, where this device has them."""
+            return values[jnp.clip(place, 0, n_local - 1)]
 
         def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, Any]:
             if one_by_one:
@@ -238,11 +245,12 @@ def _chunk(config, mesh, n_steps, is_masked, records, arena, given, state, count
                 state, record = jax.vmap(one_world, in_axes=(0, 0, None))(given, state, step)
             return state, jax.tree.map(keep, record) if records else None
 
-        return jax.lax.scan(all_worlds, state, first + jnp.arange(n_steps))
+        state, kept = jax.lax.scan(all_worlds, state, first + jnp.arange(n_steps))
+        return state, jax.tree.map(lambda a: a[None], kept)
 
     own, shared = PartitionSpec(_WORLDS), PartitionSpec()
     spread = jax.shard_map(
-        on_device, mesh=mesh, in_specs=(shared, own, own, shared, shared, shared, shared), out_specs=(own, shared),
+        on_device, mesh=mesh, in_specs=(shared, own, own, shared, shared, shared, shared), out_specs=(own, own),
         check_vma=False,
     )  # fmt: skip
     return spread(arena, given, state, count, first, last, recorded)

@@ -62,9 +62,8 @@ def bench(run: BatchRun, n_chunks: int) -> dict[str, Any]:
 
 def _stages(run: BatchRun) -> dict[str, float]:
     """Seconds per control step of sight, decision and physics, each as a program of its own on the first device."""
-    each = run.worlds_per_device
-    given, state = jax.tree.map(lambda a: jax.device_put(a[:each], run.mesh.devices.flat[0]), run.arrays())
-    config, arena = run.config, jax.device_put(run.arena, run.mesh.devices.flat[0])
+    given, state, arena = jax.tree.map(lambda a: a.addressable_shards[0].data, (*run.arrays(), run.arena))
+    config = run.config
     poses, alive = state.bodies.poses, state.swarm.is_alive
 
     @jax.jit

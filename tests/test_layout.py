@@ -97,7 +97,7 @@ def test_seeds_and_worlds(small):
     """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
 
     def values(seed, world):
-        poses, balls = draw_start(small, RunSettings(30, 1, seed=seed), world)
+        poses, balls, _ = draw_start(small, RunSettings(30, 1, seed=seed), world)
         return [poses, balls.position, balls.work_tool_object, balls.work_object_substrate, balls.radius]
 
     first = values(3, 0)
@@ -108,7 +108,7 @@ def test_seeds_and_worlds(small):
 
 
 def test_nothing_is_held_at_the_start(small):
-    _, balls = draw_start(small, RunSettings(30, 1), 0)
+    _, balls, _ = draw_start(small, RunSettings(30, 1), 0)
     assert balls.position.shape == (24, 2)
     for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):
         assert nothing.shape == (24,) and not nothing.any()

@@ -63,6 +63,11 @@ class TestWalls:
         sides = [np.flatnonzero(row).tolist() for row in sees[0]]
         assert sides == [[0], [], [3], [3], [0, 1], []]
 
+    def test_are_seen_by_a_robot_that_is_pressed_into_them(self, small):
+        poses = [[(EDGE - 0.9, 0, 0), (EDGE - 0.95, 4, np.pi)]]
+        sees = swarm.find_walls(small, engine_of(small, poses), np.array(poses, float))
+        assert np.argwhere(sees[0]).tolist() == [[0, 0], [1, 2]]
+
     def test_are_hidden_by_robots(self, small):
         poses = [[(EDGE - 5, 0, 0), (EDGE - 1.5, 0.5, 0)]]
         sees = swarm.find_walls(small, engine_of(small, poses), np.array(poses, float))
