@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.batch_step import Fault, StepRecord, WorldState, control_step
@@ -129,16 +128,7 @@ class BatchRun:
 
     def _placed(self, tree: Any, spec: PartitionSpec) -> Any:
         """Put each device's worlds on it, or on each all that they share."""
-        sharding = NamedSharding(self.mesh, spec)
-        if jax.process_count() == 1:
-            return jax.device_put(tree, sharding)
-
-        def spread(leaf: jax.Array) -> jax.Array:
-            if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
-                return jax.random.wrap_key_data(spread(jax.random.key_data(leaf)))
-            return jax.make_array_from_callback(leaf.shape, sharding, lambda index: np.asarray(leaf)[index])
-
-        return jax.tree.map(spread, tree)
+        return jax.device_put(tree, NamedSharding(self.mesh, spec))
 
     @property
     def is_over(self) -> bool:
@@ -178,13 +168,7 @@ class BatchRun:
         """Of what each device kept (D, T, R, ...), the worlds that it has (T, R, ...)."""
         device = self._rows[list(self.settings.record_worlds)] // (self._n_rows // self.mesh.size)
         index = np.arange(len(device))
-        return jax.tree.map(lambda a: np.moveaxis(a[device, :, index], 0, 1), self._on_host(records))
-
-    def _on_host(self, tree: Any) -> Any:
-        """Arrays of all devices, of other processes too."""
-        if jax.process_count() > 1:
-            tree = multihost_utils.process_allgather(tree, tiled=True)
-        return jax.tree.map(np.asarray, tree)
+        return jax.tree.map(lambda a: np.moveaxis(a[device, :, index], 0, 1), jax.tree.map(np.asarray, records))
 
     def _look(self) -> dict[str, Any]:
         """Bring the counts to the host."""
@@ -193,7 +177,7 @@ class BatchRun:
             "balls": state.swarm.balls, "collisions": state.collisions, "is_finished": state.is_finished,
             "finished_at": state.finished_at, "fault": state.fault,
         }  # fmt: skip
-        return jax.tree.map(lambda a: a[self._rows], self._on_host(found))
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)
 
     @property
     def last_step(self) -> int:
@@ -207,7 +191,7 @@ class BatchRun:
 
     def swarm_state(self) -> SwarmState:
         """Return what is not rigid-body physics, of all worlds."""
-        return jax.tree.map(lambda a: a[self._rows], self._on_host(self._state.swarm))
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], self._state.swarm)
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax
 from tqdm import tqdm
 
 from iswarm_mj import results
@@ -49,8 +48,6 @@ class Told:
 def clean(batch: BatchRun, genome: Genome, settings: RunSettings, out: Path) -> dict[str, Any]:
     """Run a batch, write its results into `out`, print a summary; return the content of result.json.
 
-    Of several processes of a job, the first alone writes and prints.
-
     Args:
         batch: at its start.
         genome: of all worlds.
@@ -64,11 +61,7 @@ def clean(batch: BatchRun, genome: Genome, settings: RunSettings, out: Path) -> 
     started = time.perf_counter()
     told = Told(batch, genome, settings)
     recorded = batch.settings.record_worlds
-    is_first = jax.process_index() == 0
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
-    if not is_first:
-        _advance(told, [])
-        return {}
     for place in places:
         prepare(place)
     with ExitStack() as stack:
@@ -90,8 +83,7 @@ def _advance(told: Told, recorders: list[Recorder]) -> None:
     """Take all chunks, with a progress bar on a terminal."""
     batch = told.batch
     goal = (batch.settings.stop_at or batch.config.arena.n_dust) * len(batch.worlds)
-    hidden = not sys.stderr.isatty() or jax.process_index() > 0
-    with tqdm(total=batch.settings.steps, unit="step", disable=hidden) as bar:
+    with tqdm(total=batch.settings.steps, unit="step", disable=not sys.stderr.isatty()) as bar:
         bar.set_postfix_str("compiling", refresh=True)
         while not batch.is_over:
             first = batch.step

@@ -149,22 +149,6 @@ def test_the_number_of_devices_changes_nothing(batch):
 
 
 @pytest.mark.slow
-def test_worlds_spread_over_two_processes(batch):
-    """As over two hosts: each process holds its own worlds, and both know all results."""
-    code = "from iswarm_mj.devices import join_hosts; join_hosts()" + CODE
-    env = os.environ | {"JAX_COORDINATOR_ADDRESS": "localhost:12377", "JAX_NUM_PROCESSES": "2", "JAX_PLATFORMS": "cpu"}
-    both = [
-        subprocess.Popen([sys.executable, "-c", code], env=env | {"JAX_PROCESS_ID": str(i)}, stdout=subprocess.PIPE)
-        for i in range(2)
-    ]
-    for process in both:
-        used, measures, sums = json.loads(process.communicate(timeout=600)[0].splitlines()[-1])
-        assert used == 2
-        assert measures == [list(batch.measures(w)) for w in range(3)]
-        np.testing.assert_array_equal(sums, np.asarray(poses(batch)[[0, 2]], float).sum((1, 2)))
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("impl", ["jax", "warp"])
 def test_whole_runs_are_distributed_as_on_the_cpu_engine(impl):
     """Finishing time and deliveries of 24 worlds: two samples of one distribution, by Kolmogorov-Smirnov at 1 %."""

@@ -59,8 +59,6 @@ class Swarm:
     """Room for contacts in mjx, relative to the rule's; jammed swarms need more."""
     devices: str = "all"
     """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
-    hosts: bool = False
-    """Spread the worlds of mjx over the processes of a job on several hosts (jax.distributed)."""
     threads: int = 0
     """Threads for the physics, 0 for one a core; the results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
@@ -107,10 +105,8 @@ class Swarm:
             batch: `BatchSettings`.
         """
         from iswarm_mj.batched import BatchRun, worlds_of_seed
-        from iswarm_mj.devices import devices, join_hosts
+        from iswarm_mj.devices import devices
         from iswarm_mj.worlds import World
 
-        if self.hosts:
-            join_hosts()
         worlds = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
         return BatchRun(config, worlds, batch, devices=devices(self.devices))
