@@ -142,7 +142,7 @@ def test_the_number_of_devices_changes_nothing(batch):
     for devices, size in ((4, 3), (2, 2)):
         env = os.environ | {"XLA_FLAGS": f"--xla_force_host_platform_device_count={devices}", "JAX_PLATFORMS": "cpu"}
         done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, env=env, check=True)
-        used, measures, sums = json.loads(done.stdout)
+        used, measures, sums = json.loads(done.stdout.splitlines()[-1])
         assert used == size
         assert measures == [list(batch.measures(w)) for w in range(3)]
         np.testing.assert_array_equal(sums, np.asarray(poses(batch)[[0, 2]], float).sum((1, 2)))
