@@ -155,7 +155,7 @@ def _on_ray(numbered: Sequence[tuple[int, Job]], workers: int) -> Finished:
 def _started_ray(workers: int) -> Any:
     """Ray, connected to the cluster that RAY_ADDRESS names or to one on this machine."""
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise UserError(
             "--backend was ray, which is not installed; install it by pip install 'iswarm-mj[cluster]'."
