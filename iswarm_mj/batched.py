@@ -11,6 +11,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.batch_step import Fault, StepRecord, WorldState, control_step
+from iswarm_mj.compilation import without_shardy
 from iswarm_mj.config import SwarmConfig, check
 from iswarm_mj.engines.mjx_arena import EXACT, IMPLEMENTATIONS, MjxArena, capacities, compile_mjx_arena, without_absent
 from iswarm_mj.engines.mjx_motion import Bodies
@@ -147,10 +148,11 @@ class BatchRun:
         s = self.settings
         recorded = jnp.asarray(self._rows[list(s.record_worlds)], jnp.int32)
         n_worlds, first, last = (jnp.int32(n) for n in (self.worlds_per_device, self.step, s.steps))
-        self._state, records = _chunk(
-            self.config, self.mesh, s.chunk, self.is_masked, bool(s.record_worlds), self.arena, self._given,
-            self._state, n_worlds, first, last, recorded,
-        )  # fmt: skip
+        with without_shardy():
+            self._state, records = _chunk(
+                self.config, self.mesh, s.chunk, self.is_masked, bool(s.record_worlds), self.arena, self._given,
+                self._state, n_worlds, first, last, recorded,
+            )  # fmt: skip
         self.step = min(self.step + s.chunk, s.steps)
         self._seen = self._look()
         fault: Fault = self._seen["fault"]

@@ -2,6 +2,8 @@
 
 import os
 import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -26,3 +28,24 @@ def keep_compiled_programs() -> None:
         jax.config.update("jax_compilation_cache_dir", str(cache / "iswarm_mj" / f"jax-{platform.node()}"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+@contextmanager
+def without_shardy() -> Iterator[None]:
+    """Have programs for several devices partitioned by GSPMD.
+
+    The other partitioner, Shardy, dies with a segmentation fault in JAX 0.11.2 where it removes unused inputs of a
+    `shard_map` of MJX's step. No program of ours leaves anything to a partitioner.
+    """
+    import jax
+
+    name = "jax_use_shardy_partitioner"
+    before = getattr(jax.config, name, None)
+    if not before:
+        yield
+        return
+    jax.config.update(name, False)
+    try:
+        yield
+    finally:
+        jax.config.update(name, before)
