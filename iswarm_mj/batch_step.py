@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
 
 from iswarm_mj import swarm
 from iswarm_mj.arrays import Array
@@ -12,6 +11,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx_arena import MjxArena
 from iswarm_mj.engines.mjx_motion import Bodies, Phase, advance, overlapping
 from iswarm_mj.engines.mjx_sight import see
+from iswarm_mj.mjx import mjx
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.swarm import SwarmState

@@ -19,13 +19,14 @@ FLOORS = [
         "errors",
         "experiments.statistics",
         "hardware",
+        "mjx",
         "timing",
         "trajectory",
         "units",
         "gripper.trace",
     ],
     ["config", "blueprint", "experiments.findings", "files", "gripper.protocol", "sensors.neighbours"],
-    ["blueprint_grasp", "conditions", "experiments.measures", "figures", "tables", "experiments.checkpoint"],
+    ["blueprint_grasp", "conditions", "experiments.measures", "figures", "hosts", "tables", "experiments.checkpoint"],
     [
         "record_grasp",
         "experiments.evolution_figure",
@@ -177,14 +178,7 @@ def test_packages_import_nothing(name):
     assert imports(MODULES[name]) == set()
 
 
-MJX = {
-    "batch_step",
-    "engines.implicit_contacts",
-    "engines.mjx_arena",
-    "engines.mjx_motion",
-    "engines.mjx_sight",
-    "engines.planar_contacts",
-}
+MJX = {"mjx", "engines.mjx_arena"}
 PLUGIN = {
     "gripper.bench_mjx",
     "gripper.bench_model",

@@ -21,11 +21,9 @@ from contextlib import contextmanager
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
-from mujoco.mjx._src import solver  # neither the solver nor the product with M is public
-from mujoco.mjx._src.support import mul_m
 
 from iswarm_mj.arrays import Array
+from iswarm_mj.mjx import mjx, mul_m, solver
 
 
 @contextmanager

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from mujoco import mjx
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.mjx import mjx
 from iswarm_mj.model import ArenaModel, compile_arena
 from iswarm_mj.units import RD, mm_from_rd
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.engines.implicit_contacts import implicit_contacts
 from iswarm_mj.engines.mjx_arena import MjxArena
 from iswarm_mj.engines.planar_contacts import planar_contacts
+from iswarm_mj.mjx import mjx
 
 TOO_MANY_PAIRS, TOO_MANY_CONTACTS = 1, 2
 """Bits of `Motion.overflow`."""

@@ -7,11 +7,11 @@ list of candidates has to be long enough, and no array is larger than N x N.
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx_arena import MjxArena
+from iswarm_mj.mjx import mjx
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, facing_side, into_frame, receive, side_centres
 from iswarm_mj.sensors.shadows import CIRCUMRADIUS, INRADIUS

@@ -12,10 +12,9 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
-from mujoco.mjx._src import collision_driver  # the table of contact functions is not public
 
 from iswarm_mj.arrays import Array
+from iswarm_mj.mjx import collision_driver, mjx
 
 Box = tuple[Array, Array, Array]
 """Centre, rotation and half edges of a geom."""

@@ -8,13 +8,13 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from mujoco import mjx
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.gripper.bench import Trial, Watch, speed_at_zero
 from iswarm_mj.gripper.bench_model import MS, NN, UM, Layout, bench_spec, layout, start
 from iswarm_mj.gripper.mjx_forces import ON_PROBE, GripperForces, gripper_force, gripper_forces, mjx_compatible, resize
 from iswarm_mj.gripper.protocol import smooth
+from iswarm_mj.mjx import mjx
 
 N_CONTACTS, N_ROWS = 4, 24
 """Of a bench in MJX-Warp: contacts and rows of constraints it has room for."""

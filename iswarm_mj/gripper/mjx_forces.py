@@ -18,7 +18,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import mujoco
-from mujoco import mjx
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.errors import UserError
@@ -27,6 +26,7 @@ from iswarm_mj.gripper.electrostatics import pick_force, release_force
 from iswarm_mj.gripper.humidity import humidity_factor
 from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
 from iswarm_mj.gripper.plugin_forces import NN, UM
+from iswarm_mj.mjx import mjx
 
 ON_PLATE, ON_PROBE = 0.0, 1.0
 """Whose potential the ball has; a ball starts with the probe's, and takes the plate's where it touches it."""
