@@ -15,45 +15,55 @@ from iswarm_mj.batched import BatchRun
 from iswarm_mj.engines.mjx_arena import without_absent
 from iswarm_mj.engines.mjx_sight import see
 from iswarm_mj.hardware import processor
+from iswarm_mj.hosts import ALONE, Hosts
 
 REPEATS = 5
 
 
-def bench(run: BatchRun, n_chunks: int) -> dict[str, Any]:
+def bench(run: BatchRun, n_chunks: int, hosts: Hosts = ALONE) -> dict[str, Any] | None:
     """Time chunks of control steps after the first, print one JSON line and return its content.
 
     Times are milliseconds per control step of all worlds together: the median over the chunks of the whole, and of
     each stage on its own, of the worlds of one device, from the state at the end. Memory is the most that a device
-    had in use until then, in GB.
+    had in use until then, in GB. Of several processes, each with a share of the worlds, the slowest counts; the first
+    prints and returns, and the stages and the machine are its own.
 
     Args:
         run: at its start, with enough steps for a chunk of warm-up and `n_chunks` more.
         n_chunks: chunks that are timed.
+        hosts: the processes that share the worlds.
     """
     laps = []
-    for _ in range(n_chunks + 1):
+    for chunk in range(n_chunks + 1):
+        if chunk == 1:
+            hosts.gathered("warm", None)
+        hosts.look()
         started = time.perf_counter()
         run.advance()
         laps.append(time.perf_counter() - started)
-    settings, n_robots = run.settings, run.arena.n_robots
-    step_s = float(np.median(laps[1:])) / settings.chunk
+    settings, n_robots, devices = run.settings, run.arena.n_robots, list(run.mesh.devices.flat)
+    own = (
+        len(run.worlds), float(np.median(laps[1:])) / settings.chunk, laps[0], int(run.delivered().sum()),
+        _peak_memory(run), len(devices),
+    )  # fmt: skip
+    n_worlds, step_s, first_s, delivered, memory, n_devices = zip(*hosts.gathered("times", own), strict=True)
+    if hosts.index > 0:
+        return None
     substeps = run.config.drive.turn_substeps + run.config.drive.walk_substeps
-    memory = _peak_memory(run)
-    devices = list(run.mesh.devices.flat)
     content = {
         "engine": "mjx",
         "impl": settings.impl,
         "solver_iterations": settings.solver_iterations,
         "n_robots": n_robots,
-        "n_worlds": len(run.worlds),
+        "n_worlds": sum(n_worlds),
         "steps": n_chunks * settings.chunk,
-        "ms_per_step": round(1e3 * step_s, 3),
-        "robot_physics_steps_per_s": round(len(run.worlds) * n_robots * substeps / step_s),
+        "ms_per_step": round(1e3 * max(step_s), 3),
+        "robot_physics_steps_per_s": round(sum(n_worlds) * n_robots * substeps / max(step_s)),
         **{f"{stage}_ms": round(1e3 * t, 3) for stage, t in _stages(run).items()},
-        "first_chunk_s": round(laps[0], 1),
-        "delivered_mean": float(run.delivered().mean()),
-        "peak_memory_gb": memory,
-        "devices": f"{len(devices)} x {devices[0].device_kind}",
+        "first_chunk_s": round(max(first_s), 1),
+        "delivered_mean": sum(delivered) / sum(n_worlds),
+        "peak_memory_gb": max((m for m in memory if m is not None), default=None),
+        "devices": f"{sum(n_devices)} x {devices[0].device_kind}",
         "machine": processor(),
     }
     print(json.dumps(content))

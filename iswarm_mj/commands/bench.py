@@ -56,7 +56,9 @@ class Bench(Swarm):
             solver_iterations=self.solver_iterations,
             contact_room=self.contact_room,
         )
-        bench(self.mjx_run(config, genome, n_robots, settings), n_chunks)
+        hosts = self.joined()
+        with hosts.together():
+            bench(self.mjx_run(config, genome, n_robots, settings, hosts), n_chunks, hosts)
 
     def _grasp(self) -> None:
         check("engine", self.engine, "mujoco or mjx with --what grasp", self.engine in ("mujoco", "mjx"))

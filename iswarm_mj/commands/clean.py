@@ -54,4 +54,7 @@ class Clean(Swarm):
             solver_iterations=self.solver_iterations,
             contact_room=self.contact_room,
         )
-        cleaning_mjx.clean(self.mjx_run(config, genome, n_robots, batch), genome, settings, self.out)
+        hosts = self.joined()
+        with hosts.together():
+            run = self.mjx_run(config, genome, n_robots, batch, hosts)
+            cleaning_mjx.clean(run, genome, settings, self.out, hosts)

@@ -1,7 +1,7 @@
 """Flags that every command on a swarm has."""
 
 import importlib.util
-from dataclasses import dataclass, field, fields, make_dataclass
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from typing import Annotated, Any
 
 import tyro
@@ -59,6 +59,10 @@ class Swarm:
     """Room for contacts in mjx, relative to the rule's; jammed swarms need more."""
     devices: str = "all"
     """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
+    hosts: bool = False
+    """Share the worlds of mjx among the processes of a job on several hosts; each uses all of its devices."""
+    hosts_timeout: float = 300.0
+    """Seconds for which a process waits for the others when it begins."""
     threads: int = 0
     """Threads for the physics, 0 for one a core; the results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
@@ -81,6 +85,9 @@ class Swarm:
         check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
         check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
+        check("hosts", self.hosts, "left out but with --engine mjx", self.engine == "mjx" or not self.hosts)
+        check("devices", self.devices, "all with --hosts", self.devices == "all" or not self.hosts)
+        check("hosts_timeout", self.hosts_timeout, "between 1 and 86400 s", 1 <= self.hosts_timeout <= 86_400)
         if self.impl == "warp" and self.engine == "mjx" and importlib.util.find_spec("warp") is None:
             raise UserError("--impl was warp, which needs the package warp-lang: pip install 'iswarm-mj[warp]'.")
         genome = overridden(load_genome(self.genome), vars(self.override))
@@ -95,18 +102,35 @@ class Swarm:
         check("worlds", self.worlds, f"between 1 and {most} with {n_robots} robots in each", self.worlds <= most)
         return config, genome, n_robots
 
-    def mjx_run(self, config: SwarmConfig, genome: Genome, n_robots: int, batch: Any) -> Any:
-        """Return a `BatchRun` of these worlds.
+    def joined(self) -> Any:
+        """Return the `Hosts` that share the worlds: with --hosts the processes of the job, else this one alone.
+
+        Raises:
+            UserError: they cannot be joined.
+        """
+        from iswarm_mj.hosts import ALONE, join
+
+        return join(self.hosts_timeout) if self.hosts else ALONE
+
+    def mjx_run(self, config: SwarmConfig, genome: Genome, n_robots: int, batch: Any, hosts: Any) -> Any:
+        """Return a `BatchRun` of this process's share of the worlds.
 
         Args:
             config: as `checked` returned it.
             genome: likewise.
             n_robots: likewise.
-            batch: `BatchSettings`.
+            batch: `BatchSettings` of the whole run.
+            hosts: as `joined` returned them.
+
+        Raises:
+            UserError: too few worlds, or too many recorded, for so many processes.
         """
         from iswarm_mj.batched import BatchRun, worlds_of_seed
         from iswarm_mj.devices import devices
         from iswarm_mj.worlds import World
 
-        worlds = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
-        return BatchRun(config, worlds, batch, devices=devices(self.devices))
+        share = hosts.share(self.worlds, batch.record_worlds)
+        every = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
+        recorded = tuple(share.index(world) for world in batch.record_worlds) if hosts.index == 0 else ()
+        own = [device for device in devices(self.devices) if device.process_index == hosts.index]
+        return BatchRun(config, [every[w] for w in share], replace(batch, record_worlds=recorded), devices=own)

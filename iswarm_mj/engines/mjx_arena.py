@@ -105,13 +105,14 @@ def compile_mjx_arena(
     arena = compile_arena(config, n_robots, np.zeros(0), tune=lambda spec: _tune(spec, impl, room, iterations))
     sight = compile_arena(config, n_robots, np.zeros(0), tune=_only_to_be_seen)
     _check_order(sight)
-    seen = mjx.put_model(sight.model, impl="jax")
+    own = jax.local_devices()[0]  # MJX would take the first of all hosts
+    seen = mjx.put_model(sight.model, own, "jax")
     sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": room.contacts}
     return MjxArena(
-        model=mjx.put_model(arena.model, impl=impl),
-        data=mjx.make_data(arena.model, impl=impl, **sizes),
+        model=mjx.put_model(arena.model, own, impl),
+        data=mjx.make_data(arena.model, own, impl, **sizes),
         sight=seen,
-        view=mjx.kinematics(seen, mjx.make_data(sight.model, impl="jax")),
+        view=mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax")),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
         n_robots=n_robots,
         hull=int(sight.hull[0]),
