@@ -1,14 +1,32 @@
-"""MJX as the rest of the package uses it, with the few private parts that are needed, imported in silence.
+"""MJX as the rest of the package uses it, with the few private parts that are needed, and in silence.
 
 Where Warp is not installed, MJX prints so on standard output, which belongs to the results.
 """
 
 import contextlib
 import io
+from typing import Any, cast
+
+import mujoco
 
 with contextlib.redirect_stdout(io.StringIO()):
     from mujoco import mjx
     from mujoco.mjx._src import collision_driver, solver  # the table of contact functions; the solver
     from mujoco.mjx._src.support import mul_m  # the product with the inertia matrix
 
-__all__ = ["collision_driver", "mjx", "mul_m", "solver"]
+__all__ = ["collision_driver", "mjx", "mul_m", "put_model", "solver"]
+
+
+def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model:
+    """Return MJX's model, whose kernels in Warp print nothing.
+
+    By default they print two lines for each search in each world and step that ends at its limit. The bits in
+    `overflow` are set all the same.
+
+    Args:
+        model: MuJoCo's.
+        impl: "jax" or "warp".
+        device: where it lies, by default MJX's choice.
+    """
+    put = mjx.put_model(model, device, impl)
+    return cast(mjx.Model, put.tree_replace({"opt._impl.warn_overflow": 0})) if impl == "warp" else put

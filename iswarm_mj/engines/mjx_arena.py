@@ -11,7 +11,7 @@ import numpy as np
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.mjx import mjx
+from iswarm_mj.mjx import mjx, put_model
 from iswarm_mj.model import ArenaModel, compile_arena
 from iswarm_mj.units import RD, mm_from_rd
 
@@ -106,10 +106,10 @@ def compile_mjx_arena(
     sight = compile_arena(config, n_robots, np.zeros(0), tune=_only_to_be_seen)
     _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
-    seen = mjx.put_model(sight.model, own, "jax")
+    seen = put_model(sight.model, "jax", own)
     sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": room.contacts}
     return MjxArena(
-        model=mjx.put_model(arena.model, own, impl),
+        model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
         sight=seen,
         view=mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax")),

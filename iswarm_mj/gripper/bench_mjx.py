@@ -14,7 +14,7 @@ from iswarm_mj.gripper.bench import Trial, Watch, speed_at_zero
 from iswarm_mj.gripper.bench_model import MS, NN, UM, Layout, bench_spec, layout, start
 from iswarm_mj.gripper.mjx_forces import ON_PROBE, GripperForces, gripper_force, gripper_forces, mjx_compatible, resize
 from iswarm_mj.gripper.protocol import smooth
-from iswarm_mj.mjx import mjx
+from iswarm_mj.mjx import mjx, put_model
 
 N_CONTACTS, N_ROWS = 4, 24
 """Of a bench in MJX-Warp: contacts and rows of constraints it has room for."""
@@ -69,7 +69,7 @@ class MjxBench:
         self.steps = 0
         self._where, self._forces = layout(model), gripper_forces(model)
         room: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
-        self._model, self._data = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl, **room)
+        self._model, self._data = put_model(portable, impl), mjx.make_data(portable, impl=impl, **room)
         column = {name: np.array([getattr(trial, name) for trial in trials]) for name in Trial._fields}
         works = {self._forces.plate: "work_object_substrate", self._forces.probe: "work_tool_object"}
         work = np.stack([column[works[surface]] for _, surface in self._forces.pairs], axis=1)
