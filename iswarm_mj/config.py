@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from iswarm_mj.errors import UserError
+from iswarm_mj.settings import later
 
 
 def check(name: str, value: Any, allowed: str, ok: bool) -> None:
@@ -224,6 +225,10 @@ class StrategyConfig:
     """A robot forgets a vector that led it to where there is nothing."""
     message_range: float = 49.0
     """Longest vector that a message can carry [rd]."""
+    update_order: Literal["synchronous", "sequential"] = later("synchronous")
+    """`synchronous`: in a control step all robots hear what all said at the end of the step before. `sequential`: they
+    hear, decide and speak one after the other, in an order drawn anew in each step, and so hear what those before
+    them have just said; all move at once in either case."""
 
     def __post_init__(self):
         check("strategy.dust_range", self.dust_range, "above 0 and at most 5 rd", 0 < self.dust_range <= 5)
@@ -236,6 +241,8 @@ class StrategyConfig:
             "above 0 and at most 1000 rd",
             0 < self.message_range <= 1000,
         )
+        check("strategy.update_order", self.update_order, "synchronous or sequential",
+              self.update_order in ("synchronous", "sequential"))  # fmt: skip
 
 
 @dataclass(frozen=True)

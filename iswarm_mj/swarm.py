@@ -11,13 +11,16 @@ from iswarm_mj.arrays import Array
 from iswarm_mj.conditions import Conditions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
+from iswarm_mj.errors import UserError
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
 from iswarm_mj.sensors.exchange import exchange
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.sensors.links import Links, find_links
+from iswarm_mj.sensors.messages import Message
 from iswarm_mj.sensors.optics import HALF_WIDTH, side_centres
 from iswarm_mj.strategy.controller import Command, Observation
-from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.units import mm_from_rd
 
 
@@ -51,25 +54,27 @@ def decide(
         key: random key of the world.
 
     Returns:
-        The new state, the commands, and which robots send the priority flag (N,) bool.
+        The new state, the commands, and which robots send the priority flag (N,) bool as the step begins.
+
+    Raises:
+        UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
     n_robots = len(poses)
-    passage_key, fall_key, mind_key = jax.random.split(jax.random.fold_in(key, step), 3)
+    step_key = jax.random.fold_in(key, step)
+    passage_key, fall_key, mind_key = jax.random.split(step_key, 3)
     mind, balls, is_alive = state
     content = strategy.say(mind, loaded(balls, n_robots))
     content = content._replace(priority=content.priority & is_alive)
     longest = mm_from_rd(config.strategy.message_range)
-    message, is_heard, distance = exchange(
-        conditions,
-        config.optics.independent_bit_errors,
-        longest,
-        content,
-        links.sender,
-        links.led,
-        links.valid,
-        links.distance,
-        passage_key,
-    )
+
+    def passage(content: Message) -> tuple[Message, Array, Array]:
+        """Messages as received, with the same noise whenever in this step they are said."""
+        return exchange(
+            conditions, config.optics.independent_bit_errors, longest, content, links.sender, links.led, links.valid,
+            links.distance, passage_key,
+        )  # fmt: skip
+
+    message, is_heard, distance = passage(content)
 
     tips = probe_tips(poses, jnp.asarray(probe))
     balls = carry(balls, tips)
@@ -85,9 +90,27 @@ def decide(
         ball_vector=view.ball_vector, on_dump=view.on_dump, is_loaded=loaded(balls, n_robots),
         grasp_failed=grasp_failed,
     )  # fmt: skip
+    if config.strategy.update_order == "sequential":
+        relaying = _relaying(strategy)
+
+        def relay(seen: Observation) -> Message:
+            said = relaying.say(relaying.listen(mind, seen, mind_key), seen.is_loaded)
+            return passage(said._replace(priority=said.priority & is_alive))[0]
+
+        turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
+        seen = heard_in_turn(seen, turns, links.sender, relay)
     mind, command = strategy.act(mind, seen, mind_key)
     command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
     return SwarmState(mind, balls, is_alive), command, content.priority
+
+
+def _relaying(strategy: Strategy) -> RelayingStrategy:
+    if isinstance(strategy, RelayingStrategy):
+        return strategy
+    raise UserError(
+        f"--strategy.update-order was sequential, but {type(strategy).__name__} has no method listen; give it one "
+        "(see RelayingStrategy), or let updates be synchronous."
+    )
 
 
 @partial(jax.jit, static_argnames=("config", "probe"))

@@ -112,6 +112,11 @@ def test_other_settings_are_refused(path, written):
     assert "\n" not in said
 
 
+def test_settings_that_files_leave_out_are_called_the_default(path, written):
+    with pytest.raises(UserError, match=r"\(engine: the default there, mjx now\)"):
+        entries(path, {**SETTINGS, "engine": "mjx"})
+
+
 def test_another_version_is_refused(path, written, monkeypatch):
     monkeypatch.setattr(checkpoint, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
     with pytest.raises(UserError, match=r"is of other versions \(iswarm_mj: .* there, 9\.9 now, "):

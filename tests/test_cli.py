@@ -288,6 +288,7 @@ def test_bench_prints_one_line(capfd, here):
         (["clean", "--robots", "many"], "--robots"),
         (["clean", "--gripper.grasp-voltage", "high"], "could not convert string to float: 'high'"),
         (["clean", "--optics.mode", "laser"], "Expected one of ('sector', 'power')"),
+        (["clean", "--strategy.update-order", "random"], "Expected one of ('synchronous', 'sequential')"),
         (["clean", "--robotss", "3"], "--robotss"),
         (["sweep"], "Available subcommands: clean, picture, bench"),
         ([], "Expected one of {clean, picture, bench, "),

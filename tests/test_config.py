@@ -141,6 +141,11 @@ def test_an_unknown_mode_of_the_optics_is_refused():
         OpticsConfig(mode="laser")
 
 
+def test_an_unknown_update_order_is_refused():
+    with pytest.raises(UserError, match=r"^--strategy.update-order was at-once; it must be synchronous or "):
+        StrategyConfig(update_order="at-once")
+
+
 def test_the_gripper_of_the_swarm_is_the_calibrated_one():
     gripper = GripperConfig()
     assert gripper.work_tool_object == detachment.WORK_TOOL_OBJECT

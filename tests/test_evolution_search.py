@@ -19,6 +19,7 @@ from iswarm_mj.experiments.evolve import BEST, CHECKPOINT, TABLE, Search, best_o
 from iswarm_mj.experiments.jobs import Outcome
 from iswarm_mj.experiments.optimisers import METHODS, CmaEs, optimiser
 from iswarm_mj.layout import robots_for
+from iswarm_mj.settings import kept
 from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
 from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome
 from iswarm_mj.tables import read_table
@@ -100,7 +101,7 @@ class TestTable:
 
     def test_tells_its_settings(self, done):
         _, _, settings, _ = done
-        assert settings == {"version": settings["version"], **json.loads(json.dumps(asdict(SEARCH)))}
+        assert settings == {"version": settings["version"], **json.loads(json.dumps(kept(SEARCH)))}
 
     def test_the_best_is_a_genome_file(self, done):
         out, rows, _, _ = done
@@ -187,7 +188,7 @@ class TestResume:
         """Of the same settings and versions, but with a genome that does not follow from them."""
         pretend(monkeypatch)
         evolve(SEARCH, tmp_path)
-        with module.Journal(tmp_path / CHECKPOINT, asdict(SEARCH)) as journal:
+        with module.Journal(tmp_path / CHECKPOINT, kept(SEARCH)) as journal:
             entry = journal.entries[2, 4, 0]
             entry["genome"] = list(astuple(Genome()))
             journal.settle()

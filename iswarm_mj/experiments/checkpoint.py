@@ -20,6 +20,8 @@ from iswarm_mj.files import whole
 
 Key = tuple[int, ...]
 
+_LEFT_OUT = "the default"  # what stands for a setting that is not in a file, see `settings.kept`
+
 
 def versions() -> dict[str, str]:
     """Versions of what decides the outcome of a run, beside the settings."""
@@ -127,6 +129,8 @@ def _differences(had: Any, wanted: Any, name: str = "") -> list[str]:
     """What differs between two contents of JSON, each as 'name: had, now wanted'."""
     if isinstance(had, dict) and isinstance(wanted, dict):
         names = sorted(had.keys() | wanted.keys())
-        found = [_differences(had.get(n), wanted.get(n), f"{name}.{n}" if name else n) for n in names]
+        found = [
+            _differences(had.get(n, _LEFT_OUT), wanted.get(n, _LEFT_OUT), f"{name}.{n}" if name else n) for n in names
+        ]
         return [difference for differences in found for difference in differences]
     return [] if had == wanted else [f"{name}: {had} there, {wanted} now"]

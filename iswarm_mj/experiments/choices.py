@@ -11,7 +11,8 @@ from iswarm_mj.gripper import detachment
 from iswarm_mj.strategy import evolution
 
 RULES = (
-    "All robots sense the same moment, then all decide, then all move: updates are synchronous.",
+    "All robots sense the same moment and all move at once; whether they also hear and speak at once or one after the "
+    "other is strategy.update-order.",
     "A robot turns on the spot, then walks straight; nothing but a contact pushes it sideways.",
     "Robots start on distinct cells of 1 rd outside the dump at random headings; their number is the density times the "
     "number of these cells, 2376, which gives the 280 and 314 robots of Table 2.",

@@ -19,6 +19,7 @@ from iswarm_mj.experiments.optimisers import optimiser
 from iswarm_mj.experiments.pool import each, progress
 from iswarm_mj.files import prepare, whole
 from iswarm_mj.layout import robots_for
+from iswarm_mj.settings import kept
 from iswarm_mj.strategy.evolution import Individual, Operators
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tables import write_table
@@ -74,13 +75,13 @@ def evolve(search: Search, out: Path, resume: bool = False, workers: int = 0, ba
     """
     _check_out(out, resume)
     prepare(out)
-    with Journal(out / CHECKPOINT, asdict(search)) as journal:
+    with Journal(out / CHECKPOINT, kept(search)) as journal:
         _sweep(out)
         total = search.generations * search.population * search.evaluations
         with progress(total, done=len(journal.entries)) as bar:
             rows = _all_generations(search, out, journal, bar, workers, backend)
         journal.settle()
-        write_table(out / TABLE, rows, asdict(search))
+        write_table(out / TABLE, rows, kept(search))
         best = best_of(rows)
         with whole(out / BEST) as part:
             part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
@@ -168,7 +169,7 @@ def _all_generations(
         method.tell([_mean_fitness(outcomes[i : i + n_runs]) for i in range(0, len(jobs), n_runs)])
         bar.set_postfix_str(f"generation {generation + 1}, best {max(o.fitness for o in outcomes):.0f}", refresh=False)
         if len(journal.entries) > known:
-            write_table(out / TABLE, rows, asdict(search))
+            write_table(out / TABLE, rows, kept(search))
     return rows
 
 

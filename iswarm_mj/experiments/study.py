@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from iswarm_mj.experiments.findings import Finding, Rows
 from iswarm_mj.experiments.jobs import Job, Outcome
 from iswarm_mj.experiments.pool import each, progress
 from iswarm_mj.files import prepare
+from iswarm_mj.settings import kept
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tables import write_table
 
@@ -108,7 +109,7 @@ def run_experiment(
     jobs = [entry.job for entry in entries]
     outcomes = _outcomes(experiment.name, jobs, out, workers, engine, backend)
     rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-    settings = {"experiment": experiment.name, "engine": engine, **asdict(plan)}
+    settings = {"experiment": experiment.name, "engine": engine, **kept(plan)}
     if experiment.extra is not None:
         experiment.extra(plan, out, rows)
     write_table(out / experiment.table, rows, settings, csv=True)
@@ -156,5 +157,5 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, workers: int, engine: s
 
 def _key(job: Job, engine: str) -> Key:
     """Name of a run by all that decides its outcome."""
-    text = json.dumps([engine, asdict(job)], sort_keys=True).encode()
+    text = json.dumps([engine, kept(job)], sort_keys=True).encode()
     return (int(hashlib.sha256(text).hexdigest()[:13], 16),)

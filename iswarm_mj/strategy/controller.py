@@ -106,19 +106,35 @@ def act(
         seen: what the robots sense now.
         key: random key of this world and step.
     """
+    draw = _chances(mind, seen, key)
+    mind = _remember(config, rules, mind, seen, draw)
+    wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
+    command = steer(config, wish + avoid(config, rules, seen, follows), limit, leftwards=draw[:, 3] < 0.5)
+    command = approach(config, probe_reach, may_pick(config, mind), seen, command)
+    moved = (command.turn, command.forward)
+    return mind._replace(dust=after_motion(mind.dust, *moved), dump=after_motion(mind.dump, *moved)), command
+
+
+def listen(config: SwarmConfig, rules: Rules, mind: Mind, seen: Observation, key: Array) -> Mind:
+    """Advance the minds as `act` does, up to what the robots know before they move."""
+    return _remember(config, rules, mind, seen, _chances(mind, seen, key))
+
+
+def _chances(mind: Mind, seen: Observation, key: Array) -> Array:
+    """Draw a step's random numbers (N, 4 + 2 S) in [0, 1)."""
     n_sides = seen.is_heard.shape[1]
-    draw = jax.random.uniform(key, (len(mind.is_scout), 4 + 2 * n_sides))
+    return jax.random.uniform(key, (len(mind.is_scout), 4 + 2 * n_sides))
+
+
+def _remember(config: SwarmConfig, rules: Rules, mind: Mind, seen: Observation, draw: Array) -> Mind:
+    """Memories after forgetting, listening, feeling the floor and, if so configured, finding nothing."""
     mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 4:])
     if config.strategy.forget_on_arrival:
         mind = mind._replace(
             dust=disappointed(config, mind.dust, seen.at_dust),
             dump=disappointed(config, mind.dump, seen.on_dump),
         )
-    wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
-    command = steer(config, wish + avoid(config, rules, seen, follows), limit, leftwards=draw[:, 3] < 0.5)
-    command = approach(config, probe_reach, may_pick(config, mind), seen, command)
-    moved = (command.turn, command.forward)
-    return mind._replace(dust=after_motion(mind.dust, *moved), dump=after_motion(mind.dump, *moved)), command
+    return mind
 
 
 def learn(rules: Rules, mind: Mind, seen: Observation, forgets: Array, choice: Array) -> Mind:

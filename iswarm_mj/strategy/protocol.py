@@ -1,6 +1,6 @@
 """What a strategy is: the rules by which robots speak and move, from what they sense."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.sensors.messages import Message
@@ -43,5 +43,22 @@ class Strategy(Protocol):
             memory: from the step before.
             seen: what the robots sense now.
             key: random key of this world and step.
+        """
+        ...
+
+
+@runtime_checkable
+class RelayingStrategy(Strategy, Protocol):
+    """A strategy whose robots can pass on what they have just heard, as updates one after the other ask for."""
+
+    def listen(self, memory: Any, seen: Observation, key: Array) -> Any:
+        """Return the memory that robots speak from after they heard and before they move.
+
+        What one robot remembers must depend on what that robot senses alone.
+
+        Args:
+            memory: from the step before.
+            seen: as for `act`, which is called with the same memory and key later.
+            key: likewise.
         """
         ...

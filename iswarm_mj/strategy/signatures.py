@@ -9,7 +9,7 @@ from iswarm_mj.errors import UserError
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.strategy.controller import Command, Observation
-from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.vectors import Memory
 
 
@@ -39,6 +39,9 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
     name = type(strategy).__name__
     _compare(f"{name}.say", jax.eval_shape(strategy.say, memory, _flags(n_robots)), message)
     _compare(f"{name}.picks", jax.eval_shape(strategy.picks, memory), _flags(n_robots))
+    if isinstance(strategy, RelayingStrategy):
+        listened = jax.eval_shape(strategy.listen, memory, observation_shapes(n_robots), key)
+        _compare(f"{name}.listen", listened, memory, "memory, which must be as it was given")
     returned = jax.eval_shape(strategy.act, memory, observation_shapes(n_robots), key)
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise UserError(f"{name}.act returned a {type(returned).__name__}; it must be the memory and a Command: do so.")

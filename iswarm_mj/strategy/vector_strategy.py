@@ -42,6 +42,10 @@ class VectorStrategy:
         """See `Strategy.picks`."""
         return controller.may_pick(self.config, memory)
 
+    def listen(self, memory: Mind, seen: Observation, key: Array) -> Mind:
+        """See `RelayingStrategy.listen`."""
+        return controller.listen(self.config, self.rules, memory, seen, key)
+
     def act(self, memory: Mind, seen: Observation, key: Array) -> tuple[Mind, Command]:
         """See `Strategy.act`."""
         return controller.act(self.config, self.probe_reach, self.rules, memory, seen, key)
