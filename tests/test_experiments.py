@@ -60,6 +60,13 @@ class TestPlans:
             choice, value = entry.labels["choice"], entry.labels["value"]
             assert differing == ([] if choice == "default" else [(choice, value)])
 
+    @pytest.mark.parametrize("quick, n_runs", [(False, 10), (True, 3)])
+    def test_sensitivity_varies_the_update_order(self, quick, n_runs):
+        entries = sensitivity.entries(replace(PLAN, quick=quick))
+        in_turn = [e for e in entries if e.job.config.strategy.update_order == "sequential"]
+        assert in_turn == entries[-n_runs:]  # so that the seeds of the others are what they were
+        assert {e.labels["group"] for e in in_turn} == {"update order"}
+
     def test_dead_robots_are_there_and_absent_ones_are_not(self):
         entries = robustness.entries(PLAN)
         half = {e.labels["kind"]: e.job for e in entries if e.labels["fraction"] == 0.5}

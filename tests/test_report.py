@@ -177,6 +177,7 @@ class TestChoices:
         found = {choice.name: choice for choice in choices.choices()}
         assert found["strategy.dust-range"].value == "0.75" and "sensed within" in found["strategy.dust-range"].meaning
         assert "optics.led-beam-aperture" not in found and "gripper.work-tool-object" not in found
+        assert found["strategy.update-order"].value == "synchronous"
         assert all(choice.meaning for choice in found.values()) and len(found) > 15
 
     def test_what_was_fitted(self):

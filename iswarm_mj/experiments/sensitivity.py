@@ -53,8 +53,12 @@ VARIATIONS: Mapping[str, tuple[tuple[str, tuple[Any, ...]], ...]] = {
         ("strategy.message_range", (25.0, 98.0)),
     ),
     "motion": (("drive.max_turn", (45.0, 180.0)),),
+    "update order": (("strategy.update_order", ("sequential",)),),
 }
-"""Values other than the default, by groups; the paper's own values (Table 1) are varied too where they are noise."""
+"""Values other than the default, by groups; the paper's own values (Table 1) are varied too where they are noise.
+
+A run's seed follows from its place here: what is added comes last.
+"""
 
 REACHES = Claim(
     "The goal is reached whatever is chosen where the paper is silent", "not in the paper", "one setting only"
