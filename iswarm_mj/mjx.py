@@ -18,10 +18,11 @@ __all__ = ["collision_driver", "mjx", "mul_m", "put_model", "solver"]
 
 
 def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model:
-    """Return MJX's model, whose kernels in Warp print nothing.
+    """Return MJX's model, with settings of Warp that MuJoCo's model has no place for.
 
-    By default they print two lines for each search in each world and step that ends at its limit. The bits in
-    `overflow` are set all the same.
+    Its kernels print nothing; by default they print two lines for each search in each world and step that ends at its
+    limit, which takes longer than the search. The bits in `overflow` are set all the same. And it finds pairs of geoms
+    that are near each other by sorting them, not by comparing each with each.
 
     Args:
         model: MuJoCo's.
@@ -29,4 +30,7 @@ def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model
         device: where it lies, by default MJX's choice.
     """
     put = mjx.put_model(model, device, impl)
-    return cast(mjx.Model, put.tree_replace({"opt._impl.warn_overflow": 0})) if impl == "warp" else put
+    if impl != "warp":
+        return put
+    broadphase = type(put.opt._impl.broadphase).SAP_TILE
+    return cast(mjx.Model, put.tree_replace({"opt._impl.warn_overflow": 0, "opt._impl.broadphase": broadphase}))
