@@ -61,6 +61,7 @@ class Bench(Swarm):
             bench(self.mjx_run(config, genome, n_robots, settings, hosts), n_chunks, hosts)
 
     def _grasp(self) -> None:
+        check("what", self.what, "swarm with --hosts", not self.hosts)
         check("engine", self.engine, "mujoco or mjx with --what grasp", self.engine in ("mujoco", "mjx"))
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)

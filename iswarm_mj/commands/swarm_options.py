@@ -85,7 +85,7 @@ class Swarm:
         check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
         check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
-        check("hosts", self.hosts, "left out but with --engine mjx", self.engine == "mjx" or not self.hosts)
+        check("engine", self.engine, "mjx with --hosts", self.engine == "mjx" or not self.hosts)
         check("devices", self.devices, "all with --hosts", self.devices == "all" or not self.hosts)
         check("hosts_timeout", self.hosts_timeout, "between 1 and 86400 s", 1 <= self.hosts_timeout <= 86_400)
         if self.impl == "warp" and self.engine == "mjx" and importlib.util.find_spec("warp") is None:
