@@ -111,6 +111,13 @@ class TestContacts:
             count += data.ncon > 0
         assert count > 25
 
+    def test_boxes_touch_at_one_height_only(self):
+        """As all robots that a world does not have, which wait below each other."""
+        size, upright, contact = np.array([1.0, 1.0, 0.5]), np.eye(3), jax.jit(box_box)
+        for height, touches in ((0.0, True), (0.99, True), (1.01, False), (-1.01, False), (-1000.0, False)):
+            boxes = [(np.array([0.1, 0.0, z]), upright, size) for z in (0.0, height)]
+            assert (np.asarray(contact(*boxes)[0]) < 0).tolist() == [touches] * 4
+
     def test_boxes_touch_walls_where_mujoco_says(self):
         rng = np.random.default_rng(1)
         xml = """<mujoco><worldbody><geom type="plane" size="0 0 1" zaxis="1 0 0"/>

@@ -3,7 +3,8 @@
 MJX's own functions differ from MuJoCo's in C: for two boxes they measure some depths along the normal of the wrong
 box, up to a fifth too deep, and against a plane they keep corners only that are within 1e-3 of the deepest. These
 here find the same points and depths as MuJoCo's, in two dimensions, which is faster too. They hold where boxes
-stand upright at one height, so they are put in place while a program of the arena is traced, and not longer.
+stand upright at one height, so they are put in place while a program of the arena is traced, and not longer. Boxes at
+heights so different that one is above the other, as robots are that a world does not have, do not touch.
 """
 
 from collections.abc import Callable, Iterator
@@ -77,8 +78,9 @@ def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
     slope = (height[1] - height[0]) / jnp.where(place[1] == place[0], 1.0, place[1] - place[0])
     cut = jnp.clip(place, -width, width)
     height = height + slope * (cut - place)
+    is_level = jnp.abs(second[0][2] - first[0][2]) < first[2][2] + second[2][2]
     point = reference[0][:2] + cut[:, None] * along + (thickness + height / 2)[:, None] * outward
-    return _at_both_rims(height), _rims(point, first), jnp.append(normal, 0.0)
+    return _at_both_rims(jnp.where(is_level, height, _NO_CONTACT)), _rims(point, first), jnp.append(normal, 0.0)
 
 
 def plane_box(plane: Box, box: Box) -> tuple[Array, Array, Array]:
