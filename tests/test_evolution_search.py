@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from iswarm_mj import cli
+from iswarm_mj.batched import _chunk
 from iswarm_mj.errors import UserError
 from iswarm_mj.experiments import evolve as module
 from iswarm_mj.experiments.evolve import BEST, CHECKPOINT, TABLE, Search, best_of, evolve, genome_of, run_seed
-from iswarm_mj.experiments.jobs import Outcome
+from iswarm_mj.experiments.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.optimisers import METHODS, CmaEs, optimiser
 from iswarm_mj.layout import robots_for
 from iswarm_mj.settings import kept
@@ -184,6 +185,37 @@ class TestResume:
         with pytest.raises(UserError, match=r"holds a search without its checkpoint\.jsonl; choose another"):
             evolve(SEARCH, tmp_path, resume=True)
 
+    def test_another_engine_is_refused(self, monkeypatch, tmp_path):
+        begun = pretend(monkeypatch)
+        for name, one, other, message in (
+            ("c", "mujoco", "mjx", r"\(engine: the default there, mjx now, impl: the default there, jax now\)"),
+            ("mjx", "mjx", "mujoco", r"\(engine: mjx there, the default now, impl: jax there, the default now\)"),
+        ):
+            evolve(SEARCH, tmp_path / name, engine=one)
+            before = contents(tmp_path / name)
+            begun.clear()
+            with pytest.raises(UserError, match=message):
+                evolve(SEARCH, tmp_path / name, resume=True, engine=other)
+            evolve(SEARCH, tmp_path / name, resume=True, engine=one)
+            assert contents(tmp_path / name) == before and begun == []
+        assert read_table(tmp_path / "mjx" / TABLE)[1]["engine"] == "mjx"
+
+    def test_checkpoints_of_before_there_were_engines_and_orders_go_on(self, monkeypatch, tmp_path):
+        """Their settings name neither; the files in the end do not either."""
+        begun = pretend(monkeypatch)
+        evolve(SEARCH, tmp_path / "whole")
+        settings = asdict(SEARCH)
+        del settings["config"]["strategy"]["update_order"]
+        with module.Journal(tmp_path / "whole" / CHECKPOINT, settings) as journal:
+            runs = dict(list(journal.entries.items())[:27])
+        (tmp_path / "old").mkdir()
+        with module.Journal(tmp_path / "old" / CHECKPOINT, settings) as journal:
+            for key, entry in runs.items():
+                journal.add(key, entry)
+        begun.clear()
+        evolve(SEARCH, tmp_path / "old", resume=True)
+        assert contents(tmp_path / "old") == contents(tmp_path / "whole") and len(begun) == 33
+
     def test_a_checkpoint_of_another_program_is_refused(self, monkeypatch, tmp_path):
         """Of the same settings and versions, but with a genome that does not follow from them."""
         pretend(monkeypatch)
@@ -279,9 +311,31 @@ def test_killed_and_resumed(tmp_path):
     assert len(rows) == 12 and {row["n_robots"] for row in rows} == {12} and len({row["fitness"] for row in rows}) > 6
 
 
+def test_generations_as_batches(small, tmp_path):
+    """In MJX two generations of swarms of two sizes, by one program; their first steps are those of MuJoCo C."""
+    out, programs = tmp_path / "out", _chunk._cache_size()
+    flags = ["--engine=mjx", "--generations=2", "--population=2", "--operators.elite=1", "--operators.density-max=0.07",
+             "--steps=6"]  # fmt: skip
+    cli.main(command(out, *flags)[3:])
+    assert _chunk._cache_size() == programs + 1
+    rows, settings = read_table(out / TABLE)
+    assert (settings["engine"], settings["impl"]) == ("mjx", "jax")
+    sizes = [row["n_robots"] for row in rows]
+    assert len(rows) == 4 and max(sizes[:2]) != max(sizes[2:]) and min(sizes[:2]) < max(sizes[:2])
+    for row in rows:
+        alone = run_job(Job(small, genome_of(row), row["n_robots"], row["seed"], row["steps"]))
+        assert (row["steps"], row["delivered"], row["picked"]) == (6, alone.delivered, alone.picked)
+    assert sum(row["picked"] for row in rows) > 0
+    before = contents(out)
+    cli.main([*command(out, *flags)[3:], "--resume"])
+    assert contents(out) == before
+
+
 @pytest.mark.parametrize(
     "flags, message",
     [
+        ("--engine abacus", r"Expected one of \('mujoco', 'mjx'\)"),
+        ("--engine mjx --backend ray", r"--backend was ray, whose workers do not run --engine mjx"),
         ("--generations 0", r"--generations was 0; it must be between 1 and 100000"),
         ("--population 1", r"--population was 1;"),
         ("--population 2", r"--operators\.elite was 2; it must be below --population"),

@@ -1,5 +1,6 @@
 """Jobs in worker processes: nothing is lost or mixed up, whoever dies."""
 
+import importlib.util
 import os
 import signal
 import subprocess
@@ -7,13 +8,17 @@ import sys
 import time
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
+import jax
+import numpy as np
 import pytest
 
 from iswarm_mj.errors import SimulationFault, UserError
-from iswarm_mj.experiments import pool
+from iswarm_mj.experiments import batches, pool
 from iswarm_mj.experiments.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.pool import each, map_jobs
+from iswarm_mj.metrics import Measures
 from iswarm_mj.strategy.genome import Genome
 
 
@@ -204,6 +209,82 @@ class TestRay:
         assert [outcome.delivered for outcome in map_jobs(jobs, 2, backend="ray")] == [job.seed for job in jobs]
         with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
             map_jobs([*jobs, jobs[0]], 2, backend="ray")
+
+
+class TestMjx:
+    def test_other_engines_and_backends_are_refused(self, jobs):
+        with pytest.raises(UserError, match=r"^--engine was abacus; it must be mujoco or mjx: "):
+            map_jobs(jobs, engine="abacus")
+        with pytest.raises(UserError, match=r"^--backend was ray, whose workers do not run --engine mjx; "):
+            map_jobs(jobs, engine="mjx", backend="ray")
+
+    def test_no_jobs(self):
+        assert map_jobs([], engine="mjx") == []
+
+    @pytest.mark.parametrize(
+        "device, has_warp, expected",
+        [
+            (("cpu", "cpu"), True, "jax"),
+            (("gpu", "NVIDIA H100 80GB HBM3"), True, "warp"),
+            (("gpu", "NVIDIA H100 80GB HBM3"), False, "jax"),
+            (("gpu", "AMD Instinct MI300X"), True, "jax"),
+            (("tpu", "TPU v4"), True, "jax"),
+        ],
+    )
+    def test_warp_where_it_runs(self, monkeypatch, device, has_warp, expected):
+        with monkeypatch.context() as patch:
+            patch.setattr(jax, "devices", lambda: [SimpleNamespace(platform=device[0], device_kind=device[1])])
+            patch.setattr(importlib.util, "find_spec", lambda name: (has_warp and name == "warp") or None)
+            assert batches.implementation() == expected
+
+    @pytest.fixture
+    def tried(self, monkeypatch):
+        """A stand-in for batches, which needs 2.5 times the rule's room, and the room of those that were begun."""
+        rooms = []
+
+        class Crowded:
+            is_over, needed, bit = False, 2.5, 1
+
+            def __init__(self, config, worlds, settings):
+                rooms.append(settings.contact_room)
+                self.lacks, self.sizes = settings.contact_room < self.needed, [w.n_robots for w in worlds]
+
+            def advance(self):
+                self.is_over = True
+                if self.lacks:
+                    raise SimulationFault("step 3, world 0: no room")
+
+            def arrays(self):
+                bits = np.array([0, 0, self.bit if self.lacks else 0])
+                return None, SimpleNamespace(fault=SimpleNamespace(bits=bits))
+
+            def measures(self, world):
+                return Measures(self.sizes[world], 0, 0, None, None)
+
+        monkeypatch.setattr(batches, "BatchRun", Crowded)
+        return Crowded, rooms
+
+    @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
+    def test_a_crowded_batch_gets_more_room(self, jobs, monkeypatch, tried, impl, expected):
+        monkeypatch.setattr(batches, "implementation", lambda: impl)
+        assert [outcome.delivered for outcome in map_jobs(jobs[:1], engine="mjx")] == [30]
+        assert tried[1] == expected
+
+    @pytest.mark.parametrize("needed, bit, expected", [(9, 2, [1, 2, 4, 8]), (9, 4, [1])])
+    def test_what_more_room_does_not_mend_is_a_fault(self, jobs, tried, needed, bit, expected):
+        tried[0].needed, tried[0].bit = needed, bit
+        with pytest.raises(SimulationFault, match="no room"):
+            map_jobs(jobs[:1], engine="mjx")
+        assert tried[1] == expected
+
+    def test_batches_of_other_sizes_have_the_same_places(self, small):
+        def sizes(*n_robots):
+            return [w.n_robots for w in batches._worlds([Job(small, Genome(), n, 0) for n in n_robots])]
+
+        assert sizes(30, 30) == [30, 30]
+        assert sizes(30, 20) == [30, 20, 64] and sizes(64, 50) == [64, 50, 64] and sizes(65, 50) == [65, 50, 128]
+        assert sizes(216, 50) == [216, 50, 216]  # there are no more cells
+        assert batches._worlds([Job(small, Genome(), n, 0) for n in (30, 20)])[-1].failed_fraction == 1
 
 
 @pytest.mark.slow

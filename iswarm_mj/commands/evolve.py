@@ -36,8 +36,10 @@ class Evolve:
     """Directory for the results; one that holds a search already is refused without --resume."""
     resume: bool = False
     """Go on with the search in --out, with the same settings; begin it if there is none."""
+    engine: Literal["mujoco", "mjx"] = "mujoco"
+    """Physics: mujoco (C, on CPUs) or mjx (JAX, a generation is one batch on a GPU)."""
     workers: int = 0
-    """Worker processes, 0 for one a core; the results do not depend on it."""
+    """Worker processes of mujoco, 0 for one a core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
     operators: Operators = field(default_factory=Operators)
@@ -64,4 +66,4 @@ class Evolve:
             config, self.operators, self.method, self.generations, self.population, self.steps, self.seed,
             self.evaluations,
         )  # fmt: skip
-        evolve(search, self.out, self.resume, self.workers, self.backend)
+        evolve(search, self.out, self.resume, self.workers, self.backend, self.engine)

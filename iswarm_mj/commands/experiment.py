@@ -36,7 +36,7 @@ class Experiment:
     engine: Literal["mujoco", "mjx"] = "mujoco"
     """Physics: mujoco (C, on CPUs) or mjx (JAX, runs batched on a GPU)."""
     workers: int = 0
-    """Worker processes, 0 for one a core; the results do not depend on it."""
+    """Worker processes of mujoco, 0 for one a core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
     again: bool = False

@@ -1,9 +1,10 @@
 """The search for fit swarms: generations of runs, their table, the best genome, and a checkpoint to go on from."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, astuple, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from iswarm_mj.experiments.checkpoint import Journal
 from iswarm_mj.experiments.evolution_figure import draw
 from iswarm_mj.experiments.jobs import Job, Outcome
 from iswarm_mj.experiments.optimisers import optimiser
-from iswarm_mj.experiments.pool import each, progress
+from iswarm_mj.experiments.pool import Finished, check_engine, each, progress
 from iswarm_mj.files import prepare, whole
 from iswarm_mj.layout import robots_for
 from iswarm_mj.settings import kept
@@ -27,6 +28,8 @@ from iswarm_mj.tables import write_table
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
 RUNS_OF_THE_BEST = 3
 """The best genome is looked for among those of at least so many runs, if there are any."""
+
+Runner = Callable[[Sequence[Job]], Finished]
 
 
 @dataclass(frozen=True)
@@ -55,12 +58,16 @@ class Best(NamedTuple):
     n_runs: int
 
 
-def evolve(search: Search, out: Path, resume: bool = False, workers: int = 0, backend: str = "processes") -> Best:
+def evolve(
+    search: Search, out: Path, resume: bool = False, workers: int = 0, backend: str = "processes",
+    engine: str = "mujoco",
+) -> Best:  # fmt: skip
     """Search, write the results into `out`, print a summary.
 
     Files: evolution.parquet, a row a run (see `rows_of`); best.json, a genome; fitness.png and .svg; checkpoint.jsonl.
     The table is written after each generation, the others in the end. Neither the number of workers nor an
-    interruption changes a byte of them.
+    interruption changes a byte of them; with mjx, where a generation is one batch, no interruption between two
+    generations does.
 
     Args:
         search: what to do.
@@ -68,26 +75,39 @@ def evolve(search: Search, out: Path, resume: bool = False, workers: int = 0, ba
         resume: go on with the search that was begun in `out`, if there is one.
         workers: see `pool.each`.
         backend: see `pool.each`.
+        engine: see `pool.each`; a search goes on with that it was begun with.
 
     Raises:
         UserError: `out` cannot be written to, holds a search that is not to be resumed, or another one.
         SimulationFault: a run could not go on.
     """
+    check_engine(engine, backend)
     _check_out(out, resume)
     prepare(out)
-    with Journal(out / CHECKPOINT, kept(search)) as journal:
+    settings = settings_of(search, engine)
+    with Journal(out / CHECKPOINT, settings) as journal:
         _sweep(out)
         total = search.generations * search.population * search.evaluations
         with progress(total, done=len(journal.entries)) as bar:
-            rows = _all_generations(search, out, journal, bar, workers, backend)
+            run = partial(each, workers=workers, engine=engine, backend=backend)
+            rows = _all_generations(search, settings, out, journal, bar, run)
         journal.settle()
-        write_table(out / TABLE, rows, kept(search))
+        write_table(out / TABLE, rows, settings)
         best = best_of(rows)
         with whole(out / BEST) as part:
             part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
         draw(rows, search.config.arena.n_dust, out / FIGURE)
     print(summary(search, rows, best, out))
     return best
+
+
+def settings_of(search: Search, engine: str) -> dict[str, Any]:
+    """All that decides the outcome of a search on an engine, as its files have it; they do not name the default one."""
+    if engine == "mujoco":
+        return kept(search)
+    from iswarm_mj.experiments.batches import implementation
+
+    return {**kept(search), "engine": engine, "impl": implementation()}
 
 
 def run_seed(search: Search, generation: int, individual: int, evaluation: int) -> int:
@@ -154,7 +174,7 @@ def summary(search: Search, rows: Sequence[dict[str, Any]], best: Best, out: Pat
 
 
 def _all_generations(
-    search: Search, out: Path, journal: Journal, bar: tqdm, workers: int, backend: str
+    search: Search, settings: Mapping[str, Any], out: Path, journal: Journal, bar: tqdm, run: Runner
 ) -> list[dict[str, Any]]:
     """Rows of all generations; runs that the journal has are not done again."""
     method = optimiser(search.method, search.operators, search.population, search.seed)
@@ -163,13 +183,13 @@ def _all_generations(
         individuals = method.ask()
         jobs = _jobs(search, generation, individuals)
         known = len(journal.entries)
-        outcomes = _outcomes(search, generation, jobs, journal, bar, workers, backend)
+        outcomes = _outcomes(search, generation, jobs, journal, bar, run)
         rows += rows_of(generation, individuals, jobs, outcomes)
         n_runs = search.evaluations
         method.tell([_mean_fitness(outcomes[i : i + n_runs]) for i in range(0, len(jobs), n_runs)])
         bar.set_postfix_str(f"generation {generation + 1}, best {max(o.fitness for o in outcomes):.0f}", refresh=False)
         if len(journal.entries) > known:
-            write_table(out / TABLE, rows, kept(search))
+            write_table(out / TABLE, rows, settings)
     return rows
 
 
@@ -183,12 +203,12 @@ def _jobs(search: Search, generation: int, individuals: Sequence[Individual]) ->
 
 
 def _outcomes(
-    search: Search, generation: int, jobs: Sequence[Job], journal: Journal, bar: tqdm, workers: int, backend: str
+    search: Search, generation: int, jobs: Sequence[Job], journal: Journal, bar: tqdm, run: Runner
 ) -> list[Outcome]:
     """Outcomes of a generation's jobs: those of the journal, and the others from the pool into the journal."""
     keys = [(generation, *divmod(number, search.evaluations)) for number in range(len(jobs))]
     missing = [number for number, key in enumerate(keys) if key not in journal.entries]
-    with closing(each([jobs[number] for number in missing], workers, backend=backend)) as finished:
+    with closing(run([jobs[number] for number in missing])) as finished:
         for index, outcome in finished:
             number = missing[index]
             journal.add(keys[number], {"genome": astuple(jobs[number].genome), "outcome": outcome})

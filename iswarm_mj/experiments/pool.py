@@ -16,10 +16,12 @@ from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky.process_executor import BrokenProcessPool
 from tqdm import tqdm
 
+from iswarm_mj.config import check
 from iswarm_mj.errors import SimulationFault, UserError
-from iswarm_mj.experiments.jobs import Job, Outcome, outcome, run_job
+from iswarm_mj.experiments.jobs import Job, Outcome, run_job
 
 BACKENDS = ("processes", "ray")
+ENGINES = ("mujoco", "mjx")
 MAX_LOSSES = 3
 """So many times in a row, workers may die before another job is finished."""
 
@@ -50,15 +52,19 @@ def each(jobs: Sequence[Job], workers: int = 0, engine: str = "mujoco", backend:
     Args:
         jobs: what to run.
         workers: processes, 0 for one a core of this machine (of the cluster, with Ray); 1 is this process itself.
-        engine: physics; mujoco, or mjx, where all jobs of equal settings are one batch of worlds in this process.
+        engine: physics; mujoco, or mjx, where all jobs of equal settings are one batch of worlds in this process,
+            whatever `workers` says; see `batches.run_batches`.
         backend: processes (of this machine) or ray (a cluster, where RAY_ADDRESS names one).
 
     Raises:
         SimulationFault: a run could not go on, or workers keep dying.
         UserError: Ray is not installed, or a job is not possible.
     """
+    check_engine(engine, backend)
     if engine == "mjx":
-        return _batched(jobs)
+        from iswarm_mj.experiments.batches import run_batches
+
+        return run_batches(jobs)
     numbered = sorted(enumerate(jobs), key=lambda item: -item[1].n_robots * item[1].steps)
     if backend == "ray":
         return _on_ray(numbered, workers)
@@ -66,6 +72,13 @@ def each(jobs: Sequence[Job], workers: int = 0, engine: str = "mujoco", backend:
     if workers == 1:
         return ((index, run_job(job)) for index, job in numbered)
     return _on_processes(numbered, workers)
+
+
+def check_engine(engine: str, backend: str) -> None:
+    """Raise a UserError unless there is such an engine, and it goes with the backend."""
+    check("engine", engine, " or ".join(ENGINES), engine in ENGINES)
+    if engine == "mjx" and backend != "processes":
+        raise UserError(f"--backend was {backend}, whose workers do not run --engine mjx; leave one of the two out.")
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
@@ -166,22 +179,3 @@ def _started_ray(workers: int) -> Any:
             warnings.simplefilter("ignore", RuntimeWarning)
             ray.init(logging_level=logging.ERROR, log_to_driver=False, **local)
     return ray
-
-
-def _batched(jobs: Sequence[Job]) -> Finished:
-    """Jobs as worlds of compiled programs, one for those of equal settings."""
-    from iswarm_mj.batched import BatchRun, BatchSettings
-    from iswarm_mj.worlds import World
-
-    alike: dict[Any, list[int]] = {}
-    for index, job in enumerate(jobs):
-        alike.setdefault((job.config, job.steps, job.stop_at), []).append(index)
-    for (config, steps, stop_at), indices in alike.items():
-        of = [jobs[index] for index in indices]
-        worlds = [World(job.genome, job.n_robots, job.seed, failed_fraction=job.failed_fraction) for job in of]
-        run = BatchRun(config, worlds, BatchSettings(steps, stop_at=stop_at))
-        while not run.is_over:
-            run.advance()
-        for world, index in enumerate(indices):
-            measures = run.measures(world)
-            yield index, outcome(jobs[index], measures, measures.finished_at or steps)

@@ -74,13 +74,12 @@ def command(result: Result) -> str:
         return f"iswarm grasp --radius {radii} --rh {rh} {told} --out DIR"
     if result.path.name == SEARCH:
         names = ("method", "generations", "population", "steps", "evaluations", "seed")
-        told = " ".join(f"--{name} {settings[name]}" for name in names)
+        told = " ".join(f"--{name} {settings[name]}" for name in names) + _engine(settings)
         return f"iswarm evolve {told}{_changed(settings['config'])} --out DIR"
     presets = [name for name, genome in PRESETS.items() if asdict(genome) == settings["genome"]]
     genome = presets[0] if presets else "GENOME.json"
     quick = " --quick" if settings["quick"] else ""
-    engine = "" if settings["engine"] == "mujoco" else f" --engine {settings['engine']}"
-    told = f"--genome {genome} --seed {settings['seed']}{quick}{engine}"
+    told = f"--genome {genome} --seed {settings['seed']}{quick}{_engine(settings)}"
     return f"iswarm experiment {settings['experiment']} {told}{_changed(settings['config'])} --out DIR"
 
 
@@ -101,6 +100,12 @@ def _read(path: Path) -> tuple[tuple[str, str], Result] | None:
     if name in EXPERIMENTS and path.name == EXPERIMENTS[name].table:
         return ("experiment", str(name)), result
     return None
+
+
+def _engine(settings: Mapping[str, Any]) -> str:
+    """Flag of the engine unless it is the default; tables of searches do not name that."""
+    engine = settings.get("engine", "mujoco")
+    return "" if engine == "mujoco" else f" --engine {engine}"
 
 
 def _changed(given: Mapping[str, Any]) -> str:

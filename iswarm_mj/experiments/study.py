@@ -14,7 +14,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.checkpoint import Journal, Key
 from iswarm_mj.experiments.findings import Finding, Rows
 from iswarm_mj.experiments.jobs import Job, Outcome
-from iswarm_mj.experiments.pool import each, progress
+from iswarm_mj.experiments.pool import check_engine, each, progress
 from iswarm_mj.files import prepare
 from iswarm_mj.settings import kept
 from iswarm_mj.strategy.genome import Genome
@@ -102,6 +102,7 @@ def run_experiment(
         UserError: `out` cannot be written to, or its runs are of another version.
         SimulationFault: a run could not go on.
     """
+    check_engine(engine, backend)
     prepare(out)
     if again:
         (out / RUNS).unlink(missing_ok=True)
