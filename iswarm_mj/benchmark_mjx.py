@@ -15,7 +15,7 @@ from iswarm_mj.batched import BatchRun
 from iswarm_mj.engines.mjx_arena import without_absent
 from iswarm_mj.engines.mjx_sight import see
 from iswarm_mj.hardware import processor
-from iswarm_mj.hosts import ALONE, Hosts
+from iswarm_mj.hosts import ALONE, Hosts, numbered
 
 REPEATS = 5
 
@@ -39,7 +39,8 @@ def bench(run: BatchRun, n_chunks: int, hosts: Hosts = ALONE) -> dict[str, Any] 
             hosts.gathered("warm", None)
         hosts.look()
         started = time.perf_counter()
-        run.advance()
+        with numbered([world.index for world in run.worlds]):
+            run.advance()
         laps.append(time.perf_counter() - started)
     settings, n_robots, devices = run.settings, run.arena.n_robots, list(run.mesh.devices.flat)
     own = (

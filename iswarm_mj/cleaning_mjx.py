@@ -1,10 +1,8 @@
 """The main job in MJX: a batch of cleaning runs with its files, its progress and its summary."""
 
-import re
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,9 +14,8 @@ from iswarm_mj.batched import BatchRun
 from iswarm_mj.batched_views import start_view, views
 from iswarm_mj.cleaning import Recorder, summary
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.errors import SimulationFault
 from iswarm_mj.files import prepare
-from iswarm_mj.hosts import ALONE, Hosts
+from iswarm_mj.hosts import ALONE, Hosts, numbered
 from iswarm_mj.metrics import Measures
 from iswarm_mj.rollout import RunSettings
 from iswarm_mj.strategy.genome import Genome
@@ -122,7 +119,7 @@ def _advance(told: Told, recorders: list[Recorder], hosts: Hosts) -> None:
         bar.set_postfix_str("compiling", refresh=True)
         while not batch.is_over:
             first = batch.step
-            with told.watch("advance"), _own_numbers(batch):
+            with told.watch("advance"), numbered([world.index for world in batch.worlds]):
                 chunk = batch.advance()
             hosts.look()
             for view in views(batch, first, chunk) if chunk is not None else ():
@@ -132,13 +129,3 @@ def _advance(told: Told, recorders: list[Recorder], hosts: Hosts) -> None:
             bar.set_postfix_str(f"delivered {int(batch.delivered().sum())} of {goal}", refresh=False)
         if hosts.count > 1:
             bar.set_postfix_str("the other processes may take longer", refresh=True)
-
-
-@contextmanager
-def _own_numbers(batch: BatchRun) -> Iterator[None]:
-    """Have a fault name worlds by their numbers in the run, not in this process's share."""
-    try:
-        yield
-    except SimulationFault as fault:
-        said = re.sub(r"\bworld (\d+)", lambda place: f"world {batch.worlds[int(place[1])].index}", str(fault))
-        raise SimulationFault(said) from None

@@ -1,7 +1,7 @@
 """Processes on several hosts that share the worlds of a run; they meet only to hand in results and to report faults.
 
-Each computes its own worlds by a program of its own. Nothing that JAX compiles spans two processes: such a program has
-to be started by all within half a minute on CPUs, while shares of a run may end hours apart.
+Each computes its own worlds by a program of its own. Nothing that JAX compiles spans two processes: all have to start
+such a program at about the same time, while they may be through with their shares hours apart.
 """
 
 import json
@@ -10,7 +10,7 @@ import re
 import socket
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,12 +106,9 @@ class Hosts:
             raise
 
     def _report(self, reason: str) -> None:
-        """Report the fault of this process, unless there is one already."""
-        try:
+        """Report the fault of this process, if it is the first and the service is still there."""
+        with suppress(jax.errors.JaxRuntimeError):
             _service().key_value_set("iswarm/fault/first", json.dumps((self.index, reason)))
-        except jax.errors.JaxRuntimeError as error:
-            if "ALREADY_EXISTS" not in str(error):
-                raise
 
 
 ALONE = Hosts()
@@ -146,7 +143,7 @@ def join(timeout_s: float) -> Hosts:
         except Exception as error:
             failures.append(error)
 
-    # Where its own time limit is over, JAX aborts the process.
+    # JAX aborts the process when its own time limit is over; so that one is longer, and this one counts.
     attempt = threading.Thread(target=initialize, daemon=True)
     attempt.start()
     attempt.join(timeout_s)
@@ -156,6 +153,16 @@ def join(timeout_s: float) -> Hosts:
     if failures:
         raise _refusal(str(failures[0]).splitlines()[0].rstrip("."))
     return Hosts(jax.process_index(), jax.process_count())
+
+
+@contextmanager
+def numbered(share: Sequence[int]) -> Iterator[None]:
+    """Have a fault name worlds by their numbers in the run, `share`, not by their places in this process's batch."""
+    try:
+        yield
+    except SimulationFault as fault:
+        said = re.sub(r"\bworld (\d+)", lambda place: f"world {share[int(place[1])]}", str(fault))
+        raise SimulationFault(said) from None
 
 
 def _given() -> tuple[str | None, int | None, int | None]:

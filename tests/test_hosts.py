@@ -6,15 +6,12 @@ import re
 import socket
 import subprocess
 import sys
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from iswarm_mj.cleaning_mjx import _own_numbers
 from iswarm_mj.errors import SimulationFault, UserError
-from iswarm_mj.hosts import HEARTBEAT_S, Hosts, join
+from iswarm_mj.hosts import HEARTBEAT_S, Hosts, join, numbered
 
 ARENA = {"size": 12, "dump-size": 3, "dust-area-size": 2, "dust-area-offset": 4, "n-dust": 12}
 RUN = {"engine": "mjx", "worlds": 3, "robots": 24, "seed": 5, "steps": 20, "record-worlds": 2}
@@ -156,6 +153,5 @@ def test_a_port_in_use_is_refused(monkeypatch):
 
 
 def test_faults_name_worlds_by_their_numbers_in_the_run():
-    batch: Any = SimpleNamespace(worlds=[SimpleNamespace(index=4), SimpleNamespace(index=17)])
-    with pytest.raises(SimulationFault, match=r"^step 9, world 17: a; step 9, world 4: b$"), _own_numbers(batch):
+    with pytest.raises(SimulationFault, match=r"^step 9, world 17: a; step 9, world 4: b$"), numbered([4, 17]):
         raise SimulationFault("step 9, world 1: a; step 9, world 0: b")
