@@ -11,6 +11,7 @@ import numpy as np
 
 from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.body_trees import quick_trees
 from iswarm_mj.mjx import mjx, put_model
 from iswarm_mj.model import ArenaModel, compile_arena
 from iswarm_mj.units import RD, mm_from_rd
@@ -107,12 +108,14 @@ def compile_mjx_arena(
     _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
     seen = put_model(sight.model, "jax", own)
+    with quick_trees():
+        view = mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax"))
     sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": room.contacts}
     return MjxArena(
         model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
         sight=seen,
-        view=mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax")),
+        view=view,
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
         n_robots=n_robots,
         hull=int(sight.hull[0]),

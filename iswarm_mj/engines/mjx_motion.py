@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from iswarm_mj.arrays import Array
+from iswarm_mj.engines.body_trees import quick_trees
 from iswarm_mj.engines.implicit_contacts import implicit_contacts
 from iswarm_mj.engines.mjx_arena import MjxArena
 from iswarm_mj.engines.planar_contacts import planar_contacts
@@ -72,7 +73,7 @@ def advance(arena: MjxArena, model: mjx.Model, bodies: Bodies, phases: Sequence[
 
     data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
     start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
-    with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts():
+    with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
     return Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape)), Motion(before, overflow)
 
