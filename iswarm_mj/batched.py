@@ -67,7 +67,7 @@ class BatchRun:
             worlds: B of them.
             settings: of the run.
             strategy: with a first axis of B worlds; by default the paper's, with each world's genome.
-            devices: all visible ones if not given.
+            devices: all that this process sees if not given.
 
         Raises:
             UserError: robots, worlds or settings that do not fit.
@@ -77,7 +77,7 @@ class BatchRun:
         check_robots(config.arena, n_robots)
         unknown = [w for w in settings.record_worlds if not 0 <= w < n_worlds]
         check("record_worlds", str(unknown), f"numbers of worlds, 0 to {n_worlds - 1}", not unknown)
-        devices = list(jax.devices() if devices is None else devices)[:n_worlds]
+        devices = list(jax.local_devices() if devices is None else devices)[:n_worlds]
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         each = self.worlds_per_device = -(-n_worlds // len(devices))
         # Two at least: with one, its axis would vanish from the program, and with it the last bits.

@@ -1,4 +1,4 @@
-"""The devices that a batched run is spread over."""
+"""The devices of this process that a batched run is spread over."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ def devices(count: str) -> list[Any]:
     Raises:
         UserError: there are not so many, or it is no number.
     """
-    visible = jax.devices()
+    visible = jax.local_devices()
     if count == "all":
         return visible
     if not count.isdigit() or not 1 <= int(count) <= len(visible):

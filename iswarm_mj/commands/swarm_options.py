@@ -60,7 +60,7 @@ class Swarm:
     devices: str = "all"
     """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
     hosts: bool = False
-    """Share the worlds of mjx among the processes of a job on several hosts; each uses all of its devices."""
+    """Share the worlds of mjx among the processes of a job on several hosts; each uses its own `devices`."""
     hosts_timeout: float = 300.0
     """Seconds for which a process waits for the others when it begins."""
     threads: int = 0
@@ -86,7 +86,6 @@ class Swarm:
         check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
         check("engine", self.engine, "mjx with --hosts", self.engine == "mjx" or not self.hosts)
-        check("devices", self.devices, "all with --hosts", self.devices == "all" or not self.hosts)
         check("hosts_timeout", self.hosts_timeout, "between 1 and 86400 s", 1 <= self.hosts_timeout <= 86_400)
         if self.impl == "warp" and self.engine == "mjx" and importlib.util.find_spec("warp") is None:
             raise UserError("--impl was warp, which needs the package warp-lang: pip install 'iswarm-mj[warp]'.")
@@ -132,5 +131,5 @@ class Swarm:
         share = hosts.share(self.worlds, batch.record_worlds)
         every = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
         recorded = tuple(share.index(world) for world in batch.record_worlds) if hosts.index == 0 else ()
-        own = [device for device in devices(self.devices) if device.process_index == hosts.index]
-        return BatchRun(config, [every[w] for w in share], replace(batch, record_worlds=recorded), devices=own)
+        batch = replace(batch, record_worlds=recorded)
+        return BatchRun(config, [every[world] for world in share], batch, devices=devices(self.devices))
