@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iswarm_mj.engines import mujoco_batch
 from iswarm_mj.engines.mujoco_batch import MujocoBatchEngine
 from iswarm_mj.model import compile_arena
 from iswarm_mj.units import RD
@@ -253,3 +254,24 @@ def test_balls_go_where_they_are_put(small):
     for world in range(2):
         data = engine._batch.get_data(world, engine._scratch)
         np.testing.assert_array_equal(data.xpos[bodies], balls[world])
+
+
+def test_the_other_solver_ends_a_jam_at_the_same_place(small, monkeypatch):
+    """A world with more contacts than `JAM` is solved by conjugate gradients, the one beside it as before."""
+    grid = np.stack(np.meshgrid(*[(np.arange(5) - 2) * 1.98] * 2), -1).reshape(1, 25, 2)
+    apart = np.stack(np.meshgrid(*[(np.arange(5) - 2) * 6.0] * 2), -1).reshape(1, 25, 2)
+    start = np.dstack([np.concatenate([grid, apart]), np.zeros((2, 25))])
+    velocity = np.random.default_rng(15).uniform(-2, 2, start.shape)
+    ends = []
+    for jam in (10**6, 30):
+        monkeypatch.setattr(mujoco_batch, "JAM", jam)
+        engine = engine_of(small, start)
+        for world in range(2):
+            engine.contacts(world)
+        engine.advance(velocity, 3, np.arange(2))
+        ends.append((engine.poses(), engine._solver.tolist()))
+    (newton, usual), (gradients, mixed) = ends
+    assert usual == [2, 2] and mixed == [1, 2]
+    np.testing.assert_allclose(gradients[0], newton[0], atol=1e-4)
+    assert not np.array_equal(gradients[0], newton[0])
+    np.testing.assert_array_equal(gradients[1], newton[1])

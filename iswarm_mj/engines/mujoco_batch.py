@@ -9,6 +9,11 @@ from iswarm_mj.model import ArenaModel
 
 _RAY_HEIGHT = 0.5  # half the height of a robot [mm]
 _RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
+JAM = 4000
+"""Contact points from which conjugate gradients find a world's forces: Newton's method, several times faster in usual
+swarms, takes seconds for a control step where more than a thousand robots' joints hang together."""
+_NEWTON, _GRADIENTS = int(mujoco.mjtSolver.mjSOL_NEWTON), int(mujoco.mjtSolver.mjSOL_CG)
+_MANY = 1000  # iterations at most; jams of 800 robots were done after some 400
 
 
 class MujocoBatchEngine:
@@ -20,6 +25,8 @@ class MujocoBatchEngine:
         self._qpos = self._batch.bind("qpos")
         self._force = self._batch.bind("qfrc_applied")
         self._mocap = self._batch.bind("mocap_pos")
+        self._solver, self._iterations = (self._batch.expand(f"opt.{name}") for name in ("solver", "iterations"))
+        self._n_contacts = np.zeros(n_worlds, int)
         self._scratch = mujoco.MjData(arena.model)
         n = len(arena.hull)
         self._object = np.full(arena.model.ngeom + 1, 2 * n + 1)  # the last one stands for no hit
@@ -29,6 +36,7 @@ class MujocoBatchEngine:
     def reset(self, poses: np.ndarray, balls: np.ndarray) -> None:
         """See `Engine.reset`."""
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._n_contacts[:] = 0
         self._qpos[:, self._arena.qpos] = poses
         self.move_balls(balls)
         self._batch.forward()
@@ -40,12 +48,16 @@ class MujocoBatchEngine:
     def advance(self, velocity: np.ndarray, n_substeps: int, worlds: np.ndarray) -> None:
         """See `Engine.advance`."""
         self._force[:, self._arena.qpos] = self._arena.servo_gain * velocity
+        is_jam = self._n_contacts[worlds] > JAM
+        self._solver[worlds] = np.where(is_jam, _GRADIENTS, _NEWTON)
+        self._iterations[worlds] = np.where(is_jam, _MANY, self._arena.model.opt.iterations)
         with without_timers():
             self._batch.step(ids=worlds, nstep=n_substeps)
 
     def contacts(self, world: int) -> np.ndarray:
         """See `Engine.contacts`."""
         contact = self._batch.get_data(world, self._scratch).contact
+        self._n_contacts[world] = len(contact.geom)
         first, second = self._object[contact.geom[contact.dist <= 0]].T
         n = len(self._arena.hull)
         robots = (first < n) & (second < n)
