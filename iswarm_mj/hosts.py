@@ -74,12 +74,32 @@ class Hosts:
 
     def _waited_for(self, key: str) -> str:
         while True:
-            self.look()
-            try:
+            try:  # before others are looked for: what all have handed in reaches all
                 return _service().blocking_key_value_get(key, round(1e3 * POLL_S))
             except jax.errors.JaxRuntimeError as error:
                 if "DEADLINE_EXCEEDED" not in str(error):
                     raise
+            self.look()
+
+    def agree(self, settings: dict[str, Any]) -> None:
+        """See that all processes were given the same; each of them finds out if not.
+
+        Args:
+            settings: what decides the run, by names, as JSON can hold it.
+
+        Raises:
+            UserError: another process was given something else.
+        """
+        first, *others = map(_flat, self.gathered("settings", settings))
+        for process, other in enumerate(others, 1):
+            names = [name for name in first | other if first.get(name) != other.get(name)]
+            if names:
+                differences = [f"{name} {other.get(name)} instead of {first.get(name)}" for name in names[:3]]
+                more = f" and {len(names) - 3} more" * (len(names) > 3)
+                raise UserError(
+                    f"--hosts was given, but process {process} of {self.count} has {', '.join(differences)}{more}, "
+                    "unlike process 0; start all of them with the same settings and versions."
+                )
 
     def look(self) -> None:
         """See whether the other processes are well.
@@ -199,6 +219,14 @@ def _refusal(reason: str) -> UserError:
         f"--hosts was given, but this process could not join the others ({reason}); start all of them by Slurm, Open "
         f"MPI or Kubernetes, or with {_GIVEN[0]}, {_GIVEN[1]} and {_GIVEN[2]}."
     )
+
+
+def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Settings within settings by their full names, as arena.size."""
+    found = {}
+    for name, value in settings.items():
+        found |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+    return found
 
 
 def _service() -> Any:

@@ -6,10 +6,15 @@ import re
 import socket
 import subprocess
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from iswarm_mj.commands.clean import Clean
+from iswarm_mj.commands.swarm_options import GenomeOverrides
+from iswarm_mj.config import ArenaConfig
 from iswarm_mj.errors import SimulationFault, UserError
 from iswarm_mj.hosts import HEARTBEAT_S, Hosts, join, numbered
 
@@ -105,6 +110,75 @@ def test_a_process_alone_gives_up(index, tmp_path):
     ((code, output, errors),) = ended([started(arguments, index, 2, free_port())])
     assert (code, output) == (2, "")
     assert re.fullmatch(r"iswarm: --hosts was given, .*were there within 1 s\); .*JAX_PROCESS_ID\.\n", errors)
+
+
+SETTINGS = {"seed": 5, "arena": {"size": 12.0}, "record_worlds": [0], "versions": {"jax": "1"}}
+
+
+@dataclass(frozen=True)
+class Stand(Hosts):
+    """Processes that hand in what is given here."""
+
+    handed_in: tuple = ()
+
+    def gathered(self, name, mine):
+        return list(self.handed_in)
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ({"seed": 6}, "seed 6 instead of 5,"),
+        ({"arena": {"size": 13.0}}, r"arena\.size 13\.0 instead of 12\.0,"),
+        ({"record_worlds": [1]}, r"record_worlds \[1\] instead of \[0\],"),
+        ({"versions": {"jax": "2"}, "seed": 7}, r"seed 7 instead of 5, versions\.jax 2 instead of 1,"),
+        ({name: i for i, name in enumerate("abcd")}, "a 0 instead of None, b .*, c 2 instead of None and 1 more,"),
+    ],
+)
+def test_processes_of_different_runs_all_refuse_them(other, says):
+    said = []
+    for index in range(3):
+        stand = Stand(index, 3, (SETTINGS, SETTINGS, SETTINGS | other))
+        with pytest.raises(UserError, match=f"process 2 of 3 has {says} unlike process 0; start all") as refusal:
+            stand.agree(stand.handed_in[index])
+        said.append(str(refusal.value))
+    assert len(set(said)) == 1
+
+
+def test_processes_of_one_run_agree():
+    Stand(0, 2, (SETTINGS, SETTINGS)).agree(SETTINGS)
+    Hosts().agree(SETTINGS)
+
+
+def test_what_decides_a_run():
+    """A flag that changes the results is among it, one of a process alone is not; values count, not their spelling."""
+
+    def deciding(**flags):
+        command = Clean(**{"engine": "mjx", "hosts": True, **flags})
+        _, genome, n_robots = command.checked()
+        return json.loads(json.dumps(command._deciding(genome, n_robots)))
+
+    same = deciding()
+    assert deciding(out=Path("elsewhere"), devices="1", hosts_timeout=9.0, threads=3) == same
+    assert deciding(robots=same["robots"]) == same
+    for flags in (
+        {"seed": 1}, {"worlds": 2}, {"robots": 7}, {"density": 0.05}, {"genome": "type2"}, {"steps": 9}, {"stop_at": 3},
+        {"solver_iterations": 20}, {"contact_room": 2.0}, {"record_worlds": ()}, {"record": False},
+        {"override": GenomeOverrides(fraction_scouts=0.4)}, {"arena": ArenaConfig(n_dust=10)},
+    ):  # fmt: skip
+        assert deciding(**flags) != same, flags
+    assert same["versions"].keys() >= {"iswarm_mj", "jax", "mujoco"} and same["command"] == "clean"
+
+
+@pytest.mark.slow
+def test_two_processes_with_different_settings_end(tmp_path):
+    port = free_port()
+    arguments = ["-m", "iswarm_mj", *TINY, "--hosts", "--out", str(tmp_path / "out")]
+    ran = ended([started([*arguments, f"--contact-room={1 + index}"], index, 2, port) for index in range(2)])
+    for code, output, errors in ran:
+        assert (code, output) == (2, "")
+        assert errors.startswith("iswarm: --hosts was given, but process 1 of 2 has contact_room 2.0 instead of 1.0,")
+    assert not list(tmp_path.iterdir())
 
 
 def test_shares():

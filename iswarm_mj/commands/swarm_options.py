@@ -1,7 +1,7 @@
 """Flags that every command on a swarm has."""
 
 import importlib.util
-from dataclasses import dataclass, field, fields, make_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from typing import Annotated, Any
 
 import tyro
@@ -33,6 +33,8 @@ MOST_ROBOTS = 200_000
 """Robots in all worlds together that the memory of an ordinary machine holds (about 0.1 MB each)."""
 MOST_ROBOTS_MJX = 5_000_000
 """Likewise on GPUs, several of them together."""
+_OWN = {"devices", "hosts_timeout", "threads", "out"}  # what each of several processes may have of its own
+_RESOLVED = {"genome", "override", "robots", "density"}  # what `checked` makes the genome and the number of robots of
 
 
 @dataclass(frozen=True)
@@ -122,14 +124,23 @@ class Swarm:
             hosts: as `joined` returned them.
 
         Raises:
-            UserError: too few worlds, or too many recorded, for so many processes.
+            UserError: too few worlds, or too many recorded, for so many processes; or these were given different runs.
         """
         from iswarm_mj.batched import BatchRun, worlds_of_seed
         from iswarm_mj.devices import devices
         from iswarm_mj.worlds import World
 
+        hosts.agree(self._deciding(genome, n_robots))
         share = hosts.share(self.worlds, batch.record_worlds)
         every = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
         recorded = tuple(share.index(world) for world in batch.record_worlds) if hosts.index == 0 else ()
         batch = replace(batch, record_worlds=recorded)
         return BatchRun(config, [every[world] for world in share], batch, devices=devices(self.devices))
+
+    def _deciding(self, genome: Genome, n_robots: int) -> dict[str, Any]:
+        """All that decides a run in MJX: the command with its flags, and the versions of what computes it."""
+        from iswarm_mj.experiments.checkpoint import versions
+
+        flags = {name: value for name, value in asdict(self).items() if name not in _OWN | _RESOLVED}
+        run = {"command": type(self).__name__.lower(), "robots": n_robots, "genome": asdict(genome)}
+        return {**run, **flags, "versions": versions()}
