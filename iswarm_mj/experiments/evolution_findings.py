@@ -19,7 +19,7 @@ PLATEAU = (35, 100)
 """Generations from which the paper takes its fittest swarms."""
 FITTEST = 250
 GROUP = 30
-"""Least runs of a group whose parameters are compared."""
+"""Least runs of a group whose parameters are compared, or of which a share is judged."""
 SMALL = 0.2
 """Differences of less than this share of a standard deviation count as none (Cohen's small effect)."""
 
@@ -72,16 +72,12 @@ def findings(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> list[Fin
     good = [row for row, ok in zip(rows, clean, strict=True) if ok]
     poor = [row for row, ok in zip(rows, clean, strict=True) if not ok]
     top = fittest(rows, *PLATEAU)
-    failed = share(len(poor), len(rows))
     return [
         _rise(rows),
         _learning(rows),
         _against(rows, searches.get("random"), BEATS),
         _against(rows, searches.get("cmaes"), RIVAL, judged=False),
-        MANY_FAIL.found(
-            f"{len(poor)} of {len(rows)}, {percent(failed)}", "Wilson's interval; holds if over 20 %",
-            failed.estimate > 0.2,
-        ),
+        _share(MANY_FAIL, len(poor), len(rows), 0.2),
         _counting(COUNTED, good, True, 0.9),
         _counting(UNCOUNTED, poor, False, 0.5),
         _equal(SCOUTS, "fraction_scouts", good, poor),
@@ -168,16 +164,19 @@ def _against(rows: Rows, other: tuple[Rows, Mapping[str, Any]] | None, claim: Cl
     )
 
 
+def _share(claim: Claim, count: int, total: int, least: float) -> Finding:
+    """Whether a share of the runs is more than `least`; too few runs where its interval does not decide it."""
+    if not total:
+        return claim.found("no such run", "", TOO_FEW)
+    found, limit = share(count, total), f"{100 * least:.0f} %"
+    rule = f"Wilson's interval; holds if it lies above {limit}, does not if it lies below; needs {GROUP} runs"
+    is_open = total < GROUP or found.low <= least <= found.high
+    return claim.found(f"{count} of {total}, {percent(found)}", rule, TOO_FEW if is_open else found.low > least)
+
+
 def _counting(claim: Claim, rows: Rows, flag: bool, least: float) -> Finding:
     """Share of the runs whose use_hop_count is `flag`."""
-    if not rows:
-        return claim.found("no such run", "", TOO_FEW)
-    count = sum(row["use_hop_count"] is flag for row in rows)
-    found = share(count, len(rows))
-    return claim.found(
-        f"{count} of {len(rows)}, {percent(found)}", f"Wilson's interval; holds if at least {100 * least:.0f} %",
-        found.estimate >= least,
-    )  # fmt: skip
+    return _share(claim, sum(row["use_hop_count"] is flag for row in rows), len(rows), least)
 
 
 def _equal(claim: Claim, name: str, good: Rows, poor: Rows) -> Finding:
