@@ -7,9 +7,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import tyro
 
 from iswarm_mj.cli import main
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.commands.evolve import Evolve
+from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.experiments import choices, evolution_findings, grasp_findings, hop_count, law_findings
 from iswarm_mj.experiments.evolve import Search
 from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW
@@ -18,6 +20,7 @@ from iswarm_mj.experiments.report import report
 from iswarm_mj.experiments.report_html import embedded
 from iswarm_mj.experiments.report_results import collect, command
 from iswarm_mj.experiments.study import Plan, row_of
+from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tables import write_table
 
@@ -120,6 +123,25 @@ class TestEvolution:
         found = by_claim(evolution_findings.findings({"paper": (search_rows(10), settings_of())}))
         for claim in ("RISES", "LEARNS", "TRADE", "DENSITY", "SIGNALS"):
             assert found[getattr(evolution_findings, claim).text].verdict == TOO_FEW, claim
+
+    @pytest.mark.parametrize(
+        "n_good, n_counting, n_poor, n_not_counting, verdicts",
+        [
+            (5, 5, 4, 1, (TOO_FEW, TOO_FEW, TOO_FEW)),
+            (29, 29, 29, 29, (HOLDS, TOO_FEW, TOO_FEW)),
+            (60, 60, 40, 36, (HOLDS, HOLDS, HOLDS)),
+            (60, 57, 40, 22, (HOLDS, TOO_FEW, TOO_FEW)),  # Wilson: 0.863 to 0.983, 0.398 to 0.693
+            (970, 700, 30, 3, (FAILS, FAILS, FAILS)),
+            (78, 78, 22, 0, (TOO_FEW, HOLDS, TOO_FEW)),  # Wilson: 0.150 to 0.311
+        ],
+    )
+    def test_shares_are_judged_by_their_intervals(self, n_good, n_counting, n_poor, n_not_counting, verdicts):
+        row = search_rows(1)[0]
+        rows = [row | {"delivered": 72, "use_hop_count": k < n_counting} for k in range(n_good)]
+        rows += [row | {"delivered": 40, "use_hop_count": k >= n_not_counting} for k in range(n_poor)]
+        found = by_claim(evolution_findings.findings({"paper": (rows, settings_of())}))
+        claims = (evolution_findings.MANY_FAIL, evolution_findings.COUNTED, evolution_findings.UNCOUNTED)
+        assert tuple(found[claim.text].verdict for claim in claims) == verdicts
 
     def test_the_fittest_are_those_of_generations_35_to_100(self):
         rows = [{"generation": g, "fitness": float(g % 97), "individual": k} for g in range(120) for k in range(10)]
@@ -232,6 +254,26 @@ class TestResults:
             "iswarm grasp --radius 1.5e-05 2.5e-05 --rh 10 30 --repeats 5 --seed 4 "
         )
         assert " --quick" in command(collect([results / "quick"]).experiments["hop-count"])
+
+    def test_operators_and_another_setting_are_told(self, tmp_path):
+        """The command brings back the settings; a comment says what is not the paper's."""
+        search = Search(
+            SwarmConfig(arena=ArenaConfig(n_dust=24), optics=OpticsConfig(line_of_sight=False)),
+            Operators(elite=3, relative_span=True), steps=200,
+        )  # fmt: skip
+        write_table(tmp_path / "evolution.parquet", search_rows(1), asdict(search))
+        told, _, comment = command(collect([tmp_path]).searches["paper"]).partition("  # ")
+        assert comment == "not the paper's setting: arena.n-dust 24, 200 steps"
+        given = tyro.cli(Evolve, args=told.split()[2:])
+        assert (given.operators, given.arena, given.optics, given.steps) == (
+            search.operators, search.config.arena, search.config.optics, 200,
+        )  # fmt: skip
+
+    def test_an_experiment_in_another_arena_is_told(self, tmp_path):
+        write_hop_count(tmp_path / "a", Plan(config=SwarmConfig(arena=ArenaConfig(n_dust=24))))
+        assert command(collect([tmp_path]).experiments["hop-count"]).endswith(
+            " --arena.n-dust 24 --out DIR  # not the paper's setting: arena.n-dust 24"
+        )
 
     def test_a_genome_that_is_no_preset_is_told(self, tmp_path):
         write_hop_count(tmp_path / "a", Plan(genome=replace(PRESETS["type1"], fraction_scouts=0.5)))

@@ -5,10 +5,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.errors import UserError
+from iswarm_mj.experiments.evolve import Search
 from iswarm_mj.experiments.findings import Rows
 from iswarm_mj.experiments.registry import EXPERIMENTS
+from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tables import read_table
 
@@ -65,7 +67,12 @@ def collect(directories: Sequence[Path]) -> Results:
 
 
 def command(result: Result) -> str:
-    """Command line that makes a table again, in an empty directory."""
+    """Command line that makes a table again, in an empty directory; a comment where it has not the paper's setting."""
+    apart = _not_the_papers(result.settings)
+    return _command(result) + (f"  # not the paper's setting: {', '.join(apart)}" if apart else "")
+
+
+def _command(result: Result) -> str:
     settings = result.settings
     if result.path.name == TRIALS:
         radii, rh = (" ".join(f"{v:g}" for v in settings[name]) for name in ("radii", "humidities"))
@@ -73,9 +80,10 @@ def command(result: Result) -> str:
         told = f"--repeats {settings['repeats']} --seed {settings['seed']} --engine {settings['engine']}{impl}"
         return f"iswarm grasp --radius {radii} --rh {rh} {told} --out DIR"
     if result.path.name == SEARCH:
+        operators = {"operators": settings["operators"]}
         names = ("method", "generations", "population", "steps", "evaluations", "seed")
         told = " ".join(f"--{name} {settings[name]}" for name in names) + _engine(settings)
-        return f"iswarm evolve {told}{_changed(settings['config'])} --out DIR"
+        return f"iswarm evolve {told}{_changed(settings['config'])}{_changed(operators)} --out DIR"
     presets = [name for name, genome in PRESETS.items() if asdict(genome) == settings["genome"]]
     genome = presets[0] if presets else "GENOME.json"
     quick = " --quick" if settings["quick"] else ""
@@ -108,13 +116,29 @@ def _engine(settings: Mapping[str, Any]) -> str:
     return "" if engine == "mujoco" else f" --engine {engine}"
 
 
-def _changed(given: Mapping[str, Any]) -> str:
-    """Flags of the configuration values that are not the defaults."""
-    usual = asdict(SwarmConfig())
-    flags = [
-        f" --{part}.{name.replace('_', '-')} {value}"
+def _not_the_papers(settings: Mapping[str, Any]) -> list[str]:
+    """Values of the arena, and the steps of a search, that are not the paper's; trials have neither."""
+    usual = asdict(ArenaConfig())
+    arena = settings.get("config", {}).get("arena", {})
+    apart = [f"arena.{name.replace('_', '-')} {value}" for name, value in arena.items() if usual.get(name) != value]
+    steps = settings.get("steps", Search.steps)
+    return apart + ([f"{steps} steps"] if steps != Search.steps else [])
+
+
+def _changed(given: Mapping[str, Mapping[str, Any]]) -> str:
+    """Flags of the values that are not the defaults, by the parts of the configuration, or `operators`."""
+    usual = asdict(SwarmConfig()) | {"operators": asdict(Operators())}
+    return "".join(
+        f" {_flag(f'{part}.{name}'.replace('_', '-'), value)}"
         for part, values in given.items()
         for name, value in values.items()
         if usual.get(part, {}).get(name) != value
-    ]
-    return "".join(flags)
+    )
+
+
+def _flag(name: str, value: Any) -> str:
+    """Option of the command line; a truth value is in its name."""
+    if isinstance(value, bool):
+        part, _, last = name.rpartition(".")
+        return f"--{name}" if value else f"--{part}.no-{last}"
+    return f"--{name} {value}"
