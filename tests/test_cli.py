@@ -151,6 +151,11 @@ class TestRefusals:
         base = ARENA_FLAGS if "--robots" in flags or "--density" in flags else SMALL
         assert re.search(message, refused(capfd, here, "clean", *base, *flags.split()))
 
+    @pytest.mark.parametrize("chunk", [0, -1, 10_001])
+    def test_chunks_of_a_benchmark(self, capfd, here, chunk):
+        error = refused(capfd, here, "bench", *SMALL, "--engine", "mjx", f"--chunk={chunk}")
+        assert f"--chunk was {chunk}; it must be between 1 and 10000" in error
+
     @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
     def test_every_float_must_be_finite(self, capfd, here, value):
         assert len(CONFIG_FLOATS) > 30 and len(GENOME_FLOATS) == 8

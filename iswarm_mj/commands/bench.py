@@ -32,6 +32,7 @@ class Bench(Swarm):
         config, genome, n_robots = self.checked()
         check("steps", self.steps, "between 1 and 100000", 1 <= self.steps <= 100_000)
         check("warm_up", self.warm_up, "between 1 and 100000", 1 <= self.warm_up <= 100_000)
+        check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
         if self.engine == "mjx":
             self._swarm_in_mjx(config, genome, n_robots)
             return
