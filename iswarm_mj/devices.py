@@ -19,7 +19,7 @@ def devices(count: str) -> list[Any]:
     visible = jax.local_devices()
     if count == "all":
         return visible
-    if not count.isdigit() or not 1 <= int(count) <= len(visible):
+    if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= len(visible):
         raise UserError(
             f"--devices was {count}; JAX sees {len(visible)} ({visible[0].device_kind}): give all, or 1 to "
             f"{len(visible)}."

@@ -193,10 +193,10 @@ def _given() -> tuple[str | None, int | None, int | None]:
     """
     address, count, index = (os.environ.get(name) or None for name in _GIVEN)
     for name, value in zip(_GIVEN[1:], (count, index), strict=True):
-        if value is not None and not value.isdigit():
+        if value is not None and not (value.isascii() and value.isdecimal()):
             raise UserError(f"{name} was {value}; it must be a whole number, processes counted from 0: set it anew.")
     if address is not None:
-        port = re.fullmatch(r".+:(\d{1,5})", address)
+        port = re.fullmatch(r".+:([0-9]{1,5})", address)
         if port is None or int(port[1]) > 65535:
             raise UserError(
                 f"{_GIVEN[0]} was {address}; it must be host:port of process 0, as node1:4321: set it anew."

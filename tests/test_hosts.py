@@ -15,6 +15,7 @@ import pytest
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.commands.swarm_options import GenomeOverrides
 from iswarm_mj.config import ArenaConfig
+from iswarm_mj.devices import devices
 from iswarm_mj.errors import SimulationFault, UserError
 from iswarm_mj.hosts import HEARTBEAT_S, Hosts, join, numbered
 
@@ -207,6 +208,10 @@ def test_worlds_that_cannot_be_shared_are_refused(n_worlds, recorded, says):
         ("node1", "2", "0", "JAX_COORDINATOR_ADDRESS was node1; it must be host:port"),
         ("node1:99999", "2", "0", "JAX_COORDINATOR_ADDRESS was node1:99999; it must be host:port"),
         ("node1:4321", "two", "0", "JAX_NUM_PROCESSES was two; it must be a whole number"),
+        ("node1:²", "2", "0", "JAX_COORDINATOR_ADDRESS was node1:²; it must be host:port"),
+        ("node1:٤٣٢١", "2", "0", "JAX_COORDINATOR_ADDRESS was node1:٤٣٢١; it must be host:port"),
+        ("node1:4321", "²", "0", "JAX_NUM_PROCESSES was ²; it must be a whole number"),
+        ("node1:4321", "2", "²", "JAX_PROCESS_ID was ²; it must be a whole number"),
         ("node1:4321", "2", "-1", "JAX_PROCESS_ID was -1; it must be a whole number"),
     ],
 )
@@ -216,6 +221,13 @@ def test_an_environment_that_makes_no_sense_is_refused(address, count, index, sa
     monkeypatch.setenv("JAX_PROCESS_ID", index)
     with pytest.raises(UserError, match=says):
         join(1)
+
+
+@pytest.mark.parametrize("count", ["²", "٣", "0", "-1", "1.0", "", "two", "1000"])
+def test_devices_that_are_not_there_are_refused(count):
+    with pytest.raises(UserError, match=rf"^--devices was {re.escape(count)}; JAX sees \d+ \(cpu\): give all, or 1 to"):
+        devices(count)
+    assert len(devices("1")) == 1 and devices("all")[:1] == devices("1")
 
 
 def test_a_port_in_use_is_refused(monkeypatch):
