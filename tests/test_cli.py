@@ -151,6 +151,15 @@ class TestRefusals:
         base = ARENA_FLAGS if "--robots" in flags or "--density" in flags else SMALL
         assert re.search(message, refused(capfd, here, "clean", *base, *flags.split()))
 
+    @pytest.mark.parametrize("command", ["clean", "bench"])
+    @pytest.mark.parametrize(
+        "flag",
+        ["--impl warp", "--solver-iterations 20", "--contact-room 2", "--devices 1", "--hosts", "--hosts-timeout 9"],
+    )
+    def test_flags_of_mjx_without_it(self, capfd, here, command, flag):
+        error = refused(capfd, here, command, *SMALL, *flag.split())
+        assert error.startswith(f"iswarm: --engine was mujoco; it must be mjx with {flag.split()[0]}:")
+
     @pytest.mark.parametrize("chunk", [0, -1, 10_001])
     def test_chunks_of_a_benchmark(self, capfd, here, chunk):
         error = refused(capfd, here, "bench", *SMALL, "--engine", "mjx", f"--chunk={chunk}")

@@ -33,6 +33,7 @@ MOST_ROBOTS = 200_000
 """Robots in all worlds together that the memory of an ordinary machine holds (about 0.1 MB each)."""
 MOST_ROBOTS_MJX = 5_000_000
 """Likewise on GPUs, several of them together."""
+_MJX_ONLY = ("impl", "solver_iterations", "contact_room", "devices", "hosts", "hosts_timeout")
 _OWN = {"devices", "hosts_timeout", "threads", "out"}  # what each of several processes may have of its own
 _RESOLVED = {"genome", "override", "robots", "density"}  # what `checked` makes the genome and the number of robots of
 
@@ -86,8 +87,10 @@ class Swarm:
         check("worlds", self.worlds, "at least 1", self.worlds >= 1)
         check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
         check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
+        for name in _MJX_ONLY:
+            is_fit = self.engine == "mjx" or getattr(self, name) == getattr(Swarm, name)
+            check("engine", self.engine, f"mjx with --{name.replace('_', '-')}", is_fit)
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
-        check("engine", self.engine, "mjx with --hosts", self.engine == "mjx" or not self.hosts)
         check("hosts_timeout", self.hosts_timeout, "between 1 and 86400 s", 1 <= self.hosts_timeout <= 86_400)
         if self.impl == "warp" and self.engine == "mjx" and importlib.util.find_spec("warp") is None:
             raise UserError("--impl was warp, which needs the package warp-lang: pip install 'iswarm-mj[warp]'.")
