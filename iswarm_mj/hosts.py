@@ -121,8 +121,7 @@ class Hosts:
             yield
         except BaseException as error:
             if self.count > 1:
-                reason = str(error) if isinstance(error, (UserError, SimulationFault)) else repr(error)
-                self._report(reason)
+                self._report(_reason(error))
             raise
 
     def _report(self, reason: str) -> None:
@@ -219,6 +218,12 @@ def _refusal(reason: str) -> UserError:
         f"--hosts was given, but this process could not join the others ({reason}); start all of them by Slurm, Open "
         f"MPI or Kubernetes, or with {_GIVEN[0]}, {_GIVEN[1]} and {_GIVEN[2]}."
     )
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt):
+        return "it was interrupted"
+    return str(error) if isinstance(error, (UserError, SimulationFault)) else repr(error)
 
 
 def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -96,6 +96,24 @@ def test_a_fault_of_one_process_ends_the_others():
     assert second[2].endswith(f"SimulationFault: {fault}\n")
 
 
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (KeyboardInterrupt(), "it was interrupted"),
+        (UserError("--out was x."), "--out was x."),
+        (SimulationFault("step 3"), "step 3"),
+        (KeyError("a"), "KeyError('a')"),
+    ],
+)
+def test_what_the_others_hear_of_an_error(error, said, monkeypatch):
+    heard = []
+    monkeypatch.setattr(Hosts, "_report", lambda _, reason: heard.append(reason))
+    for count in (1, 2):
+        with pytest.raises(type(error)), Hosts(0, count).together():
+            raise error
+    assert heard == [said]
+
+
 @pytest.mark.slow
 def test_a_process_that_is_killed_ends_the_others():
     """Within a minute or so, by JAX's heartbeat."""
