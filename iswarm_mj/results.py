@@ -9,7 +9,7 @@ import numpy as np
 
 from iswarm_mj import __version__
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.files import whole
+from iswarm_mj.files import remove, whole
 from iswarm_mj.metrics import Measures, fitness
 from iswarm_mj.rollout import RunSettings
 from iswarm_mj.strategy.genome import Genome
@@ -20,7 +20,7 @@ from iswarm_mj.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
 def clear(out: Path, record: bool) -> None:
     """Remove the results of an earlier run, now that this one can begin; `record`: its recording is already new."""
     for name in (RESULT, TRAJECTORY, *(() if record else (RECORDING,))):
-        (out / name).unlink(missing_ok=True)
+        remove(out / name)
 
 
 class Finished(Protocol):

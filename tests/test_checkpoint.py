@@ -56,6 +56,14 @@ def test_settled_files_are_in_order(path, written, tmp_path):
     assert path.read_bytes() == other.read_bytes() and entries(path) == written
 
 
+def test_a_directory_in_its_place_is_told(path):
+    path.mkdir()
+    with pytest.raises(
+        UserError, match=r"checkpoint\.jsonl cannot be written to \(Is a directory\); it must be a file"
+    ):
+        Journal(path, SETTINGS)
+
+
 def test_a_torn_last_line_is_dropped(path, written):
     """At whatever byte the process ended; the file goes on well after that."""
     whole, last = path.read_bytes(), (1, 0, 0)

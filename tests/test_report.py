@@ -12,6 +12,7 @@ import tyro
 from iswarm_mj.cli import main
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.errors import UserError
 from iswarm_mj.experiments import choices, evolution_findings, grasp_findings, hop_count, law_findings
 from iswarm_mj.experiments.evolve import Search
 from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW
@@ -372,6 +373,16 @@ class TestReport:
         assert embedded(tmp_path / "a.png").startswith("data:image/png;base64,")
         (tmp_path / "a.svg").write_bytes(b"<svg/>")
         assert embedded(tmp_path / "a.png") == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
+
+    def test_a_place_that_cannot_be_written_to_is_named_as_given(self, results, tmp_path):
+        (tmp_path / "file").touch()
+        with pytest.raises(
+            UserError, match=r"--out was \S*/file/r\.html, which cannot .* in a directory of yours: choo"
+        ):
+            report([results / "quick"], tmp_path / "file" / "r.html")
+        (tmp_path / "r.html").mkdir()
+        with pytest.raises(UserError, match=r"r\.html cannot be written to \(Is a directory\)"):
+            report([results / "quick"], tmp_path / "r.html")
 
     @pytest.mark.parametrize(
         "flags, said",

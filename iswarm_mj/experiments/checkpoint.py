@@ -16,7 +16,7 @@ from typing import Any
 
 from iswarm_mj import __version__
 from iswarm_mj.errors import UserError
-from iswarm_mj.files import whole
+from iswarm_mj.files import unwritable, whole
 
 Key = tuple[int, ...]
 
@@ -36,14 +36,17 @@ class Journal:
         settings: that decide the runs, as JSON would have them.
 
     Raises:
-        UserError: another process has the file, or it is not of these settings and versions, or it is damaged.
+        UserError: the file cannot be written to, is in use, of other settings or versions, or damaged.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any]):
         self._path = path
         self._head = json.loads(json.dumps({"versions": versions(), "settings": settings}))
         self.entries: dict[Key, Any] = {}
-        self._file = path.open("a+b")
+        try:
+            self._file = path.open("a+b")
+        except OSError as error:
+            raise unwritable(path, error) from None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

@@ -25,7 +25,7 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
     """
     results = collect(directories)
     figures = out.with_name(f"{out.stem}_figures")
-    prepare(figures)
+    prepare(figures, given=out)
     sections = sections_of(results, figures)
     again = f"iswarm report --results {' '.join(map(str, directories))} --out {out}"
     markdown = out.with_suffix(".md")

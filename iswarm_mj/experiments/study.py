@@ -15,7 +15,7 @@ from iswarm_mj.experiments.checkpoint import Journal, Key
 from iswarm_mj.experiments.findings import Finding, Rows
 from iswarm_mj.experiments.jobs import Job, Outcome
 from iswarm_mj.experiments.pool import check_engine, each, progress
-from iswarm_mj.files import prepare
+from iswarm_mj.files import prepare, remove
 from iswarm_mj.settings import kept
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tables import write_table
@@ -105,7 +105,7 @@ def run_experiment(
     check_engine(engine, backend)
     prepare(out)
     if again:
-        (out / RUNS).unlink(missing_ok=True)
+        remove(out / RUNS)
     entries = experiment.entries(plan)
     jobs = [entry.job for entry in entries]
     outcomes = _outcomes(experiment.name, jobs, out, workers, engine, backend)
