@@ -1,6 +1,7 @@
 """The search for fit swarms: generations of runs, their table, the best genome, and a checkpoint to go on from."""
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, astuple, dataclass, field, replace
@@ -66,8 +67,8 @@ def evolve(
 
     Files: evolution.parquet, a row a run (see `rows_of`); best.json, a genome; fitness.png and .svg; checkpoint.jsonl.
     The table is written after each generation, the others in the end. Neither the number of workers nor an
-    interruption changes a byte of them; with mjx, where a generation is one batch, no interruption between two
-    generations does.
+    interruption changes a byte of them. With mjx, where a generation is one batch, a generation that is in the
+    checkpoint in part is run again as a whole; that holds on CPUs, and on GPUs as far as a batch rounds alike twice.
 
     Args:
         search: what to do.
@@ -87,6 +88,8 @@ def evolve(
     settings = settings_of(search, engine)
     with Journal(out / CHECKPOINT, settings) as journal:
         _sweep(out)
+        if engine == "mjx":
+            _forget_parts(search, journal)
         total = search.generations * search.population * search.evaluations
         with progress(total, done=len(journal.entries)) as bar:
             run = partial(each, workers=workers, engine=engine, backend=backend)
@@ -220,6 +223,14 @@ def _outcomes(
                 "it is of another version: begin again in another --out."
             )
     return [Outcome(*journal.entries[key]["outcome"]) for key in keys]
+
+
+def _forget_parts(search: Search, journal: Journal) -> None:
+    """Forget generations of which only some runs are known; of a run that is written twice, the later one counts."""
+    known = Counter(key[0] for key in journal.entries)
+    journal.entries = {
+        key: entry for key, entry in journal.entries.items() if known[key[0]] == search.population * search.evaluations
+    }
 
 
 def _mean_fitness(outcomes: Sequence[Outcome]) -> float:
