@@ -143,6 +143,21 @@ class TestResume:
             assert contents(out) == contents(tmp_path / "whole")
             assert len(begun) == 60 - breaks_after
 
+    def test_with_mjx_a_generation_in_parts_is_one_batch_again(self, monkeypatch, tmp_path):
+        """The end came between lines of the second generation, then of that again, at another run."""
+        begun = pretend(monkeypatch)
+        evolve(SEARCH, tmp_path / "whole", engine="mjx")
+        batch = begun[10:20]
+        out = tmp_path / "out"
+        for runs in (17, 4):
+            pretend(monkeypatch, runs)
+            with pytest.raises(KeyboardInterrupt):
+                evolve(SEARCH, out, resume=True, engine="mjx")
+        begun = pretend(monkeypatch)
+        evolve(SEARCH, out, resume=True, engine="mjx")
+        assert len(begun) == 50 and begun[:10] == batch
+        assert contents(out) == contents(tmp_path / "whole")
+
     def test_a_finished_search_is_not_run_again(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
         evolve(SEARCH, tmp_path / "out")
@@ -357,6 +372,14 @@ def test_refusals(capfd, tmp_path, monkeypatch, flags, message):
     out, error = capfd.readouterr()
     assert stop.value.code == 2 and out == "" and error.count("\n") == 1
     assert re.search(message, error) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", ["cmaes", "random"])
+def test_only_the_papers_method_needs_room_for_an_elite(monkeypatch, tmp_path, method):
+    begun = pretend(monkeypatch)
+    cli.main(["evolve", "--method", method, "--generations=3", "--population=2", "--out", str(tmp_path / "out")])
+    assert len(begun) == 6
 
 
 def test_a_search_is_summed_up(capfd, tmp_path, monkeypatch):

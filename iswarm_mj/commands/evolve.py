@@ -57,8 +57,9 @@ class Evolve:
         check("evaluations", self.evaluations, "between 1 and 1000", 1 <= self.evaluations <= 1000)
         check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
         check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
-        elite = self.operators.elite
-        check("operators.elite", elite, "below --population", elite < self.population)
+        if self.method == "paper":
+            elite = self.operators.elite
+            check("operators.elite", elite, "below --population", elite < self.population)
         from iswarm_mj.experiments.evolve import Search, evolve
 
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)

@@ -122,4 +122,6 @@ class CmaEs:
     def _begin(self, mean: np.ndarray) -> None:
         seed = int(generator(self._seed, self._generation).integers(2**31))
         bounds = np.tile([0.0, 1.0], (len(mean), 1))
-        self._search = CMAwM(mean, self.SIGMA, bounds, IS_BOOLEAN.astype(float), seed=seed, population_size=self._size)
+        steps = IS_BOOLEAN.astype(float)
+        with np.errstate(divide="ignore"):  # of two or three, one is learned from; its rank-mu update has no weight
+            self._search = CMAwM(mean, self.SIGMA, bounds, steps, seed=seed, population_size=self._size)
