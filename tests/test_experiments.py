@@ -10,7 +10,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.errors import UserError
 from iswarm_mj.experiments import density, hop_count, robustness, sensitivity, study, types
 from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, number, verdict_of
-from iswarm_mj.experiments.jobs import Outcome, run_job
+from iswarm_mj.experiments.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.measures import TIME, quartiles, values
 from iswarm_mj.experiments.registry import EXPERIMENTS, experiment, listing
 from iswarm_mj.experiments.statistics import compare
@@ -282,6 +282,17 @@ class TestDirectory:
         assert len(counted) == 24
         run_experiment(EXPERIMENTS["density"], plan, tmp_path, again=True)
         assert len(counted) == 32
+
+    def test_runs_of_another_implementation_are_others(self, counted, tmp_path, monkeypatch):
+        plan = replace(PLAN, quick=True)
+        for impl, n_runs in (("jax", 8), ("warp", 16), ("jax", 16), ("warp", 16)):
+            monkeypatch.setattr("iswarm_mj.experiments.batches.implementation", lambda impl=impl: impl)
+            run_experiment(EXPERIMENTS["density"], plan, tmp_path, engine="mjx")
+            assert len(counted) == n_runs and read_table(tmp_path / "density.parquet")[1]["impl"] == impl
+
+    def test_runs_keep_their_names(self, small):
+        """Runs of the default engine that were kept are found again."""
+        assert study._key(Job(small, PRESETS["type1"], 30, 3, 40), "mujoco") == (3484034132274116,)
 
     def test_an_interruption_keeps_what_is_finished(self, counted, tmp_path, monkeypatch):
         working = study.each

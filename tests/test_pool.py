@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
+import zlib
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -122,6 +124,25 @@ class TestProcesses:
         with closing(each(jobs, 2)) as finished:
             next(finished)
         assert map_jobs(jobs, 2) == expected
+
+
+def test_programs_read_half_written_are_silent_in_workers(jobs, monkeypatch):
+    """Nothing else is: neither other errors of the cache nor other warnings."""
+    half = zlib.compress(bytes(1000))[:-8]
+    with pytest.raises(zlib.error) as error:
+        zlib.decompress(half)
+    entry = "Error reading persistent compilation cache entry for 'jit_step'"
+    told = [f"{entry}: error: {error.value}", f"{entry}: PermissionError: no", "truncated stream"]
+
+    def warns(job):
+        for text in told:
+            warnings.warn(text, stacklevel=1)
+
+    monkeypatch.setattr(pool, "run_job", warns)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        pool._work(0, jobs[0])
+    assert [str(warning.message) for warning in caught] == told[1:]
 
 
 SCRIPT = """

@@ -18,7 +18,7 @@ from iswarm_mj.experiments.checkpoint import Journal
 from iswarm_mj.experiments.evolution_figure import draw
 from iswarm_mj.experiments.jobs import Job, Outcome
 from iswarm_mj.experiments.optimisers import optimiser
-from iswarm_mj.experiments.pool import Finished, check_engine, each, progress
+from iswarm_mj.experiments.pool import Finished, check_engine, each, identity, progress
 from iswarm_mj.files import prepare, whole
 from iswarm_mj.layout import robots_for
 from iswarm_mj.settings import kept
@@ -106,11 +106,7 @@ def evolve(
 
 def settings_of(search: Search, engine: str) -> dict[str, Any]:
     """All that decides the outcome of a search on an engine, as its files have it; they do not name the default one."""
-    if engine == "mujoco":
-        return kept(search)
-    from iswarm_mj.experiments.batches import implementation
-
-    return {**kept(search), "engine": engine, "impl": implementation()}
+    return {**kept(search), **identity(engine)}
 
 
 def run_seed(search: Search, generation: int, individual: int, evaluation: int) -> int:

@@ -25,6 +25,8 @@ ENGINES = ("mujoco", "mjx")
 MAX_LOSSES = 3
 """So many times in a row, workers may die before another job is finished."""
 
+_HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncated stream"
+
 Finished = Generator[tuple[int, Outcome], None, None]
 
 
@@ -81,6 +83,15 @@ def check_engine(engine: str, backend: str) -> None:
         raise UserError(f"--backend was {backend}, whose workers do not run --engine mjx; leave one of the two out.")
 
 
+def identity(engine: str) -> dict[str, str]:
+    """What settings tell of an engine that decides an outcome; nothing of the default one."""
+    if engine == "mujoco":
+        return {}
+    from iswarm_mj.experiments.batches import implementation
+
+    return {"engine": engine, "impl": implementation()}
+
+
 def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
     """Bar with the remaining time, on a terminal only: `total` runs, of which `done` are there already."""
     return tqdm(total=total, initial=done, desc=describe or None, unit="run", disable=not sys.stderr.isatty())
@@ -88,6 +99,8 @@ def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
 
 def _work(index: int, job: Job) -> tuple[int, Outcome]:
     """Run a job in a worker, which leaves interrupts to its parent and GPUs alone."""
+    # Workers that compile a program at the same time may read it half written; it is compiled anew then.
+    warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
     jax.config.update("jax_platforms", "cpu")
     return index, run_job(job)
 

@@ -14,7 +14,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.checkpoint import Journal, Key
 from iswarm_mj.experiments.findings import Finding, Rows
 from iswarm_mj.experiments.jobs import Job, Outcome
-from iswarm_mj.experiments.pool import check_engine, each, progress
+from iswarm_mj.experiments.pool import check_engine, each, identity, progress
 from iswarm_mj.files import prepare, remove
 from iswarm_mj.settings import kept
 from iswarm_mj.strategy.genome import Genome
@@ -110,7 +110,7 @@ def run_experiment(
     jobs = [entry.job for entry in entries]
     outcomes = _outcomes(experiment.name, jobs, out, workers, engine, backend)
     rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-    settings = {"experiment": experiment.name, "engine": engine, **kept(plan)}
+    settings = {"experiment": experiment.name, "engine": engine, **kept(plan), **identity(engine)}
     if experiment.extra is not None:
         experiment.extra(plan, out, rows)
     write_table(out / experiment.table, rows, settings, csv=True)
@@ -142,7 +142,8 @@ def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
 
 def _outcomes(name: str, jobs: Sequence[Job], out: Path, workers: int, engine: str, backend: str) -> list[Outcome]:
     """Outcomes of the jobs: those of the journal, and the others from the pool into the journal."""
-    keys = [_key(job, engine) for job in jobs]
+    run_by = " ".join(identity(engine).values()) or engine
+    keys = [_key(job, run_by) for job in jobs]
     with Journal(out / RUNS, {"kind": "runs of experiments"}) as journal:
         missing = [number for number, key in enumerate(keys) if key not in journal.entries]
         todo = [jobs[number] for number in missing]
@@ -156,7 +157,7 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, workers: int, engine: s
         return [Outcome(*journal.entries[key]) for key in keys]
 
 
-def _key(job: Job, engine: str) -> Key:
-    """Name of a run by all that decides its outcome."""
-    text = json.dumps([engine, kept(job)], sort_keys=True).encode()
+def _key(job: Job, run_by: str) -> Key:
+    """Name of a run by all that decides its outcome: the job, the engine and, where there are several, its kind."""
+    text = json.dumps([run_by, kept(job)], sort_keys=True).encode()
     return (int(hashlib.sha256(text).hexdigest()[:13], 16),)
