@@ -138,7 +138,7 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
 
     def show(name: str) -> str:
         values = content[name] if isinstance(content[name], list) else [content[name]]
-        return ", ".join("-" if v is None else f"{v:.1f}" if isinstance(v, float) else str(v) for v in values)
+        return ", ".join("-" if v is None else f"{v:z.1f}" if isinstance(v, float) else str(v) for v in values)
 
     lines = [
         ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}"),

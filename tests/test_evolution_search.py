@@ -120,6 +120,12 @@ def test_the_best_is_not_the_luckiest():
     assert best_of(rows[:3]) == (lucky, 9.0, 1)
 
 
+def test_a_fitness_of_almost_nothing_has_no_sign(tmp_path):
+    rows = [{"generation": 0, "delivered": 0, "fitness": -0.02, **asdict(Genome())}]
+    told = module.summary(replace(SEARCH, generations=1), rows, best_of(rows), tmp_path)
+    assert "fitness  0 on average" in told and "best  0 on average" in told
+
+
 def test_seeds_differ_and_are_seeds():
     seeds = {run_seed(replace(SEARCH, seed=s), g, i, k) for s in range(5) for g in range(20) for i in range(10)
              for k in range(2)}  # fmt: skip

@@ -230,8 +230,8 @@ class TestFindings:
 
     @pytest.mark.parametrize(
         "value, text",
-        [(0.0, "0"), (1234.5, "1234"), (159.4, "159"), (0.0123, "0.0123"), (2e-7, "2.00e-07"), (12.0, "12"),
-         (1.2e7, "1.20e+07"), (float("nan"), "undefined")],
+        [(0.0, "0"), (-0.0, "0"), (1234.5, "1234"), (0.0123, "0.0123"), (2e-7, "2.00e-07"), (12.0, "12"),
+         (159.4, "159"), (1.2e7, "1.20e+07"), (float("nan"), "undefined")],
     )  # fmt: skip
     def test_numbers_are_readable(self, value, text):
         assert number(value) == text

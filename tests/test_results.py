@@ -8,7 +8,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from iswarm_mj import results, rollout
-from iswarm_mj.cleaning import BLOCK, clean
+from iswarm_mj.cleaning import BLOCK, clean, summary
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.errors import SimulationFault, UserError
 from iswarm_mj.rollout import Run, RunSettings
@@ -168,6 +168,11 @@ class TestSeeds:
         with np.load(tmp_path / "trajectory.npz") as file:
             assert file["delivered"][-1] == content["delivered"][0]
             assert file["collisions"][-1] == content["collisions"][0]
+
+
+def test_a_fitness_of_almost_nothing_has_no_sign(done):
+    content = done[1] | {"fitness": [-0.02, -0.06]}
+    assert "fitness  0.0, -0.1\n" in summary(content, done[0])
 
 
 class TestOut:

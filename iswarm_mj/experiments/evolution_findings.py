@@ -130,7 +130,9 @@ def _rise(rows: Rows) -> Finding:
     if len(best) < RISE:
         return RISES.found(f"the search has {len(best)} generations", "needs 35", TOO_FEW)
     rho, p = rank_correlation(range(RISE), best[:RISE])
-    ours = f"best of a generation {best[0]:.0f} in the first, {best[RISE - 1]:.0f} in the 35th, {max(best):.0f} at most"
+    ours = (
+        f"best of a generation {best[0]:z.0f} in the first, {best[RISE - 1]:z.0f} in the 35th, {max(best):z.0f} at most"
+    )
     tested = (
         f"Spearman's correlation with the generation {number(rho)}, p = {number(p, 2)}; holds if > 0.5 and p < 0.01"
     )
@@ -142,7 +144,7 @@ def _learning(rows: Rows) -> Finding:
     if len(means) < FIRST + LAST:
         return LEARNS.found(f"the search has {len(means)} generations", f"needs {FIRST + LAST}", TOO_FEW)
     result = compare(means[-LAST:], means[:FIRST])
-    ours = f"mean fitness {means[-LAST:].mean():.0f} against {means[:FIRST].mean():.0f} points"
+    ours = f"mean fitness {means[-LAST:].mean():z.0f} against {means[:FIRST].mean():z.0f} points"
     tested = f"of the generations' means: {told(result, 'points')}; holds if p < 0.01"
     return LEARNS.found(ours, tested, verdict_of(result, True))
 
@@ -155,8 +157,8 @@ def _against(rows: Rows, other: tuple[Rows, Mapping[str, Any]] | None, claim: Cl
     result = compare(mine, theirs)
     best = [max(row["fitness"] for row in found) for found in (rows, other[0])]
     ours = (
-        f"mean fitness of the last {len(mine)} generations {mine.mean():.0f} against {theirs.mean():.0f} points; "
-        f"best run {best[0]:.0f} against {best[1]:.0f}; {len(rows)} and {len(other[0])} runs"
+        f"mean fitness of the last {len(mine)} generations {mine.mean():z.0f} against {theirs.mean():z.0f} points; "
+        f"best run {best[0]:z.0f} against {best[1]:z.0f}; {len(rows)} and {len(other[0])} runs"
     )
     rule = "; holds if p < 0.01" if judged else ""
     return claim.found(

@@ -163,8 +163,8 @@ def summary(search: Search, rows: Sequence[dict[str, Any]], best: Best, out: Pat
     lines = [
         ("search", f"{search.method}, {search.generations} generations of {search.population}, seed {search.seed}"),
         ("runs", f"{len(rows)}, of which {clean} delivered all {n_dust} balls"),
-        ("fitness", f"{np.mean([row['fitness'] for row in last]):.0f} on average over the last 20 generations"),
-        ("best", f"{best.fitness:.0f} on average over its {best.n_runs} run(s)"),
+        ("fitness", f"{np.mean([row['fitness'] for row in last]):z.0f} on average over the last 20 generations"),
+        ("best", f"{best.fitness:z.0f} on average over its {best.n_runs} run(s)"),
         *(("", f"{name} = {value:.3g}" if isinstance(value, float) else f"{name} = {value}")
           for name, value in asdict(best.genome).items()),
         ("results", f"{out}; try the best by: iswarm clean --genome {out / BEST}"),
@@ -186,7 +186,7 @@ def _all_generations(
         rows += rows_of(generation, individuals, jobs, outcomes)
         n_runs = search.evaluations
         method.tell([_mean_fitness(outcomes[i : i + n_runs]) for i in range(0, len(jobs), n_runs)])
-        bar.set_postfix_str(f"generation {generation + 1}, best {max(o.fitness for o in outcomes):.0f}", refresh=False)
+        bar.set_postfix_str(f"generation {generation + 1}, best {max(o.fitness for o in outcomes):z.0f}", refresh=False)
         if len(journal.entries) > known:
             write_table(out / TABLE, rows, settings)
     return rows

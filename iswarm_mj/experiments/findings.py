@@ -62,7 +62,7 @@ def number(value: float, digits: int = 3) -> str:
         return "undefined"
     if value == 0 or 1e-3 <= abs(value) < 1e6:
         places = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
-        text = f"{value:.{places}f}"
+        text = f"{value:z.{places}f}"
         return text.rstrip("0").rstrip(".") if "." in text else text
     return f"{value:.{digits - 1}e}"
 
