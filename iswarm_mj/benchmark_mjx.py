@@ -10,12 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj import swarm
-from iswarm_mj.batch_step import drive
+from iswarm_mj.batch_step import WorldState, drive
 from iswarm_mj.batched import BatchRun
-from iswarm_mj.engines.mjx_arena import without_absent
+from iswarm_mj.engines.mjx_arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx_sight import see
 from iswarm_mj.hardware import processor
 from iswarm_mj.hosts import ALONE, Hosts, numbered
+from iswarm_mj.worlds import Given
 
 REPEATS = 5
 
@@ -71,9 +72,16 @@ def bench(run: BatchRun, n_chunks: int, hosts: Hosts = ALONE) -> dict[str, Any] 
     return content
 
 
+def on_first_device(run: BatchRun) -> tuple[Given, WorldState, MjxArena]:
+    """Return what the first device has of what is given and what changes, of worlds of the run alone, and its arena."""
+    given, state, arena = jax.tree.map(lambda a: a.addressable_shards[0].data, (*run.arrays(), run.arena))
+    given, state = jax.tree.map(lambda a: a[: run.worlds_per_device], (given, state))
+    return given, state, arena
+
+
 def _stages(run: BatchRun) -> dict[str, float]:
     """Seconds per control step of sight, decision and physics, each as a program of its own on the first device."""
-    given, state, arena = jax.tree.map(lambda a: a.addressable_shards[0].data, (*run.arrays(), run.arena))
+    given, state, arena = on_first_device(run)
     config = run.config
     poses, alive = state.bodies.poses, state.swarm.is_alive
 

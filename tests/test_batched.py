@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.batched import BatchRun, BatchSettings, _chunk, worlds_of_seed
+from iswarm_mj.benchmark_mjx import on_first_device
 from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.errors import SimulationFault, UserError
 from iswarm_mj.rollout import Run, RunSettings
@@ -57,6 +58,16 @@ def test_a_world_is_the_same_bits_in_any_batch_and_any_chunks(batch):
     np.testing.assert_array_equal(poses(batch)[1], poses(alone)[0])
     assert batch.measures(1) == alone.measures(0)
     assert sum(batch.measures(w).picked for w in range(3)) > 3
+
+
+def test_stages_are_timed_on_worlds_of_the_run_alone():
+    """Of one world on a CPU there are two rows, the second a filler."""
+    run = BatchRun(TINY, [WORLD], BatchSettings(1, chunk=1), devices=jax.devices("cpu")[:1])
+    given, state, arena = on_first_device(run)
+    assert {a.shape[0] for a in jax.tree.leaves((given, state))} == {1}
+    assert not np.asarray(state.is_finished).any()
+    np.testing.assert_array_equal(state.bodies.poses, poses(run))
+    assert [a.shape for a in jax.tree.leaves(arena)] == [a.shape for a in jax.tree.leaves(run.arena)]
 
 
 def test_worlds_of_other_sizes_and_genomes(batch):
