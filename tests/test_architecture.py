@@ -26,7 +26,15 @@ FLOORS = [
         "units",
         "gripper.trace",
     ],
-    ["config", "blueprint", "engines.body_trees", "experiments.findings", "files", "gripper.protocol", "sensors.neighbours"],
+    [
+        "config",
+        "blueprint",
+        "engines.body_trees",
+        "experiments.findings",
+        "files",
+        "gripper.protocol",
+        "sensors.neighbours",
+    ],
     ["blueprint_grasp", "conditions", "experiments.measures", "figures", "hosts", "tables", "experiments.checkpoint"],
     [
         "record_grasp",

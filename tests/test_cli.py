@@ -141,7 +141,7 @@ class TestRefusals:
             ("--stop-at 0", r"--stop-at was 0;"),
             ("--arena.dump-size 9", r"--arena\.dump-size was 9"),
             ("--drive.control-period -1", r"--drive\.control-period was -1"),
-            ("--genome type3", r"genome was 'type3'; give one of the presets type1, type2 or the path"),
+            ("--genome type3", r"genome was 'type3'; give one of the presets type1, type2, evolved or the path"),
             ("--genome nowhere.json", r"genome was 'nowhere\.json'"),
             ("--genome .", r"genome was '\.'"),
             ("--p-vector-forget 1.5", r"p_vector_forget was 1\.5"),

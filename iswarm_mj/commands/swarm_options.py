@@ -43,7 +43,7 @@ class Swarm:
     """Settings that every command on a swarm has."""
 
     genome: str = "type1"
-    """A preset, type1 or type2 of the paper's Table 2, or a JSON file of its parameters."""
+    """A preset, type1 or type2 of the paper's Table 2 or evolved, or a JSON file of the parameters."""
     robots: int | None = None
     """Number of robots; given neither this nor the density, the genome's density counts."""
     density: float | None = None

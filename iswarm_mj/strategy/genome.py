@@ -61,8 +61,19 @@ PRESETS = {
         weight_find_dust=0.82,
         weight_find_dump=1.00,
     ),
+    "evolved": Genome(
+        density_of_robots=0.3304,
+        fraction_scouts=0.0411,
+        p_vector_forget=0.632,
+        priority_coll_avoid_dist=0.537,
+        empty_coll_avoid_dist=0.663,
+        loaded_coll_avoid_dist=0.0815,
+        priority_signal_scouts=True,
+        weight_find_dust=0.722,
+        weight_find_dump=0.747,
+    ),
 }
-"""The two fit types that evolved in the paper (Table 2)."""
+"""The two fit types that evolved in the paper (Table 2), and the fittest genome of the search in `results/`."""
 
 
 def load_genome(name: str) -> Genome:
