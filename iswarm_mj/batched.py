@@ -155,15 +155,9 @@ class BatchRun:
             )  # fmt: skip
         self.step = min(self.step + s.chunk, s.steps)
         self._seen = self._look()
-        fault: Fault = self._seen["fault"]
-        faults = [
-            describe(
-                int(world), int(fault.bits[world]), int(fault.step[world]), int(fault.robot[world]), self.arena.room
-            )
-            for world in np.flatnonzero(fault.bits)
-        ]
-        if faults:
-            raise SimulationFault("; ".join(faults[:5]) + (f"; and {len(faults) - 5} more worlds" * (len(faults) > 5)))
+        fault = describe(self._seen["fault"], self.arena.room)
+        if fault:
+            raise SimulationFault(fault)
         return self._recorded(records) if s.record_worlds else None
 
     def _recorded(self, records: StepRecord) -> StepRecord:

@@ -59,7 +59,9 @@ def parse(arguments: Sequence[str] | None) -> Command:
     lines = [line for line in lines[1:] if line.strip("─ ")] or ["The command line could not be read."]
     ends = ("Got errors", "Argument helptext", "For full", "Perhaps")
     fact = " ".join(itertools.takewhile(lambda line: not line.startswith(ends), lines))
-    raise UserError(f"{fact.rstrip('.')}; `iswarm --help` and `iswarm clean --help` list what is allowed.")
+    asked = (sys.argv[1:] if arguments is None else list(arguments))[:1]
+    command = " ".join(["iswarm", *(name for name in asked if name in COMMANDS)])
+    raise UserError(f"{fact.rstrip('.')}; `{command} --help` lists what is allowed.")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -77,5 +79,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(141) from None
     except KeyboardInterrupt:
-        print("iswarm: interrupted; what was recorded so far is kept.", file=sys.stderr)
+        print("iswarm: interrupted; what was recorded so far, if anything, is kept.", file=sys.stderr)
         raise SystemExit(130) from None

@@ -1,25 +1,35 @@
 """Faults of batched runs, decoded."""
 
-from iswarm_mj.batch_step import NOT_FINITE, OUTSIDE
+import numpy as np
+
+from iswarm_mj.batch_step import NOT_FINITE, OUTSIDE, Fault
 from iswarm_mj.engines.mjx_arena import Capacities
 from iswarm_mj.engines.mjx_motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS
 
+MOST_TOLD = 5
+"""Worlds of which a sentence tells."""
 
-def describe(world: int, bits: int, step: int, robot: int, room: Capacities) -> str:
-    """One sentence on what went wrong in a world.
+
+def describe(fault: Fault, room: Capacities) -> str:
+    """One sentence on what went wrong in which worlds, with the remedy; empty if nothing did.
 
     Args:
-        world: its number.
-        bits: what went wrong, at least one.
-        step: control step, from 1.
-        robot: the first that is concerned.
+        fault: of all worlds, arrays (B,): bits, control step from 1, and the first robot that is concerned.
         room: what there was for contacts.
     """
-    remedy = "for which there is no room: give more --contact-room"
-    texts = {
-        TOO_MANY_PAIRS: f"more than {room.pairs} pairs of robots near enough to touch {remedy}",
-        TOO_MANY_CONTACTS: f"more than {room.contacts} contact points {remedy}",
-        NOT_FINITE: f"robot {robot} has no finite pose",
-        OUTSIDE: f"robot {robot} left the arena",
-    }
-    return f"step {step}, world {world}: " + " and ".join(text for bit, text in texts.items() if bits & bit)
+    worlds = np.flatnonzero(fault.bits)
+    texts = [
+        (TOO_MANY_PAIRS, f"more than {room.pairs} pairs of robots near enough to touch"),
+        (TOO_MANY_CONTACTS, f"more than {room.contacts} contact points"),
+        (NOT_FINITE, "robot {robot} has no finite pose"),
+        (OUTSIDE, "robot {robot} left the arena"),
+    ]
+    told = []
+    for world in worlds[:MOST_TOLD]:
+        what = " and ".join(text for bit, text in texts if fault.bits[world] & bit)
+        told.append(f"step {fault.step[world]}, world {world}: {what.format(robot=fault.robot[world])}")
+    if len(worlds) > MOST_TOLD:
+        told.append(f"and {len(worlds) - MOST_TOLD} more worlds")
+    if (np.asarray(fault.bits) & (TOO_MANY_PAIRS | TOO_MANY_CONTACTS)).any():
+        told.append("there is no room for so many: give more --contact-room")
+    return "; ".join(told)

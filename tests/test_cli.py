@@ -304,6 +304,7 @@ def test_bench_prints_one_line(capfd, here):
         (["clean", "--optics.mode", "laser"], "Expected one of ('sector', 'power')"),
         (["clean", "--strategy.update-order", "random"], "Expected one of ('synchronous', 'sequential')"),
         (["clean", "--robotss", "3"], "--robotss"),
+        (["grasp", "--repeats", "some"], "--repeats"),
         (["sweep"], "Available subcommands: clean, picture, bench"),
         ([], "Expected one of {clean, picture, bench, "),
     ],
@@ -315,5 +316,6 @@ def test_flags_that_cannot_be_read_get_one_line(arguments, fact, capfd, tmp_path
     said = capfd.readouterr().err
     assert stop.value.code == 2
     assert said.startswith("iswarm: ") and said.count("\n") == 1
-    assert fact in said and said.endswith("list what is allowed.\n")
+    command = " ".join(["iswarm", *arguments[:1]]) if arguments != ["sweep"] else "iswarm"
+    assert fact in said and said.endswith(f"; `{command} --help` lists what is allowed.\n")
     assert not list(tmp_path.iterdir())

@@ -63,14 +63,14 @@ PRESETS = {
     ),
     "evolved": Genome(
         density_of_robots=0.3304,
-        fraction_scouts=0.0411,
-        p_vector_forget=0.632,
-        priority_coll_avoid_dist=0.537,
-        empty_coll_avoid_dist=0.663,
-        loaded_coll_avoid_dist=0.0815,
+        fraction_scouts=0.0310,
+        p_vector_forget=0.661,
+        priority_coll_avoid_dist=0.506,
+        empty_coll_avoid_dist=0.798,
+        loaded_coll_avoid_dist=0.0517,
         priority_signal_scouts=True,
-        weight_find_dust=0.722,
-        weight_find_dump=0.747,
+        weight_find_dust=0.750,
+        weight_find_dump=0.769,
     ),
 }
 """The two fit types that evolved in the paper (Table 2), and the fittest genome of the search in `results/`."""
