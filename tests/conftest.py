@@ -1,5 +1,9 @@
 """One small arena for all tests that run a swarm: JAX compiles once for each configuration and number of robots."""
 
+import os
+
+os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")  # compiling takes longest; before JAX starts
+
 import pytest
 
 from iswarm_mj.compilation import keep_compiled_programs, quieten
