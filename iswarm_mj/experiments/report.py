@@ -7,7 +7,7 @@ from iswarm_mj.experiments.report_html import page
 from iswarm_mj.experiments.report_markdown import document
 from iswarm_mj.experiments.report_results import collect
 from iswarm_mj.experiments.report_sections import Section, sections_of
-from iswarm_mj.experiments.report_text import tally
+from iswarm_mj.experiments.report_text import tally_text
 from iswarm_mj.files import prepare, whole
 
 
@@ -35,6 +35,5 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
     ):
         with whole(path) as part:
             part.write_text(text, encoding="utf-8")
-    counts = ", ".join(f"{count} {verdict or 'not judged'}" for verdict, count in tally(sections))
-    print(f"statements: {counts}\nreport in {out} and {markdown}")
+    print(f"{tally_text(sections)}\nreport in {out} and {markdown}")
     return sections

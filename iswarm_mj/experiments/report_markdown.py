@@ -7,7 +7,7 @@ from pathlib import Path
 from iswarm_mj.experiments import choices
 from iswarm_mj.experiments.report_results import Results, command
 from iswarm_mj.experiments.report_sections import Picture, Section
-from iswarm_mj.experiments.report_text import INTRODUCTION, TITLE, read_tables, tally
+from iswarm_mj.experiments.report_text import INTRODUCTION, TITLE, read_tables, tally_text
 
 
 def document(sections: Sequence[Section], results: Results, again: str, figures: Path) -> str:
@@ -20,7 +20,7 @@ def document(sections: Sequence[Section], results: Results, again: str, figures:
         figures: folder beside the document; figures from elsewhere are copied into it.
     """
     parts = [f"# {TITLE}", *INTRODUCTION]
-    parts.append(", ".join(f"{count} {verdict or 'not judged'}" for verdict, count in tally(sections)) + ".")
+    parts.append(f"{tally_text(sections)}.".capitalize())
     for section in sections:
         parts += [f"## {section.title}", _findings(section)]
         if section.paper:

@@ -24,6 +24,11 @@ def tally(sections: Sequence[Section]) -> list[tuple[str, int]]:
     return [(verdict, verdicts.count(verdict)) for verdict in dict.fromkeys(verdicts)]
 
 
+def tally_text(sections: Sequence[Section]) -> str:
+    """The same in one line."""
+    return ", ".join(f"{verdict or 'not judged'}: {count}" for verdict, count in tally(sections))
+
+
 def read_tables(results: Results) -> list[Result]:
     """All tables that were used."""
     trials = [results.trials] if results.trials else []
