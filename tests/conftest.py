@@ -2,8 +2,6 @@
 
 import os
 
-os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")  # compiling takes longest; before JAX starts
-
 import pytest
 
 from iswarm_mj.compilation import keep_compiled_programs, quieten
@@ -11,6 +9,12 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 
 quieten()
 keep_compiled_programs()
+
+
+def pytest_configure(config):
+    """Compiling takes longest in the tests of every day; the slow ones run what users run."""
+    if config.option.markexpr == "not slow":
+        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 
 @pytest.fixture(scope="session")

@@ -149,7 +149,7 @@ print(json.dumps([run.mesh.size, [run.measures(w) for w in range(3)], sums]))
 @pytest.mark.parametrize(("devices", "used"), [(2, 2), pytest.param(4, 3, marks=pytest.mark.slow)])
 def test_the_number_of_devices_changes_nothing(batch, devices, used):
     """Of three worlds two devices take two each, one of them a filler; of four devices three take one each."""
-    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count={devices}"
+    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
     env = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, env=env, check=True)
     size, measures, sums = json.loads(done.stdout.splitlines()[-1])

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import astuple, fields, replace
+from pathlib import Path
 
 import pytest
 
@@ -93,3 +94,10 @@ def test_overrides():
     assert overridden(PRESETS["type2"], values) == replace(PRESETS["type2"], fraction_scouts=0.5, use_hop_count=False)
     with pytest.raises(UserError, match="fraction_scouts was nan"):
         overridden(Genome(), {"fraction_scouts": float("nan")})
+
+
+def test_the_evolved_preset_is_what_the_search_found():
+    """To the digits that Table 2 has."""
+    found = load_genome(str(Path(__file__).parents[1] / "results" / "evolve-paper" / "best.json"))
+    for mine, theirs in zip(astuple(PRESETS["evolved"]), astuple(found), strict=True):
+        assert type(mine) is type(theirs) and mine == pytest.approx(theirs, abs=1e-3)

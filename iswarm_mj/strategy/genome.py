@@ -69,11 +69,12 @@ PRESETS = {
         empty_coll_avoid_dist=0.798,
         loaded_coll_avoid_dist=0.0517,
         priority_signal_scouts=True,
+        priority_signal_loaded=False,
         weight_find_dust=0.750,
         weight_find_dump=0.769,
     ),
 }
-"""The two fit types that evolved in the paper (Table 2), and the fittest genome of the search in `results/`."""
+"""The two fit types that evolved in the paper (Table 2), and the fittest genome of the search in `results/evolve-paper`."""
 
 
 def load_genome(name: str) -> Genome:
