@@ -120,6 +120,19 @@ class TestEvolution:
         for claim in ("RISES", "LEARNS", "COUNTED", "TRADE"):
             assert found[getattr(evolution_findings, claim).text].verdict == FAILS, claim
 
+    @pytest.mark.parametrize("n, apart, verdict", [(5000, 0.0, HOLDS), (60, 0.2, TOO_FEW), (500, 1.0, FAILS)])
+    def test_equal_is_what_surely_differs_by_little(self, n, apart, verdict):
+        rng = np.random.default_rng(0)
+        good, poor = ([{"x": v} for v in rng.normal(shift, 1, n)] for shift in (0, apart))
+        assert evolution_findings._equal(evolution_findings.SCOUTS, "x", good, poor).verdict == verdict
+
+    def test_the_best_runs_are_told_too(self, found):
+        means = [np.mean(sorted(row["fitness"] for row in rows)[-100:])
+                 for rows in (search_rows(), search_rows(learns=False, seed=1))]  # fmt: skip
+        assert (
+            f"of the 100 best runs {means[0]:.0f} against {means[1]:.0f}" in found[evolution_findings.BEATS.text].ours
+        )
+
     def test_a_short_search_decides_nothing_that_needs_more(self):
         found = by_claim(evolution_findings.findings({"paper": (search_rows(10), settings_of())}))
         for claim in ("RISES", "LEARNS", "TRADE", "DENSITY", "SIGNALS"):

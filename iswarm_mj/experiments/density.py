@@ -44,9 +44,13 @@ LOWEST = {
     ),
 }
 CLEANS = Claim("Swarms of density 0.1 to 0.2 clean the whole arena", "section 4.6.2, Fig. 17(b)", "0.1 to 0.2")
-SPARSE = Claim("Swarms of density 0.05 do not", "section 4.6.2, Fig. 17(b)", "0.05 is outside of 0.1 to 0.2")
+SPARSE = Claim(
+    "Swarms of density 0.05 do not clean the whole arena", "section 4.6.2, Fig. 17(b)", "0.05 is outside of 0.1 to 0.2"
+)
 DENSE = Claim(
-    "Swarms of density above 0.2 do not", "section 4.6.2, Fig. 17(b)", "0.25 to 0.4 are outside of 0.1 to 0.2"
+    "Swarms of density above 0.2 do not clean the whole arena",
+    "section 4.6.2, Fig. 17(b)",
+    "0.25 to 0.4 are outside of 0.1 to 0.2",
 )
 
 

@@ -68,7 +68,7 @@ def _scale() -> Finding:
     pairs = [(law(_V, RELEASE_GAP, _R, PROBE_RADIUS), law(_V, 2 * RELEASE_GAP, 2 * _R, 2 * PROBE_RADIUS))
              for law in (pick_force, release_force)]  # fmt: skip
     worst = max(abs(float(large / small) - 1) for small, large in pairs)
-    return SCALE.found(f"twice the size changes the force by {worst:.1g} of it", "by construction", worst < 1e-9)
+    return SCALE.found(f"twice the size changes the force by {100 * worst:.1g} %", "by construction", worst < 1e-9)
 
 
 def _peak() -> Finding:

@@ -69,7 +69,7 @@ CAPTIONS = {
     "hop_count": "With and without hop counts: bars to the median, lines to the third quartile, dots are runs",
     "density": "Densities: bars to the median, lines to the third quartile, dots are runs",
     "types": "All types: dots are runs, lines medians",
-    "sensitivity": "Each choice against the default; orange is slower, blue faster, grey undecided",
+    "sensitivity": "Each choice on its own against the default: orange intervals lie above zero, blue ones below",
     "robustness": "Failed robots: lines through the medians, bands between the quartiles, dots are runs",
 }
 
@@ -107,7 +107,7 @@ def sections_of(results: Results, figures: Path) -> list[Section]:
         ("hop-count", "Hop counts (section 4.6.1, Fig. 15)"),
         ("types", "The two types (Table 2, Fig. 16)"),
         ("density", "The optimal density (section 4.6.2, Fig. 17)"),
-        ("sensitivity", "Beyond the paper: what its silences change"),
+        ("sensitivity", "Beyond the paper: other choices and other noise"),
         ("robustness", "Beyond the paper: failed robots"),
     ):
         sections.append(_experiment(name, title, results.experiments.get(name), figures))

@@ -61,7 +61,7 @@ A run's seed follows from its place here: what is added comes last.
 """
 
 REACHES = Claim(
-    "The goal is reached whatever is chosen where the paper is silent", "not in the paper", "one setting only"
+    "The goal is reached with each other choice and each other noise", "not in the paper", "one setting only"
 )
 CHANGES = Claim("Choices that change the time to the goal", "not in the paper", "one setting only")
 
