@@ -339,6 +339,7 @@ class TestReport:
         assert page.open == [] and all(link[0] == "#" and link[1:] in page.ids for link in page.links)
         assert page.sources and all(source.startswith("data:image/") for source in page.sources)
         assert not re.search(r"https?://(?!www\.w3\.org)", written[1].read_text())
+        assert "<code>" in written[1].read_text() and not any("`" in text for text in page.text)
         for source in page.sources:
             data = base64.b64decode(source.partition(",")[2])
             assert data.startswith(b"\x89PNG") or b"<svg" in data[:2000]

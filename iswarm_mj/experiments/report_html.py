@@ -1,6 +1,7 @@
 """The report as one HTML page that holds all it shows."""
 
 import base64
+import re
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -38,7 +39,7 @@ def page(sections: Sequence[Section], results: Results, again: str) -> str:
         f"<nav><ol>{contents}</ol></nav>",
         *(_section(f"s{n}", section) for n, section in numbered),
         f'<h2 id="t0">{tail[0]}</h2>{_silences()}',
-        f'<h2 id="t1">{tail[1]}</h2><p>{escape(choices.fitting())}</p>{_table(choices.fitted())}',
+        f'<h2 id="t1">{tail[1]}</h2><p>{_prose(choices.fitting())}</p>{_table(choices.fitted())}',
         f'<h2 id="t2">{tail[2]}</h2>{_read(results)}',
         f"<footer><p>Made again by <code>{escape(again)}</code></p></footer>",
     ]
@@ -98,13 +99,18 @@ def _figure(picture: Picture) -> str:
 
 
 def _silences() -> str:
-    listed = "".join(f"<li>{escape(rule)}</li>" for rule in (*choices.RULES, *choices.operators()))
+    listed = "".join(f"<li>{_prose(rule)}</li>" for rule in (*choices.RULES, *choices.operators()))
     return f"<ul>{listed}</ul>{_table(choices.choices())}"
+
+
+def _prose(text: str) -> str:
+    """What stands between backquotes is code."""
+    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _table(listed: Sequence[Choice]) -> str:
     rows = "".join(
-        f"<tr><td><code>{escape(choice.name)}</code></td><td>{escape(choice.value)}</td><td>{escape(choice.meaning)}</td></tr>"
+        f"<tr><td><code>{escape(choice.name)}</code></td><td>{escape(choice.value)}</td><td>{_prose(choice.meaning)}</td></tr>"
         for choice in listed
     )
     return f'<div class="wide"><table><tr><th>Name</th><th>Value</th><th>Meaning</th></tr>{rows}</table></div>'
