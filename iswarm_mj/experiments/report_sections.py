@@ -10,6 +10,9 @@ from iswarm_mj.experiments.registry import EXPERIMENTS
 from iswarm_mj.experiments.report_results import Result, Results, command
 from iswarm_mj.grasp_figures import draw_figures
 
+SEARCHES = ("paper", "random", "cmaes")
+"""Methods in the order in which their figures stand."""
+
 
 class Picture(NamedTuple):
     """A figure or a video of ours."""
@@ -83,7 +86,8 @@ COMMANDS = {
 
 def sections_of(results: Results, figures: Path) -> list[Section]:
     """All sections, in the order of the paper; figures are drawn into the directory `figures`."""
-    searches = {method: (result.rows, result.settings) for method, result in results.searches.items()}
+    found = {method: results.searches[method] for method in SEARCHES if method in results.searches}
+    searches = {method: (result.rows, result.settings) for method, result in found.items()}
     drawn = [evolution_findings.draw_search(*search, figures) for search in searches.values()]
     trials = results.trials
     sections = [
