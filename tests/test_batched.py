@@ -136,7 +136,7 @@ CODE = """
 import json, jax, numpy as np
 from dataclasses import replace
 import sys; sys.path.insert(0, "tests")
-import conftest
+import conftest  # keeps what is compiled
 from test_batched import TINY, WORLD, worlds_of_seed, BatchRun, BatchSettings
 run = BatchRun(TINY, worlds_of_seed(WORLD, 3), BatchSettings(20, chunk=10, record_worlds=(0, 2)))
 while not run.is_over:

@@ -9,7 +9,7 @@ import pytest
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.errors import UserError
 from iswarm_mj.experiments import density, hop_count, robustness, sensitivity, study, types
-from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, number, verdict_of
+from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED, number, verdict_of
 from iswarm_mj.experiments.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.measures import TIME, quartiles, values
 from iswarm_mj.experiments.registry import EXPERIMENTS, experiment, listing
@@ -127,7 +127,7 @@ class TestFindings:
 
     def test_three_runs_are_too_few(self):
         rows = rows_of(hop_count.entries(replace(PLAN, quick=True)), lambda e: done(e.job, 100 + e.labels["repeat"]))
-        assert {finding.verdict for finding in hop_count.findings(rows)} == {TOO_FEW}
+        assert {finding.verdict for finding in hop_count.findings(rows)} == {UNDECIDED}
 
     @pytest.mark.parametrize(
         "best, sparse, verdicts",
@@ -263,10 +263,10 @@ class TestDirectory:
         assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
         assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
         found = read_table(tmp_path / "findings.parquet")[0]
-        assert len(found) == 4 and found[0]["verdict"] == TOO_FEW
+        assert len(found) == 4 and found[0]["verdict"] == UNDECIDED
         assert (tmp_path / "hop_count.png").stat().st_size > 10_000
         assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
-        assert "too few runs" in capsys.readouterr().out
+        assert "undecided" in capsys.readouterr().out
 
     def test_finished_runs_are_not_done_again(self, counted, tmp_path):
         plan = replace(PLAN, quick=True)

@@ -7,7 +7,7 @@ import pytest
 
 from iswarm_mj.experiments import evolution_findings, grasp_findings, law_findings
 from iswarm_mj.experiments.evolve import Search
-from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW
+from iswarm_mj.experiments.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED
 from iswarm_mj.strategy.genome import Genome
 
 
@@ -105,7 +105,7 @@ class TestEvolution:
         for claim in ("RISES", "LEARNS", "COUNTED", "TRADE"):
             assert found[getattr(evolution_findings, claim).text].verdict == FAILS, claim
 
-    @pytest.mark.parametrize("n, apart, verdict", [(5000, 0.0, HOLDS), (60, 0.2, TOO_FEW), (500, 1.0, FAILS)])
+    @pytest.mark.parametrize("n, apart, verdict", [(5000, 0.0, HOLDS), (60, 0.2, UNDECIDED), (500, 1.0, FAILS)])
     def test_equal_is_what_surely_differs_by_little(self, n, apart, verdict):
         rng = np.random.default_rng(0)
         good, poor = ([{"x": v} for v in rng.normal(shift, 1, n)] for shift in (0, apart))
@@ -121,17 +121,17 @@ class TestEvolution:
     def test_a_short_search_decides_nothing_that_needs_more(self):
         found = by_claim(evolution_findings.findings({"paper": (search_rows(10), settings_of())}))
         for claim in ("RISES", "LEARNS", "TRADE", "DENSITY", "SIGNALS"):
-            assert found[getattr(evolution_findings, claim).text].verdict == TOO_FEW, claim
+            assert found[getattr(evolution_findings, claim).text].verdict == UNDECIDED, claim
 
     @pytest.mark.parametrize(
         "n_good, n_counting, n_poor, n_not_counting, verdicts",
         [
-            (5, 5, 4, 1, (TOO_FEW, TOO_FEW, TOO_FEW)),
-            (29, 29, 29, 29, (HOLDS, TOO_FEW, TOO_FEW)),
+            (5, 5, 4, 1, (UNDECIDED, UNDECIDED, UNDECIDED)),
+            (29, 29, 29, 29, (HOLDS, UNDECIDED, UNDECIDED)),
             (60, 60, 40, 36, (HOLDS, HOLDS, HOLDS)),
-            (60, 57, 40, 22, (HOLDS, TOO_FEW, TOO_FEW)),  # Wilson: 0.863 to 0.983, 0.398 to 0.693
+            (60, 57, 40, 22, (HOLDS, UNDECIDED, UNDECIDED)),  # Wilson: 0.863 to 0.983, 0.398 to 0.693
             (970, 700, 30, 3, (FAILS, FAILS, FAILS)),
-            (78, 78, 22, 0, (TOO_FEW, HOLDS, TOO_FEW)),  # Wilson: 0.150 to 0.311
+            (78, 78, 22, 0, (UNDECIDED, HOLDS, UNDECIDED)),  # Wilson: 0.150 to 0.311
         ],
     )
     def test_shares_are_judged_by_their_intervals(self, n_good, n_counting, n_poor, n_not_counting, verdicts):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.experiments.evolution_figure import draw
-from iswarm_mj.experiments.findings import TOO_FEW, Claim, Finding, Row, Rows, number, percent, span, told, verdict_of
+from iswarm_mj.experiments.findings import UNDECIDED, Claim, Finding, Row, Rows, number, percent, span, told, verdict_of
 from iswarm_mj.experiments.statistics import compare, correlation, difference, mean, rank_correlation, share
 from iswarm_mj.figures import figure
 from iswarm_mj.strategy.genome import Genome
@@ -132,7 +132,7 @@ def generation_means(rows: Rows) -> np.ndarray:
 def _rise(rows: Rows) -> Finding:
     best = [max(r["fitness"] for r in rows if r["generation"] == g) for g in sorted({r["generation"] for r in rows})]
     if len(best) < RISE:
-        return RISES.found(f"the search has {len(best)} generations", "needs 35", TOO_FEW)
+        return RISES.found(f"the search has {len(best)} generations", "needs 35", UNDECIDED)
     rho, p = rank_correlation(range(RISE), best[:RISE])
     ours = (
         f"best of a generation {best[0]:z.0f} in the first, {best[RISE - 1]:z.0f} in the 35th, {max(best):z.0f} at most"
@@ -146,7 +146,7 @@ def _rise(rows: Rows) -> Finding:
 def _learning(rows: Rows) -> Finding:
     means = generation_means(rows)
     if len(means) < FIRST + LAST:
-        return LEARNS.found(f"the search has {len(means)} generations", f"needs {FIRST + LAST}", TOO_FEW)
+        return LEARNS.found(f"the search has {len(means)} generations", f"needs {FIRST + LAST}", UNDECIDED)
     result = compare(means[-LAST:], means[:FIRST])
     ours = f"mean fitness {means[-LAST:].mean():z.0f} against {means[:FIRST].mean():z.0f} points"
     tested = f"of the generations' means: {told(result, 'points')}; holds if p < 0.01"
@@ -173,13 +173,13 @@ def _against(rows: Rows, other: tuple[Rows, Mapping[str, Any]] | None, claim: Cl
 
 
 def _share(claim: Claim, count: int, total: int, least: float) -> Finding:
-    """Whether a share of the runs is more than `least`; too few runs where its interval does not decide it."""
+    """Whether a share of the runs is more than `least`; undecided where its interval holds that."""
     if not total:
-        return claim.found("no such run", "", TOO_FEW)
+        return claim.found("no such run", "", UNDECIDED)
     found, limit = share(count, total), f"{100 * least:.0f} %"
     rule = f"Wilson's interval; holds if it lies above {limit}, does not if it lies below; needs {GROUP} runs"
     is_open = total < GROUP or found.low <= least <= found.high
-    return claim.found(f"{count} of {total}, {percent(found)}", rule, TOO_FEW if is_open else found.low > least)
+    return claim.found(f"{count} of {total}, {percent(found)}", rule, UNDECIDED if is_open else found.low > least)
 
 
 def _counting(claim: Claim, rows: Rows, flag: bool, least: float) -> Finding:
@@ -188,9 +188,9 @@ def _counting(claim: Claim, rows: Rows, flag: bool, least: float) -> Finding:
 
 
 def _equal(claim: Claim, name: str, good: Rows, poor: Rows) -> Finding:
-    """Whether a parameter differs by less than a small effect between two groups; too few runs if that is open."""
+    """Whether a parameter differs by less than a small effect between two groups; undecided if that is open."""
     if min(len(good), len(poor)) < GROUP:
-        return claim.found(f"{len(good)} and {len(poor)} runs", f"needs {GROUP} of both", TOO_FEW)
+        return claim.found(f"{len(good)} and {len(poor)} runs", f"needs {GROUP} of both", UNDECIDED)
     first, second = (np.array([row[name] for row in rows]) for rows in (good, poor))
     apart = difference(first, second, mean)
     pooled = float(np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 2))
@@ -202,12 +202,12 @@ def _equal(claim: Claim, name: str, good: Rows, poor: Rows) -> Finding:
         f"standard deviations, does not if it lies outside"
     )
     is_open = low < SMALL < high or low < -SMALL < high
-    return claim.found(ours, tested, TOO_FEW if is_open else abs(effect) < SMALL)
+    return claim.found(ours, tested, UNDECIDED if is_open else abs(effect) < SMALL)
 
 
 def _trade(top: Rows) -> Finding:
     if not top:
-        return TRADE.found("the search is too short", "needs 100 generations", TOO_FEW)
+        return TRADE.found("the search is too short", "needs 100 generations", UNDECIDED)
     x, y = ([row[column] for row in top] for column in ("p_vector_forget", "fraction_scouts"))
     found, (rho, p) = correlation(x, y), rank_correlation(x, y)
     genomes = len({tuple(row[f.name] for f in fields(Genome)) for row in top})
@@ -221,7 +221,7 @@ def _trade(top: Rows) -> Finding:
 def _density(rows: Rows) -> Finding:
     last = max(row["generation"] for row in rows) - LAST
     if last < FIRST:
-        return DENSITY.found(f"the search has {last + LAST + 1} generations", f"needs {FIRST + LAST + 1}", TOO_FEW)
+        return DENSITY.found(f"the search has {last + LAST + 1} generations", f"needs {FIRST + LAST + 1}", UNDECIDED)
     found = np.array([row["density_of_robots"] for row in rows if row["generation"] > last])
     low, middle, high = np.quantile(found, [0.25, 0.5, 0.75])
     ours = (
@@ -235,7 +235,7 @@ def _density(rows: Rows) -> Finding:
 def _common(claim: Claim, top: Rows, has: Any) -> Finding:
     """Whether most of the fittest have a property."""
     if not top:
-        return claim.found("the search is too short", "needs 100 generations", TOO_FEW)
+        return claim.found("the search is too short", "needs 100 generations", UNDECIDED)
     count = sum(bool(has(row)) for row in top)
     rule = f"Wilson's interval, of the {len(top)} fittest of generations 35 to 100; holds if more than half"
     return claim.found(f"{count} of {len(top)}, {percent(share(count, len(top)))}", rule, 2 * count > len(top))

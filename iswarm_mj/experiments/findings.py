@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from iswarm_mj.experiments.statistics import Comparison, Interval, smallest_p
 
-HOLDS, FAILS, TOO_FEW, NOT_RUN = "holds", "does not hold", "too few runs", "not run yet"
+HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
 ALPHA = 0.01
 """Level of the tests."""
 
@@ -27,7 +27,7 @@ class Finding(NamedTuple):
     statistics: str
     """Test, sample sizes, intervals, and the rule by which the verdict was made."""
     verdict: str
-    """One of HOLDS, FAILS, TOO_FEW and NOT_RUN; empty for a number that is given without a judgement."""
+    """One of HOLDS, FAILS, UNDECIDED and NOT_RUN; empty for a number that is given without a judgement."""
 
 
 class Claim(NamedTuple):
@@ -51,7 +51,7 @@ class Claim(NamedTuple):
 def verdict_of(comparison: Comparison, is_larger: bool) -> str:
     """HOLDS if the first group's values are larger (smaller, where not `is_larger`) at the level `ALPHA`."""
     if smallest_p(comparison.n_first, comparison.n_second) >= ALPHA:
-        return TOO_FEW
+        return UNDECIDED
     right = comparison.superiority > 0.5 if is_larger else comparison.superiority < 0.5
     return HOLDS if right and comparison.p < ALPHA else FAILS
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from iswarm_mj.experiments.findings import (
-    TOO_FEW,
+    UNDECIDED,
     Claim,
     Finding,
     Row,
@@ -74,7 +74,7 @@ def _without_contact(rows: Rows) -> Finding:
     gaps = ", ".join(f"{gap * _UM:g}" for gap in sorted({row["gap"] for row in rows}))
     ours = f"{len(low)} of {len(rows)} lifted below 50 V, at gaps of {gaps} µm"
     tested = f"{percent(share(len(low), len(rows)))}; tried up to {limit:g} V; holds if none"
-    return PURE.found(ours, tested, TOO_FEW if limit < PAPER_NO_CONTACT else not low)
+    return PURE.found(ours, tested, UNDECIDED if limit < PAPER_NO_CONTACT else not low)
 
 
 def _always(rows: Rows) -> Finding:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.cleaning import clean
-from iswarm_mj.experiments.findings import ALPHA, TOO_FEW, Claim, Finding, Rows, number, span, told, verdict_of
+from iswarm_mj.experiments.findings import ALPHA, UNDECIDED, Claim, Finding, Rows, number, span, told, verdict_of
 from iswarm_mj.experiments.jobs import Job
 from iswarm_mj.experiments.measures import TIME, finished, select
 from iswarm_mj.experiments.plots import draw_samples
@@ -127,7 +127,7 @@ def _fitness(one: Rows, two: Rows) -> Finding:
     )
     few = smallest_p(len(first), len(second)) >= ALPHA
     equal = bool(max(abs(apart.low), abs(apart.high)) < EQUAL * typical)
-    return FITNESS.found(ours, tested, TOO_FEW if few else equal)
+    return FITNESS.found(ours, tested, UNDECIDED if few else equal)
 
 
 def _gathering(one: Rows, two: Rows) -> Finding:
