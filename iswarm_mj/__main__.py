@@ -1,5 +1,5 @@
 """`python -m iswarm_mj`, the same as `iswarm`."""
 
-from iswarm_mj.cli import main
+from iswarm_mj.commands.main import main
 
 main()

@@ -6,10 +6,11 @@ this simulator where the paper is silent; none is presented as the paper's.
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from iswarm_mj.errors import UserError
-from iswarm_mj.settings import later
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.serialization import later
 
 
 def check(name: str, value: Any, allowed: str, ok: bool) -> None:
@@ -254,3 +255,29 @@ class SwarmConfig:
     optics: OpticsConfig = field(default_factory=OpticsConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+
+class Conditions(NamedTuple):
+    """Noise and voltages of one world, or of many with a leading axis; named as in the configuration."""
+
+    error_distance_measure: Array
+    """Standard deviation of a measured distance, relative."""
+    error_in_communication: Array
+    """Probability that a message arrives with a wrong bit."""
+    p_communication_break: Array
+    """Probability that a message does not arrive."""
+    drop_rate: Array
+    """Probability per control step that a held ball falls."""
+    grasp_voltage: Array
+    """[V]"""
+    release_voltage: Array
+    """[V]"""
+
+
+def conditions_of(config: SwarmConfig) -> Conditions:
+    """Return what a configuration says, as floats."""
+    optics, gripper = config.optics, config.gripper
+    return Conditions(
+        optics.error_distance_measure, optics.error_in_communication, optics.p_communication_break,
+        gripper.drop_rate, gripper.grasp_voltage, gripper.release_voltage,
+    )  # fmt: skip

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from iswarm_mj.compilation import keep_compiled_programs, quieten
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.utils.jax_setup import keep_compiled_programs, quieten
 
 quieten()
 keep_compiled_programs()

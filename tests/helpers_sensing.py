@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.memory import Memory
 from iswarm_mj.strategy.controller import Observation
-from iswarm_mj.strategy.vectors import Memory
-from iswarm_mj.units import RD
+from iswarm_mj.utils.units import RD
 
 RADIUS = 3.5 * RD
 """Range of light messages [mm]."""

@@ -14,9 +14,9 @@ from iswarm_mj.config import (
     SwarmConfig,
     check,
 )
-from iswarm_mj.errors import UserError
-from iswarm_mj.gripper import detachment
-from iswarm_mj.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
+from iswarm_mj.gripper.laws import detachment
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
 
 GROUPS = [ArenaConfig, DriveConfig, OpticsConfig, GripperConfig, StrategyConfig]
 FLOATS = [(group, f.name) for group in GROUPS for f in fields(group) if f.type is float]

@@ -27,8 +27,8 @@ FROM_ELSEWHERE = """
 import numpy as np
 import iswarm_mj
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.gripper.probe_table import probe_factor
-from iswarm_mj.model import compile_arena
+from iswarm_mj.gripper.laws.probe_table import probe_factor
+from iswarm_mj.engines.arena import compile_arena
 print(iswarm_mj.__file__)
 print(len(compile_arena(SwarmConfig(), 2, np.array([20e-6]), visual=True).hull))
 print(float(probe_factor("pick", 1 / 512, 8.0)))

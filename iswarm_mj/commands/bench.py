@@ -36,16 +36,16 @@ class Bench(Swarm):
         if self.engine == "mjx":
             self._swarm_in_mjx(config, genome, n_robots)
             return
-        from iswarm_mj.benchmark import bench
-        from iswarm_mj.rollout import RunSettings
+        from iswarm_mj.simulation.run_mujoco import RunSettings
+        from iswarm_mj.workflows.benchmark import bench
 
         settings = RunSettings(n_robots, self.warm_up + self.steps, self.seed, self.worlds, self.threads)
         bench(config, genome, settings, self.engine, self.warm_up, self.record)
 
     def _swarm_in_mjx(self, config: SwarmConfig, genome: Genome, n_robots: int) -> None:
-        from iswarm_mj.batched import BatchSettings
-        from iswarm_mj.benchmark_mjx import bench
-        from iswarm_mj.compilation import keep_compiled_programs
+        from iswarm_mj.simulation.run_mjx import BatchSettings
+        from iswarm_mj.utils.jax_setup import keep_compiled_programs
+        from iswarm_mj.workflows.benchmark_mjx import bench
 
         keep_compiled_programs()
         chunk = min(self.chunk, self.steps)
@@ -67,8 +67,8 @@ class Bench(Swarm):
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
-        from iswarm_mj.compilation import keep_compiled_programs
-        from iswarm_mj.gripper.bench_speed import speed
+        from iswarm_mj.utils.jax_setup import keep_compiled_programs
+        from iswarm_mj.workflows.benchmark_grasp import speed
 
         if self.engine == "mjx":
             keep_compiled_programs()

@@ -32,17 +32,17 @@ class Clean(Swarm):
         unknown = [w for w in self.record_worlds if not 0 <= w < self.worlds]
         check("record_worlds", self.record_worlds, f"different numbers of worlds, from 0 to {self.worlds - 1}",
               not unknown and len(set(self.record_worlds)) == len(self.record_worlds))  # fmt: skip
-        from iswarm_mj.rollout import RunSettings
+        from iswarm_mj.simulation.run_mujoco import RunSettings
 
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, self.threads, stop_at)
         if self.engine == "mujoco":
-            from iswarm_mj.cleaning import clean
+            from iswarm_mj.workflows.clean import clean
 
             clean(config, genome, settings, self.engine, self.out, self.record_worlds if self.record else ())
             return
-        from iswarm_mj import cleaning_mjx
-        from iswarm_mj.batched import BatchSettings
-        from iswarm_mj.compilation import keep_compiled_programs
+        from iswarm_mj.simulation.run_mjx import BatchSettings
+        from iswarm_mj.utils.jax_setup import keep_compiled_programs
+        from iswarm_mj.workflows import clean_mjx as cleaning_mjx
 
         keep_compiled_programs()
         recorded = self.record_worlds if self.record else ()

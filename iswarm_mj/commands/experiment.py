@@ -15,8 +15,8 @@ from iswarm_mj.config import (
     SwarmConfig,
     check,
 )
-from iswarm_mj.errors import UserError
 from iswarm_mj.strategy.genome import load_genome
+from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Experiment:
         check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
         genome = load_genome(self.genome)
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
-        from iswarm_mj.experiments.registry import experiment, listing
-        from iswarm_mj.experiments.study import Plan, run_experiment
+        from iswarm_mj.experiments.runner.study import Plan, run_experiment
+        from iswarm_mj.experiments.studies.registry import experiment, listing
 
         if self.list:
             print(listing())

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from iswarm_mj.config import check
-from iswarm_mj.errors import UserError
-from iswarm_mj.gripper.protocol import Protocol
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Grasp:
                 f"--voltages and --radius ask for {len(radii) * len(self.voltages)} force-distance curves; "
                 "from 1 to 100 are possible: choose fewer."
             )
-        from iswarm_mj.grasping import GraspSettings, run_force_curves, run_grasp
+        from iswarm_mj.workflows.grasp import GraspSettings, run_force_curves, run_grasp
 
         settings = GraspSettings(
             radii, humidities, self.repeats, self.seed, self.gap, self.no_contact_gap,

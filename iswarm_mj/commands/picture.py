@@ -32,6 +32,6 @@ class Picture:
         check("width", self.width, "between 16 and 8192 pixels", 16 <= self.width <= 8192)
         check("height", self.height, "between 16 and 8192 pixels", 16 <= self.height <= 8192)
         check("ball_scale", self.ball_scale, "between 1 and 1000", 1 <= self.ball_scale <= 1000)
-        from iswarm_mj.picture import render
+        from iswarm_mj.output.render import render
 
         render(self.directory, self.step, self.camera, (self.width, self.height), self.ball_scale, self.out)

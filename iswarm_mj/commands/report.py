@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from iswarm_mj.errors import UserError
+from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,6 @@ class Report:
             raise UserError("--results was empty; it must be one or more directories with results: give at least one.")
         if self.out.suffix != ".html":
             raise UserError(f"--out was {self.out}; it must be a name ending in .html: give such a one.")
-        from iswarm_mj.experiments.report import report
+        from iswarm_mj.experiments.report.report import report
 
         report(self.results, self.out)

@@ -15,8 +15,8 @@ from iswarm_mj.config import (
     SwarmConfig,
     check,
 )
-from iswarm_mj.errors import UserError
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
+from iswarm_mj.utils.errors import UserError
 
 GenomeOverrides = make_dataclass(
     "GenomeOverrides",
@@ -81,7 +81,7 @@ class Swarm:
         Raises:
             UserError: something given is out of range.
         """
-        from iswarm_mj.layout import check_robots, robots_for
+        from iswarm_mj.simulation.initial import check_robots, robots_for
 
         check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
         check("worlds", self.worlds, "at least 1", self.worlds >= 1)
@@ -112,7 +112,7 @@ class Swarm:
         Raises:
             UserError: they cannot be joined.
         """
-        from iswarm_mj.hosts import ALONE, join
+        from iswarm_mj.simulation.distributed import ALONE, join
 
         return join(self.hosts_timeout) if self.hosts else ALONE
 
@@ -129,9 +129,9 @@ class Swarm:
         Raises:
             UserError: too few worlds, or too many recorded, for so many processes; or these were given different runs.
         """
-        from iswarm_mj.batched import BatchRun, worlds_of_seed
-        from iswarm_mj.devices import devices
-        from iswarm_mj.worlds import World
+        from iswarm_mj.simulation.distributed import devices
+        from iswarm_mj.simulation.run_mjx import BatchRun, worlds_of_seed
+        from iswarm_mj.simulation.worlds import World
 
         hosts.agree(self._deciding(genome, n_robots))
         share = hosts.share(self.worlds, batch.record_worlds)
@@ -142,7 +142,7 @@ class Swarm:
 
     def _deciding(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """All that decides a run in MJX: the command with its flags, and the versions of what computes it."""
-        from iswarm_mj.experiments.checkpoint import versions
+        from iswarm_mj.utils.versions import versions
 
         flags = {name: value for name, value in asdict(self).items() if name not in _OWN | _RESOLVED}
         run = {"command": type(self).__name__.lower(), "robots": n_robots, "genome": asdict(genome)}

@@ -6,7 +6,7 @@ from pathlib import Path
 import tyro
 
 from iswarm_mj.config import check
-from iswarm_mj.errors import UserError
+from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Video:
         check("ball_scale", self.ball_scale, "between 1 and 1000", 1 <= self.ball_scale <= 1000)
         if self.out.suffix != ".mp4":
             raise UserError(f"--out was {self.out}; it must be a name ending in .mp4: give such a one.")
-        from iswarm_mj.video import write_video
+        from iswarm_mj.output.video import write_video
 
         write_video(
             self.directory, self.out, self.title, self.steps, self.frames_per_step, (self.width, self.height),

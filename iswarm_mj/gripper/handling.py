@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
-from iswarm_mj.conditions import Conditions
-from iswarm_mj.config import GripperConfig
-from iswarm_mj.gripper.detachment import is_grasped, is_released
+from iswarm_mj.config import Conditions, GripperConfig
+from iswarm_mj.gripper.laws.detachment import is_grasped, is_released
 from iswarm_mj.sensors.floor import FloorView
+from iswarm_mj.utils.arrays import Array
 
 
 class Balls(NamedTuple):

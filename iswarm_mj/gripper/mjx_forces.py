@@ -19,14 +19,14 @@ import jax
 import jax.numpy as jnp
 import mujoco
 
-from iswarm_mj.arrays import Array
-from iswarm_mj.errors import UserError
-from iswarm_mj.gripper.adhesion import dmt_pull_off, van_der_waals_force
-from iswarm_mj.gripper.electrostatics import pick_force, release_force
-from iswarm_mj.gripper.humidity import humidity_factor
+from iswarm_mj.engines.mjx.api import mjx
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
+from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.native.forces import NN, UM
 from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
-from iswarm_mj.gripper.plugin_forces import NN, UM
-from iswarm_mj.mjx import mjx
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
 
 ON_PLATE, ON_PROBE = 0.0, 1.0
 """Whose potential the ball has; a ball starts with the probe's, and takes the plate's where it touches it."""

@@ -30,10 +30,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from iswarm_mj.errors import UserError
-from iswarm_mj.gripper.plugin_abi import register
-from iswarm_mj.gripper.plugin_forces import adhesion_compute, electrostatic_callbacks, life_cycle
-from iswarm_mj.gripper.plugin_native import ACTUATOR, CYLINDER, GEOM, NUMBER, PLANE, SPHERE
+from iswarm_mj.gripper.native.abi import register
+from iswarm_mj.gripper.native.callbacks import ACTUATOR, CYLINDER, GEOM, NUMBER, PLANE, SPHERE
+from iswarm_mj.gripper.native.forces import adhesion_compute, electrostatic_callbacks, life_cycle
+from iswarm_mj.utils.errors import UserError
 
 ADHESION = "iswarm.adhesion"
 ELECTROSTATIC = "iswarm.electrostatic"

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
-from iswarm_mj.strategy.vectors import rotate
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.geometry import rotate
 
 
 class FloorView(NamedTuple):

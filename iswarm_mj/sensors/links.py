@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.arrays import Array
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
+from iswarm_mj.sensors.occlusion import CIRCUMRADIUS, CLEAR, OPEN, judge
 from iswarm_mj.sensors.optics import N_SIDES, Reception, facing_side, into_frame, receive_views, side_centres
-from iswarm_mj.sensors.shadows import CIRCUMRADIUS, CLEAR, OPEN, judge
-from iswarm_mj.units import mm_from_rd
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """(world, origin, target, receiver, sender) of P rays -> (P,) bool: does the ray reach the sender first?"""

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
-from iswarm_mj.strategy.vectors import Memory
+from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.utils.arrays import Array
 
 BEARINGS = 32
 RANGES = 31

@@ -8,9 +8,9 @@ angles in rad. Whether something stands in between is not their concern: see `li
 import math
 from typing import Any, NamedTuple
 
-from iswarm_mj.arrays import array_module
 from iswarm_mj.config import OpticsConfig
-from iswarm_mj.units import mm_from_rd
+from iswarm_mj.utils.arrays import array_module
+from iswarm_mj.utils.units import mm_from_rd
 
 HALF_WIDTH = 1.0
 """Distance from a robot's centre to each of its sides [mm]."""

@@ -4,7 +4,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
+from iswarm_mj.utils.arrays import Array
 
 
 def kept_distance(genome: Any, is_loaded: Array, priority: Array) -> Array:

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.memory import Memory
 from iswarm_mj.strategy.avoidance import kept_distance, repulsion
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.strategy.vectors import Memory, after_motion, heard, standing_on, take_over
-from iswarm_mj.units import mm_from_rd
+from iswarm_mj.strategy.vectors import after_motion, heard, standing_on, take_over
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.units import mm_from_rd
 
 Rules = namedtuple("Rules", [f.name for f in fields(Genome)])  # the genome's values, as JAX scalars
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from iswarm_mj.errors import UserError
+from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from typing import Any, Protocol, runtime_checkable
 
-from iswarm_mj.arrays import Array
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.utils.arrays import Array
 
 
 class Strategy(Protocol):

@@ -5,12 +5,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.errors import UserError
+from iswarm_mj.sensors.memory import Memory
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.strategy.controller import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
-from iswarm_mj.strategy.vectors import Memory
+from iswarm_mj.utils.errors import UserError
 
 
 def observation_shapes(n_robots: int) -> Observation:

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy.controller import Observation
+from iswarm_mj.utils.arrays import Array
 
 
 def draw_turns(key: Array, n_robots: int) -> Array:

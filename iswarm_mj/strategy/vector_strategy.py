@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import Command, Mind, Observation, Rules
+from iswarm_mj.utils.arrays import Array
 
 
 @jax.tree_util.register_dataclass

@@ -3,38 +3,11 @@
 All vectors are in the robot's own frame: x ahead, y to the left, lengths in arena units [mm].
 """
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 
-from iswarm_mj.arrays import Array
-
-
-class Memory(NamedTuple):
-    """A remembered vector for each of N robots (any leading shape will do)."""
-
-    vector: Array
-    """(N, 2) float32 [mm], zero where not known."""
-    hop: Array
-    """(N,) int32, number of robots that the vector came through; zero where not known."""
-    known: Array
-    """(N,) bool, whether there is a vector."""
-
-    @staticmethod
-    def empty(n: int) -> "Memory":
-        """Return memories that know nothing."""
-        return Memory(jnp.zeros((n, 2), jnp.float32), jnp.zeros(n, jnp.int32), jnp.zeros(n, bool))
-
-    def where(self, keep: Array) -> "Memory":
-        """These memories where `keep` (N,) holds, nothing elsewhere."""
-        return Memory(jnp.where(keep[..., None], self.vector, 0.0), jnp.where(keep, self.hop, 0), self.known & keep)
-
-
-def rotate(vector: Array, angle: Array) -> Array:
-    """Vectors (..., 2) turned anticlockwise by `angle` (...,) [rad]."""
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    x, y = vector[..., 0], vector[..., 1]
-    return jnp.stack([c * x - s * y, s * x + c * y], axis=-1)
+from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.geometry import rotate
 
 
 def after_motion(memory: Memory, turn: Array, forward: Array) -> Memory:

@@ -1,0 +1,156 @@
+"""The arena with its robots and balls, composed from the MJCF files in `models/`."""
+
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.utils.units import mm_from_m, mm_from_rd
+
+
+class ArenaModel(NamedTuple):
+    """A compiled arena, and where its N robots and K balls are in MuJoCo's arrays. Units: mm, mg, s."""
+
+    model: mujoco.MjModel
+    hull: np.ndarray
+    """(N,) geom ids of the robots' hulls."""
+    body: np.ndarray
+    """(N,) body ids of the robots."""
+    walls: np.ndarray
+    """(4,) geom ids of the walls."""
+    qpos: np.ndarray
+    """(N, 3) addresses of x, y, yaw in qpos, and in qvel."""
+    mocap: np.ndarray
+    """(K,) mocap ids of the balls."""
+    probe: np.ndarray
+    """(2,) the probe's tip ahead of and beside a robot's centre [mm]."""
+    tip_height: float
+    """Height of the probe's tip above the floor [mm]."""
+    servo_gain: np.ndarray
+    """(3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
+
+
+def models_directory() -> Path:
+    """Return the directory of the MJCF files: inside an installed package, or beside it in a checkout."""
+    package = Path(str(files("iswarm_mj")))
+    return next(p for p in (package / "models", package.parent / "models") if p.is_dir())
+
+
+def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool) -> mujoco.MjSpec:
+    """Compose the arena.
+
+    Args:
+        config: sizes of arena, dump and dust areas.
+        n_robots: number of robots, named robot0/ and so on.
+        ball_radius: (K,) radii of the balls [m], named ball0/ and so on.
+        visual: keep the robots' visible parts; without them the physics is the same and faster.
+    """
+    directory = models_directory()
+    spec = mujoco.MjSpec.from_file(str(directory / "arena.xml"))
+    _lay_out(spec, config)
+    spec.option.timestep = config.drive.timestep
+    spec.copy_during_attach = True
+    spec.memory = 16 * 2**20 + n_robots * 200 * 2**10
+    robot = mujoco.MjSpec.from_file(str(directory / "robot.xml"))
+    if not visual:
+        robot.delete(robot.body("visual"))
+        for unused in [*robot.sites, *robot.meshes]:
+            robot.delete(unused)
+    _tune_drive(robot, config.drive.timestep)
+    robot.option.timestep = spec.option.timestep
+    looks = _share_materials(robot, spec)
+    for i in range(n_robots):
+        _attach(robot.body("robot"), spec, f"robot{i}/", looks)
+    ball = mujoco.MjSpec.from_file(str(directory / "ball.xml"))
+    ball.option.timestep = spec.option.timestep
+    looks = _share_materials(ball, spec)
+    for k, radius in enumerate(mm_from_m(ball_radius)):
+        ball.geom("ball").size[0] = radius
+        _attach(ball.body("ball"), spec, f"ball{k}/", looks)
+    return spec
+
+
+def compile_arena(
+    config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool = False,
+    tune: Callable[[mujoco.MjSpec], None] | None = None,
+) -> ArenaModel:  # fmt: skip
+    """Compile the arena and find its robots and balls. Arguments as for `arena_spec`; `tune` changes what it made."""
+    spec = arena_spec(config, n_robots, ball_radius, visual)
+    if tune is not None:
+        tune(spec)
+    model = spec.compile()
+    robot = mujoco.MjSpec.from_file(str(models_directory() / "robot.xml"))
+    tip = robot.body("robot").pos + robot.site("probe_tip").pos
+    robots = [f"robot{i}/" for i in range(n_robots)]
+    qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in robots]
+    return ArenaModel(
+        model=model,
+        hull=np.array([model.geom(r + "hull").id for r in robots]),
+        body=np.array([model.body(r + "robot").id for r in robots]),
+        walls=np.array([model.geom(f"wall_{side}").id for side in ("east", "north", "west", "south")]),
+        qpos=np.array(qpos),
+        mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))]),
+        probe=np.array(tip[:2]),
+        tip_height=float(tip[2]),
+        servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
+    )
+
+
+def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
+    """Give floor, walls, dump, dust areas and the cameras the configured sizes and places."""
+    arena, edge = config.arena, mm_from_rd(config.arena.size) / 2
+    zoom = edge / spec.geom("floor").size[0]
+    spec.geom("floor").size[:2] = edge
+    spec.material("floor").texrepeat = [arena.size / 2, arena.size / 2]
+    for side, (x, y) in {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}.items():
+        panel = spec.geom(f"panel_{side}")
+        thick = min(panel.size[:2])
+        spec.geom(f"wall_{side}").pos[:2] = [x * edge, y * edge]
+        panel.pos[:2] = [x * (edge + thick), y * (edge + thick)]
+        panel.size[:2] = [thick, edge + 2 * thick] if x else [edge, thick]
+    spec.geom("dump").size[:2] = mm_from_rd(arena.dump_size) / 2
+    for side, x in {"west": -1, "east": 1}.items():
+        area = spec.geom(f"dust_{side}")
+        area.pos[0] = x * mm_from_rd(arena.dust_area_offset)
+        area.size[:2] = mm_from_rd(arena.dust_area_size) / 2
+    for camera in ("above", "oblique"):
+        spec.camera(camera).pos *= zoom
+
+
+def _tune_drive(robot: mujoco.MjSpec, timestep: float) -> None:
+    """Make the servos as fast as the time step allows: a target velocity is reached in one step.
+
+    The gain is m / timestep, and the yaw inertia / timestep likewise. Damping is explicit (eulerdamp is off), so
+    that MuJoCo's contact solver knows what the servo will do; the limit of stability is twice this gain.
+    """
+    hull = robot.geom("hull")
+    inertia = hull.mass / 3 * (hull.size[0] ** 2 + hull.size[1] ** 2)
+    for joint, moved in (("x", hull.mass), ("y", hull.mass), ("yaw", inertia)):
+        robot.joint(joint).damping[0] = moved / timestep
+
+
+def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec) -> dict[str, str]:
+    """Move the child's materials to `spec`, once for all its copies; return the material of each of its geoms.
+
+    Attaching would copy them with every robot, which takes minutes for a thousand.
+    """
+    looks = {geom.name: geom.material for geom in child.geoms}
+    for material in list(child.materials):
+        if material.name in looks.values():
+            traits = ("rgba", "specular", "shininess", "emission", "metallic", "roughness", "reflectance")
+            spec.add_material(name=material.name, **{trait: getattr(material, trait) for trait in traits})
+        child.delete(material)
+    for geom in child.geoms:
+        geom.material = ""
+    return looks
+
+
+def _attach(body: mujoco.MjsBody, spec: mujoco.MjSpec, prefix: str, looks: dict[str, str]) -> None:
+    """Attach a copy of `body` to the world, with the shared materials."""
+    spec.worldbody.add_frame().attach_body(body, prefix, "")
+    for geom, material in looks.items():
+        spec.geom(prefix + geom).material = material

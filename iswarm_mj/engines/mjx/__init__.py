@@ -1,0 +1,1 @@
+"""MJX: batches of worlds in compiled programs."""

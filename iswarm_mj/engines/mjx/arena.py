@@ -1,0 +1,172 @@
+"""The arena in MJX: capacities, model and template data, for `impl="jax"` and `impl="warp"`."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import ArenaModel, compile_arena
+from iswarm_mj.engines.mjx.api import mjx, put_model
+from iswarm_mj.engines.mjx.joints import quick_trees
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.units import RD, mm_from_rd
+
+IMPLEMENTATIONS = ("jax", "warp")
+
+EXACT, FAST = 100, 20
+"""Iterations of the contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo
+in C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
+
+_LINE_SEARCH = 8  # iterations; more do not change the end of the search
+_PARKED = -1000.0  # height at which robots wait that a world does not have [mm]
+
+
+class Capacities(NamedTuple):
+    """Room that MJX is given for contacts, since its arrays have fixed sizes."""
+
+    pairs: int
+    """Pairs of robots whose boxes are compared (JAX)."""
+    contacts: int
+    """Contact points, each a constraint row, in one world."""
+
+
+def capacities(config: SwarmConfig, n_robots: int, factor: float = 1.0) -> Capacities:
+    """Room for N robots in their arena, by a rule that grows with N and with the density rho = N rd^2 / area.
+
+    Pairs: 16 + N (0.4 + 1.2 rho). Contact points: 64 + N (0.7 + 2.4 rho), where a pair has up to four. That is about
+    twice the most that type 1 showed in the first 60 steps at densities from 0.12 to 0.4. Swarms that jam, such as
+    those that hardly avoid each other, need more. What does not fit is a fault that names world and step.
+
+    Args:
+        config: the size of the arena.
+        n_robots: N.
+        factor: times the rule.
+    """
+    density = n_robots * RD**2 / mm_from_rd(config.arena.size) ** 2
+    return Capacities(
+        pairs=min(math.ceil(factor * (16 + n_robots * (0.4 + 1.2 * density))), max(1, n_robots * (n_robots - 1) // 2)),
+        contacts=math.ceil(factor * (64 + n_robots * (0.7 + 2.4 * density))),
+    )
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class MjxArena:
+    """A compiled arena of N robots; balls are points of the swarm's state and no bodies here. Units: mm, mg, s.
+
+    Attributes:
+        model: MJX's.
+        data: MJX's, of one world at rest, from which each control step begins.
+        sight: MJX model of the JAX implementation that `mjx.ray` looks at, without collisions.
+        view: its data.
+        servo_gain: (3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
+        n_robots: N.
+        hull: geom of the first robot in `sight`; the others follow.
+        impl: "jax" or "warp".
+        room: for contacts.
+        edge: half the arena's edge [mm].
+        probe: the probe's tip ahead of and beside a robot's centre [mm].
+        tip_height: height of that tip [mm].
+    """
+
+    model: mjx.Model
+    data: mjx.Data
+    sight: mjx.Model
+    view: mjx.Data
+    servo_gain: Array
+    n_robots: int = field(metadata={"static": True})
+    hull: int = field(metadata={"static": True})
+    impl: str = field(metadata={"static": True})
+    room: Capacities = field(metadata={"static": True})
+    edge: float = field(metadata={"static": True})
+    probe: tuple[float, float] = field(metadata={"static": True})
+    tip_height: float = field(metadata={"static": True})
+
+
+def compile_mjx_arena(
+    config: SwarmConfig, n_robots: int, impl: str, n_worlds: int, room: Capacities | None = None,
+    iterations: int = EXACT,
+) -> MjxArena:  # fmt: skip
+    """Compile the arena for MJX.
+
+    Args:
+        config: sizes of arena, dump and dust areas; time step.
+        n_robots: N.
+        impl: "jax" or "warp".
+        n_worlds: worlds on one device; Warp's room for contacts is shared by all of them.
+        room: for contacts in one world, by default that of `capacities`.
+        iterations: of the contact solver at most, see `EXACT` and `FAST`.
+    """
+    room = capacities(config, n_robots) if room is None else room
+    arena = compile_arena(config, n_robots, np.zeros(0), tune=lambda spec: _tune(spec, impl, room, iterations))
+    sight = compile_arena(config, n_robots, np.zeros(0), tune=_only_to_be_seen)
+    _check_order(sight)
+    own = jax.local_devices()[0]  # MJX would take the first of all hosts
+    seen = put_model(sight.model, "jax", own)
+    with quick_trees():
+        view = mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax"))
+    sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": room.contacts}
+    return MjxArena(
+        model=put_model(arena.model, impl, own),
+        data=mjx.make_data(arena.model, own, impl, **sizes),
+        sight=seen,
+        view=view,
+        servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
+        n_robots=n_robots,
+        hull=int(sight.hull[0]),
+        impl=impl,
+        room=room,
+        edge=mm_from_rd(config.arena.size) / 2,
+        probe=(float(arena.probe[0]), float(arena.probe[1])),
+        tip_height=arena.tip_height,
+    )
+
+
+def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
+    """Model whose robots that are not present wait deep under the floor, each at a height of its own.
+
+    Args:
+        model: MJX's, of an arena.
+        is_present: (N,) bool.
+    """
+    n_robots = len(is_present)
+    depth = _PARKED - 10.0 * jnp.arange(n_robots)
+    height = jnp.where(is_present, model.body_pos[1:, 2], depth)
+    return model.replace(body_pos=model.body_pos.at[1:, 2].set(height))
+
+
+def _tune(spec: mujoco.MjSpec, impl: str, room: Capacities, iterations: int) -> None:
+    """Options that suit MJX: sparse inertia, and conjugate gradients, since its Newton solvers are dense."""
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    spec.option.solver = mujoco.mjtSolver.mjSOL_CG
+    spec.option.iterations, spec.option.ls_iterations = iterations, _LINE_SEARCH
+    unknown_to_warp = mujoco.mjtDisableBit.mjDSBL_MIDPHASE, mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    spec.option.disableflags &= ~sum(int(flag) for flag in unknown_to_warp)
+    if impl == "warp":
+        spec.option.tolerance = 1e-8
+        # Without, two boxes get contacts from a search in single precision that at times finds a wrong one.
+        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
+        # Weight does not act on planar joints, and Warp compares each body with each joint to compensate it.
+        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    else:
+        spec.option.tolerance = 1e-6  # below, rounding ends the search no sooner
+        spec.add_numeric(name="max_geom_pairs", data=[room.pairs], size=1)
+        spec.add_numeric(name="max_contact_points", data=[room.contacts], size=1)
+
+
+def _only_to_be_seen(spec: mujoco.MjSpec) -> None:
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+
+
+def _check_order(arena: ArenaModel) -> None:
+    """Positions of all robots are qpos as it stands, and robot i is body i + 1 and geom `hull[0] + i`."""
+    n_robots = len(arena.hull)
+    assert (arena.qpos.ravel() == np.arange(3 * n_robots)).all() and arena.model.nq == 3 * n_robots
+    assert (arena.body == 1 + np.arange(n_robots)).all()
+    assert (arena.hull == arena.hull[0] + np.arange(n_robots)).all()

@@ -1,0 +1,1 @@
+"""MuJoCo in C, many worlds on a thread pool."""

@@ -1,0 +1,90 @@
+"""What an experiment says on a statement: the paper's value, ours, the statistics, and whether it holds."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, smallest_p
+
+HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
+ALPHA = 0.01
+"""Level of the tests."""
+
+Row = Mapping[str, Any]
+Rows = Sequence[Row]
+
+
+class Finding(NamedTuple):
+    """One statement and what became of it."""
+
+    claim: str
+    source: str
+    """Where the paper says so, or that it does not."""
+    paper: str
+    """The paper's value."""
+    ours: str
+    """Ours; empty where there is no result."""
+    statistics: str
+    """Test, sample sizes, intervals, and the rule by which the verdict was made."""
+    verdict: str
+    """One of HOLDS, FAILS, UNDECIDED and NOT_RUN; empty for a number that is given without a judgement."""
+
+
+class Claim(NamedTuple):
+    """A statement to be judged."""
+
+    text: str
+    source: str
+    paper: str
+
+    def found(self, ours: str, statistics: str, verdict: str | bool) -> Finding:
+        """Return the finding; a verdict may be a truth value."""
+        if not isinstance(verdict, str):
+            verdict = HOLDS if verdict else FAILS
+        return Finding(*self, ours, statistics, verdict)
+
+    def not_run(self) -> Finding:
+        """Return the finding where there are no results."""
+        return Finding(*self, "", "", NOT_RUN)
+
+
+def verdict_of(comparison: Comparison, is_larger: bool) -> str:
+    """HOLDS if the first group's values are larger (smaller, where not `is_larger`) at the level `ALPHA`."""
+    if smallest_p(comparison.n_first, comparison.n_second) >= ALPHA:
+        return UNDECIDED
+    right = comparison.superiority > 0.5 if is_larger else comparison.superiority < 0.5
+    return HOLDS if right and comparison.p < ALPHA else FAILS
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number in as many significant digits, without an exponent where it has up to six places."""
+    if math.isnan(value):
+        return "undefined"
+    if value == 0 or 1e-3 <= abs(value) < 1e6:
+        places = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
+        text = f"{value:z.{places}f}"
+        return text.rstrip("0").rstrip(".") if "." in text else text
+    return f"{value:.{digits - 1}e}"
+
+
+def span(value: Interval, unit: str = "", digits: int = 3) -> str:
+    """An estimate with its interval: 3.1 (95 % interval 2.8 to 3.4) V."""
+    tail = f" {unit}" if unit else ""
+    return f"{number(value.estimate, digits)}{tail} (95 % interval {number(value.low, digits)} to " + (
+        f"{number(value.high, digits)})"
+    )
+
+
+def percent(value: Interval) -> str:
+    """A share with its interval, in percent."""
+    ends = [f"{100 * v:.1f}" for v in value]
+    return f"{ends[0]} % (95 % interval {ends[1]} to {ends[2]} %)"
+
+
+def told(comparison: Comparison, unit: str = "") -> str:
+    """A comparison in words."""
+    return (
+        f"Mann-Whitney U = {number(comparison.u)}, two-sided p = {number(comparison.p, 2)}, "
+        f"n = {comparison.n_first} + {comparison.n_second}; difference of the medians "
+        f"{span(comparison.difference, unit)}"
+    )

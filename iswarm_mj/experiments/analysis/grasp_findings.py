@@ -1,0 +1,185 @@
+"""What trials on the gripper's bench say on the statements of section 3.2.3 (Figs. 6 to 11)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iswarm_mj.experiments.analysis.findings import (
+    UNDECIDED,
+    Claim,
+    Finding,
+    Row,
+    Rows,
+    number,
+    percent,
+    span,
+    told,
+    verdict_of,
+)
+from iswarm_mj.experiments.analysis.statistics import compare, interval, share, slope
+from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_TOOL_OBJECT, detachment_voltage
+from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
+
+FLAT = 0.2
+"""A voltage does not depend on the radius if its slope is less than this [V/um]."""
+_UM = 1e6
+_WHERE = "section 3.2.3"
+
+PURE = Claim("Without contact no ball is lifted below 50 V, even at 10 % RH", _WHERE, "none")
+ALWAYS = Claim("With contact, grasping is achieved all the times", _WHERE, "all")
+GRASP = Claim("The grasp voltage at 10 % RH ranges from 20 to 30 V", f"{_WHERE}, Fig. 8", "20 to 30 V")
+FLAT_GRASP = Claim("The radius does not really influence the grasp voltage", f"{_WHERE}, Figs. 8 and 9", "no trend")
+HUMID = Claim("The grasp voltage is higher at {rh:g} % RH than at 10 %", f"{_WHERE}, Fig. 9", "optimum at 10 % RH")
+RELEASE = Claim("The release voltage at 10 % RH and 5 µm ranges from 37 to 47 V", _WHERE, "37 to 47 V")
+RELIABLE = Claim("The release is highly reliable and repeatable", _WHERE, "highly")
+THEORY = Claim("The release voltage is smaller than the theory's 70 V", _WHERE, "37 to 47 V instead of 70 V")
+FLAT_RELEASE = Claim("The radius does not influence the release voltage", "not in the paper", "not reported")
+ALIKE = Claim("Grasping and releasing take voltages of the same typical amplitude", "section 3.2.1", "by symmetry")
+MELTS = Claim("A ball of 15 µm melts at 70 V in contact", f"{_WHERE}, Fig. 10", "70 V")
+
+
+def findings(rows: Rows) -> list[Finding]:
+    """All statements on grasp and release; rows of faulty trials are left out."""
+    sound = [row for row in rows if not row["faulty"]]
+    grasp, release, attempts = (
+        [row for row in sound if row["experiment"] == name] for name in ("grasp", "release", "no_contact")
+    )
+    dry = [row for row in grasp if row["relative_humidity"] == PAPER_HUMIDITY]
+    let_go = [r for r in release if r["relative_humidity"] == PAPER_HUMIDITY and np.isclose(r["gap"], RELEASE_GAP)]
+    return [
+        _without_contact([r for r in attempts if r["relative_humidity"] == PAPER_HUMIDITY]),
+        _always(grasp),
+        _within(GRASP, dry, PAPER_GRASP),
+        _flat(FLAT_GRASP, dry),
+        *_humidity(dry, grasp),
+        _within(RELEASE, let_go, PAPER_RELEASE),
+        _reliable(let_go),
+        _below_theory(let_go),
+        _flat(FLAT_RELEASE, let_go),
+        _alike(dry, let_go),
+        _melting(sound),
+    ]
+
+
+def voltages(rows: Rows) -> np.ndarray:
+    """Voltages of the trials that reached one [V]."""
+    return np.array([row["voltage"] for row in rows if row["voltage"] is not None], float)
+
+
+def _without_contact(rows: Rows) -> Finding:
+    if not rows:
+        return PURE.not_run()
+    low = [row for row in rows if row["voltage"] is not None and row["voltage"] < PAPER_NO_CONTACT]
+    limit = min(row["limit_voltage"] for row in rows)
+    gaps = ", ".join(f"{gap * _UM:g}" for gap in sorted({row["gap"] for row in rows}))
+    ours = f"{len(low)} of {len(rows)} lifted below 50 V, at gaps of {gaps} µm"
+    tested = f"{percent(share(len(low), len(rows)))}; tried up to {limit:g} V; holds if none"
+    return PURE.found(ours, tested, UNDECIDED if limit < PAPER_NO_CONTACT else not low)
+
+
+def _always(rows: Rows) -> Finding:
+    if not rows:
+        return ALWAYS.not_run()
+    lifted, limit = len(voltages(rows)), max(row["limit_voltage"] for row in rows)
+    tested = f"{percent(share(lifted, len(rows)))}, up to {limit:g} V, all humidities; holds if all"
+    return ALWAYS.found(f"{lifted} of {len(rows)}", tested, lifted == len(rows))
+
+
+def _within(claim: Claim, rows: Rows, band: Sequence[float]) -> Finding:
+    """Whether the means at each radius, which the paper plots, lie in its band."""
+    found = voltages(rows)
+    if not len(found):
+        return claim.not_run()
+    means = [voltages(group).mean() for group in _by_radius(rows) if len(voltages(group))]
+    inside = int(((found >= band[0]) & (found <= band[1])).sum())
+    ends = np.quantile(found, [0.025, 0.975])
+    ours = (
+        f"mean {span(interval(found), 'V')}; means at each radius {min(means):.1f} to {max(means):.1f} V; 95 % of the "
+        f"trials {ends[0]:.1f} to {ends[1]:.1f} V"
+    )
+    tested = (
+        f"n = {len(found)} trials at {len(means)} radii, {percent(share(inside, len(found)))} within; holds if all "
+        "means at a radius, which the paper plots, lie within; the model is fitted to this range"
+    )
+    return claim.found(ours, tested, bool(min(means) >= band[0] and max(means) <= band[1]))
+
+
+def _flat(claim: Claim, rows: Rows) -> Finding:
+    pairs = [(row["radius"] * _UM, row["voltage"]) for row in rows if row["voltage"] is not None]
+    found = slope(*zip(*pairs, strict=True)) if len(pairs) > 2 else None
+    if found is None or np.isnan(found.estimate):
+        return claim.not_run()
+    radii = [radius for radius, _ in pairs]
+    tested = (
+        f"least squares, n = {len(pairs)} trials from {min(radii):g} to {max(radii):g} µm at 10 % RH; holds if it "
+        f"is within ±{FLAT} V/µm; not fitted"
+    )
+    return claim.found(f"slope {span(found, 'V/µm', 2)}", tested, bool(abs(found.estimate) < FLAT))
+
+
+def _humidity(dry: Rows, rows: Rows) -> list[Finding]:
+    humid = sorted({row["relative_humidity"] for row in rows if row["relative_humidity"] > PAPER_HUMIDITY})
+    found = []
+    for rh in humid or (30.0, 50.0):
+        claim = HUMID._replace(text=HUMID.text.format(rh=rh))
+        wet, less = voltages([row for row in rows if row["relative_humidity"] == rh]), voltages(dry)
+        if not len(wet) or not len(less):
+            found.append(claim.not_run())
+            continue
+        result = compare(wet, less)
+        ours = f"mean {wet.mean():.1f} V against {less.mean():.1f} V"
+        tested = (
+            f"{told(result, 'V')}; holds if p < 0.01; the rise of adhesion with humidity is put in, after its ref. 54"
+        )
+        found.append(claim.found(ours, tested, verdict_of(result, True)))
+    return found
+
+
+def _reliable(rows: Rows) -> Finding:
+    found = voltages(rows)
+    if not len(found):
+        return RELIABLE.not_run()
+    landed = sum(bool(row["landed"]) for row in rows)
+    spread = float(found.std(ddof=1) / found.mean()) if len(found) > 1 else 0.0
+    ours = f"{len(found)} of {len(rows)} released, {landed} landed; coefficient of variation {100 * spread:.1f} %"
+    tested = (
+        f"{percent(share(landed, len(rows)))}; holds if all landed and stayed; the spread is fitted, the landing not"
+    )
+    return RELIABLE.found(ours, tested, landed == len(rows))
+
+
+def _below_theory(rows: Rows) -> Finding:
+    found = voltages(rows)
+    if not len(found):
+        return THEORY.not_run()
+    law = float(detachment_voltage(WORK_TOOL_OBJECT, RELEASE_GAP))
+    tested = (
+        f"n = {len(found)}; 70 V is 100 V / sqrt(2), half the adhesion of that seen in air, and not Eq. 3, which "
+        f"with the work of adhesion fitted here gives {law:.1f} V; holds if all are below"
+    )
+    return THEORY.found(f"{found.min():.1f} to {found.max():.1f} V", tested, bool(found.max() < 70.0))
+
+
+def _alike(dry: Rows, let_go: Rows) -> Finding:
+    lift, drop = voltages(dry), voltages(let_go)
+    if not len(lift) or not len(drop):
+        return ALIKE.not_run()
+    ratio = float(drop.mean() / lift.mean())
+    ours = f"release {drop.mean():.1f} V, grasp {lift.mean():.1f} V on average, ratio {ratio:.2f}"
+    tested = f"n = {len(drop)} and {len(lift)}; both are fitted to the paper's ranges; holds if within a factor of 2"
+    return ALIKE.found(ours, tested, bool(0.5 < ratio < 2))
+
+
+def _melting(rows: Rows) -> Finding:
+    if not rows:
+        return MELTS.not_run()
+    reached = [row for row in rows if row["melted"]]
+    highest = voltages(rows).max(initial=0.0)
+    tested = "a threshold that is put in, not found"
+    return MELTS.found(
+        f"{len(reached)} of {len(rows)} rows melted; highest voltage {number(float(highest))} V", tested, ""
+    )
+
+
+def _by_radius(rows: Rows) -> list[list[Row]]:
+    return [[row for row in rows if row["radius"] == radius] for radius in sorted({row["radius"] for row in rows})]

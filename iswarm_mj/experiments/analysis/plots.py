@@ -1,0 +1,159 @@
+"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, effects, curves."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from iswarm_mj.experiments.analysis.findings import Row, Rows
+from iswarm_mj.experiments.analysis.measures import MEASURES, Measure, values
+from iswarm_mj.experiments.analysis.statistics import Interval
+from iswarm_mj.output.plot_style import figure
+
+BLUE, ORANGE, GREY = "#4477aa", "#d55e00", "#777777"
+_TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
+
+
+class Effect(NamedTuple):
+    """A line of a forest plot."""
+
+    group: str
+    label: str
+    value: Interval
+    note: str = ""
+    """Stands at the right edge."""
+
+
+def draw_bars(rows: Rows, group: Callable[[Row], Any], labels: Mapping[Any, str], x_label: str, path: Path) -> Path:
+    """Draw the four measures: a bar from zero to the median, a line up to the third quartile, a dot a run.
+
+    Args:
+        rows: of an experiment's table.
+        group: of a row, a key of `labels`.
+        labels: what stands below the bars, in their order.
+        x_label: of the axes.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    rng = np.random.default_rng(0)
+    with figure(path, rows=2, columns=2, size=(max(3.4, 0.7 * len(labels)), 2.7)) as panels:
+        for axes, measure, letter in zip(panels, MEASURES, "abcd", strict=True):
+            for place, key in enumerate(labels):
+                found = values([row for row in rows if group(row) == key], measure)
+                if not len(found):
+                    axes.annotate("none", (place, 0), (0, 3), textcoords="offset points", ha="center", color=GREY)
+                    continue
+                middle, third = np.quantile(found, [0.5, 0.75])
+                axes.bar(place, middle, 0.62, color="#a8c0d8", edgecolor=BLUE, linewidth=0.8)
+                axes.errorbar(place, middle, [[0], [third - middle]], color="black", capsize=4, linewidth=1)
+                shift = rng.uniform(-0.2, 0.2, len(found))
+                axes.plot(place + shift, found, ".", color=ORANGE, markersize=3.5, alpha=0.8)
+            axes.set_xticks(range(len(labels)), list(labels.values()))
+            axes.grid(axis="x", visible=False)
+            axes.set_ylim(bottom=0)
+            axes.set(xlabel=x_label, ylabel=measure.label)
+            axes.set_title(f"({letter})", loc="left", fontsize=9)
+    return path.with_name(path.name + ".png")
+
+
+def draw_forest(effects: Sequence[Effect], x_label: str, path: Path) -> Path:
+    """Draw effects with their intervals below each other, by groups; zero is no effect.
+
+    Args:
+        effects: those of a group beside each other.
+        x_label: of the axis.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    places, texts, place, group = [], [], 0.0, None
+    for effect in effects:
+        place += 1.0 if effect.group == group else 1.6
+        group = effect.group
+        places.append(place)
+        texts.append(effect.label)
+    with figure(path, size=(7.2, 1.0 + 0.2 * place)) as (axes,):
+        axes.axvline(0, color="0.4", linewidth=0.8)
+        for place, effect in zip(places, effects, strict=True):
+            estimate, low, high = effect.value
+            clear = low > 0 or high < 0
+            hue = (ORANGE if low > 0 else BLUE) if clear else GREY
+            axes.plot([low, high], [place, place], color=hue, linewidth=1.4)
+            axes.plot(estimate, place, "o", color=hue, markersize=4)
+            axes.text(1.01, place, effect.note, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
+        axes.set_yticks(places, texts, fontsize=8)
+        axes.invert_yaxis()
+        axes.grid(axis="y", visible=False)
+        low, high = axes.get_xlim()
+        axes.set_xscale("symlog", linthresh=100, linscale=1.0)
+        axes.set_xticks([x for x in _TICKS if low <= x <= high], [str(x) for x in _TICKS if low <= x <= high])
+        axes.set_xticks([], minor=True)
+        axes.set_xlabel(x_label)
+    return path.with_name(path.name + ".png")
+
+
+def draw_curves(
+    rows: Rows, x: Callable[[Row], float], series: Mapping[str, Callable[[Row], bool]], measures: Sequence[Measure],
+    x_label: str, path: Path,
+) -> Path:  # fmt: skip
+    """Draw measures along a quantity: lines through the medians, bands from first to third quartile, a dot a run.
+
+    Args:
+        rows: of an experiment's table.
+        x: the quantity, of a row.
+        series: which rows belong to each line.
+        measures: an axis each.
+        x_label: of the axes.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    with figure(path, columns=len(measures), size=(3.6, 3.2)) as panels:
+        for axes, measure in zip(panels, measures, strict=True):
+            for (name, belongs), hue, mark in zip(series.items(), (BLUE, ORANGE), "ox", strict=False):
+                mine = [row for row in rows if belongs(row)]
+                steps = sorted({x(row) for row in mine})
+                found = [(step, values([row for row in mine if x(row) == step], measure)) for step in steps]
+                found = [(step, sample) for step, sample in found if len(sample)]
+                if not found:
+                    continue
+                low, middle, high = np.array([np.quantile(sample, [0.25, 0.5, 0.75]) for _, sample in found]).T
+                along = [step for step, _ in found]
+                axes.fill_between(along, low, high, color=hue, alpha=0.15, linewidth=0)
+                axes.plot(along, middle, marker=mark, color=hue, label=name)
+                for step, sample in found:
+                    axes.plot(np.full(len(sample), step), sample, ".", color=hue, markersize=2.5, alpha=0.6)
+            axes.set_ylim(bottom=0)
+            axes.set(xlabel=x_label, ylabel=measure.label)
+        panels[0].legend(fontsize=8)
+    return path.with_name(path.name + ".png")
+
+
+def draw_samples(samples: Mapping[str, Mapping[str, Sequence[float]]], path: Path) -> Path:
+    """Draw samples beside each other, a dot a run and a line at the median, an axis for each quantity.
+
+    Args:
+        samples: by quantity with its unit, then by name.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    rng = np.random.default_rng(0)
+    with figure(path, columns=len(samples), size=(3.2, 3.0)) as panels:
+        for axes, (label, groups) in zip(panels, samples.items(), strict=True):
+            for place, found in enumerate(groups.values()):
+                axes.plot(place + rng.uniform(-0.15, 0.15, len(found)), found, ".", color=BLUE, markersize=4, alpha=0.8)
+                if len(found):
+                    axes.hlines(np.median(found), place - 0.28, place + 0.28, color=ORANGE, linewidth=1.6)
+            axes.set_xticks(range(len(groups)), list(groups))
+            most = max((max(found) for found in groups.values() if len(found)), default=1.0)
+            axes.set(xlim=(-0.6, len(groups) - 0.4), ylim=(0, 1.06 * most))
+            axes.grid(axis="x", visible=False)
+            axes.set_ylabel(label)
+    return path.with_name(path.name + ".png")

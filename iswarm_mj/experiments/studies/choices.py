@@ -1,0 +1,89 @@
+"""What was chosen where the paper is silent, and what was fitted: read from where the program itself keeps it."""
+
+import ast
+import inspect
+import re
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from iswarm_mj import config
+from iswarm_mj.gripper.laws import detachment
+from iswarm_mj.strategy import evolution
+
+RULES = (
+    "All robots sense the same moment and all move at once; whether they also hear and speak at once or one after the "
+    "other is strategy.update-order.",
+    "A robot turns on the spot, then walks straight; nothing but a contact pushes it sideways.",
+    "Robots start on distinct cells of 1 rd outside the dump at random headings; their number is the density times the "
+    "number of these cells, 2376, which gives the 280 and 314 robots of Table 2.",
+    "The 32 bits of a message are LED number 2, priority 1, parity 1, and two vectors of 14 bits: bearing 5, range 5, "
+    "hop count 4. A vector that came through more than 14 robots is not sent on.",
+    "Dust or dump under a robot set its vector to zero with hop count 0; the robot's own motion turns and shifts it.",
+    "A collision is a pair of robots in contact that was not in contact at the control step before.",
+)
+"""Rules that are no configuration values."""
+
+
+class Choice(NamedTuple):
+    """A configuration value that the paper does not give."""
+
+    name: str
+    """As in the command line, such as strategy.dust-range."""
+    value: str
+    meaning: str
+
+
+def choices() -> list[Choice]:
+    """Configuration values whose description does not refer to the paper's tables or sections."""
+    parts = {f.name: type(getattr(config.SwarmConfig(), f.name)) for f in fields(config.SwarmConfig)}
+    found = []
+    for part, cls in parts.items():
+        defaults, meanings = cls(), _descriptions(cls)
+        for f in fields(cls):
+            meaning = meanings[f.name]
+            if not re.search(r"Table \d|section \d", meaning) and "calibrated" not in meaning:
+                found.append(Choice(f"{part}.{f.name}".replace("_", "-"), str(getattr(defaults, f.name)), meaning))
+    return found
+
+
+def fitted() -> list[Choice]:
+    """Calibrated constants of the gripper."""
+    meanings = _module_descriptions(detachment)
+    return [
+        Choice(name, f"{getattr(detachment, name):g}", meaning)
+        for name, meaning in meanings.items()
+        if "calibrated" in meaning
+    ]
+
+
+def fitting() -> str:
+    """What they were fitted to, and what was not fitted."""
+    return " ".join((inspect.getdoc(detachment) or "").partition("\n\n")[2].split())
+
+
+def operators() -> list[str]:
+    """What the paper leaves open of its evolution, an item each."""
+    text = (inspect.getdoc(evolution) or "").partition("chosen here:")[2]
+    return [" ".join(item.split()) for item in re.split(r"^- ", text, flags=re.MULTILINE) if item.strip()]
+
+
+def _descriptions(cls: type[Any]) -> dict[str, str]:
+    """Docstrings below the fields of a dataclass."""
+    return _documented(ast.parse(inspect.getsource(cls)).body[0])
+
+
+def _module_descriptions(module: Any) -> dict[str, str]:
+    """Docstrings below the constants of a module."""
+    return _documented(ast.parse(inspect.getsource(module)))
+
+
+def _documented(node: Any) -> dict[str, str]:
+    found = {}
+    for item, following in zip(node.body, node.body[1:], strict=False):
+        target = (
+            item.target if isinstance(item, ast.AnnAssign) else item.targets[0] if isinstance(item, ast.Assign) else 0
+        )
+        text = following.value if isinstance(following, ast.Expr) else None
+        if isinstance(target, ast.Name) and isinstance(text, ast.Constant) and isinstance(text.value, str):
+            found[target.id] = " ".join(text.value.split())
+    return found

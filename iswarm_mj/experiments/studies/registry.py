@@ -1,0 +1,27 @@
+"""All experiments by their names."""
+
+from iswarm_mj.experiments.runner.study import Experiment
+from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, types
+from iswarm_mj.utils.errors import UserError
+
+EXPERIMENTS = {
+    module.EXPERIMENT.name: module.EXPERIMENT for module in (hop_count, density, types, sensitivity, robustness)
+}
+
+
+def experiment(name: str) -> Experiment:
+    """Return an experiment by its name.
+
+    Raises:
+        UserError: there is none of this name.
+    """
+    if name not in EXPERIMENTS:
+        known = ", ".join(EXPERIMENTS)
+        raise UserError(f"The experiment was {name!r}; there are {known}: choose one of these.")
+    return EXPERIMENTS[name]
+
+
+def listing() -> str:
+    """Names and titles, a line each."""
+    width = max(map(len, EXPERIMENTS))
+    return "\n".join(f"{e.name:{width}}  {e.source}: {e.title}" for e in EXPERIMENTS.values())

@@ -1,0 +1,156 @@
+"""How the result depends on what the paper leaves open: one choice at a time, about the default."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.experiments.analysis.findings import ALPHA, Claim, Finding, Rows, number
+from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
+from iswarm_mj.experiments.analysis.plots import Effect, draw_forest
+from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, holm, interval, mean
+from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.study import TIME_LIMIT, Entry, Experiment, Plan, run_seed
+from iswarm_mj.simulation.initial import robots_for
+
+REPEATS = 10
+DEFAULT = "default"
+
+VARIATIONS: Mapping[str, tuple[tuple[str, tuple[Any, ...]], ...]] = {
+    "scene": (
+        ("strategy.dust_range", (0.5, 1.0)),
+        ("arena.dump_size", (4.0, 7.0)),
+        ("arena.dust_area_size", (4.0, 9.0)),
+        ("arena.dust_area_offset", (12.0, 20.0)),
+    ),
+    "light": (
+        ("optics.photodiode_aperture", (60.0,)),
+        ("optics.communication_radius", (3.0, 4.0)),
+        ("optics.line_of_sight", (False,)),
+        ("optics.mode", ("power",)),
+        ("optics.wall_range", (0.75, 3.0)),
+    ),
+    "noise": (
+        ("optics.error_distance_measure", (0.0, 0.2)),
+        ("optics.error_in_communication", (0.0, 0.2)),
+        ("optics.independent_bit_errors", (True,)),
+        ("optics.p_communication_break", (0.0, 0.2)),
+    ),
+    "gripper": (
+        ("gripper.drop_rate", (0.01, 0.05)),
+        ("gripper.relative_humidity", (30.0, 50.0)),
+        ("gripper.grasp_voltage", (30.0, 50.0)),
+        ("gripper.tool_reach", (0.1e-3, 0.5e-3)),
+    ),
+    "strategy": (
+        ("strategy.scouts_pick", (True,)),
+        ("strategy.forget_on_arrival", (False,)),
+        ("strategy.random_turn", (10.0, 90.0)),
+        ("strategy.avoidance_gain", (2.0, 32.0)),
+        ("strategy.priority_factor", (1.0, 4.0)),
+        ("strategy.wall_gain", (0.0, 8.0)),
+        ("strategy.message_range", (25.0, 98.0)),
+    ),
+    "motion": (("drive.max_turn", (45.0, 180.0)),),
+    "update order": (("strategy.update_order", ("sequential",)),),
+}
+"""Values other than the default, by groups; the paper's own values (Table 1) are varied too where they are noise.
+
+A run's seed follows from its place here: what is added comes last.
+"""
+
+REACHES = Claim(
+    "The goal is reached with each other choice and each other noise", "not in the paper", "one setting only"
+)
+CHANGES = Claim("Choices that change the time to the goal", "not in the paper", "one setting only")
+
+
+def varied(config: SwarmConfig, name: str, value: Any) -> SwarmConfig:
+    """Configuration with another value at a name such as optics.mode."""
+    part, item = name.split(".")
+    return replace(config, **{part: replace(getattr(config, part), **{item: value})})
+
+
+def entries(plan: Plan) -> list[Entry]:
+    """Runs of the default and of each choice; the number of robots is that of the default."""
+    n_robots = robots_for(plan.config.arena, plan.genome.density_of_robots)
+    repeats, steps = (3, 300) if plan.quick else (REPEATS, TIME_LIMIT)
+    settings: list[tuple[dict[str, str], SwarmConfig]] = [
+        ({"group": DEFAULT, "choice": DEFAULT, "value": ""}, plan.config)
+    ]
+    for group, choices in VARIATIONS.items():
+        for name, others in choices[:1] if plan.quick else choices:
+            labels = [{"group": group, "choice": name, "value": str(other)} for other in others]
+            settings += zip(labels, [varied(plan.config, name, other) for other in others], strict=True)
+    listed = []
+    for place, (labels, config) in enumerate(settings):
+        for repeat in range(repeats):
+            job = Job(config, plan.genome, n_robots, run_seed(plan.seed, place, repeat), steps, plan.goal)
+            listed.append(Entry({**labels, "repeat": repeat}, job))
+    return listed
+
+
+def effects(rows: Rows) -> list[tuple[Effect, float]]:
+    """Each choice's difference of the mean time from the default, and its p-value, adjusted by Holm for their number.
+
+    Runs that did not reach the goal count as the time limit. An effect's note says how many reached it.
+    """
+    usual = values(select(rows, choice=DEFAULT), TIME)
+    listed, p_values = [], []
+    for key in dict.fromkeys((row["group"], row["choice"], row["value"]) for row in rows if row["choice"] != DEFAULT):
+        group, choice, value = key
+        runs = select(rows, choice=choice, value=value)
+        times = values(runs, TIME)
+        note = f"{finished(runs)}/{len(runs)}"
+        listed.append(Effect(group, f"{choice.split('.')[1]} = {value}", difference(times, usual, mean), note))
+        p_values.append(compare(times, usual).p)
+    return list(zip(listed, holm(p_values), strict=True))
+
+
+def findings(rows: Rows) -> list[Finding]:
+    """Whether all choices reach the goal, and which change the time."""
+    usual = select(rows, choice=DEFAULT)
+    if not usual or len(rows) == len(usual):
+        return [REACHES.not_run(), CHANGES.not_run()]
+    listed = effects(rows)
+    failing = [e for e, _ in listed if _fails(e)]
+    named = "; ".join(f"{e.label}: {e.note} runs" for e in failing)
+    ours = f"at least half of the runs reach it for {len(listed) - len(failing)} of {len(listed)} choices"
+    rule = f"goal of {usual[0]['goal']} balls within {usual[0]['max_steps']} steps; holds if at least half of the runs"
+    clear = sorted((item for item in listed if item[1] < ALPHA), key=lambda item: -abs(item[0].value.estimate))
+    changed = "; ".join(f"{e.label}: {_signed(e.value)} steps (p = {number(p, 2)})" for e, p in clear)
+    default = interval(values(usual, TIME))
+    said = (
+        f"difference of the mean time from the default's {number(default.estimate)} steps with 95 % interval, runs "
+        f"that did not reach the goal counted as {usual[0]['max_steps']}; Mann-Whitney, p adjusted by Holm for "
+        f"{len(listed)} choices, n = {len(usual)} each"
+    )
+    return [
+        REACHES.found(f"{ours}, not for {named}" if failing else ours, f"{rule} of each choice do", not failing),
+        CHANGES.found(changed or "none at p < 0.01", said, ""),
+    ]
+
+
+def draw(rows: Rows, out: Path) -> list[Path]:
+    """Draw the effects in the manner of a forest plot."""
+    listed = [effect for effect, _ in effects(rows)]
+    if not listed:
+        return []
+    label = "mean time minus that of the default [steps], 95 % interval\nat the right edge: runs that reached the goal"
+    return [draw_forest(listed, label, out / "sensitivity")]
+
+
+def _fails(effect: Effect) -> bool:
+    reached, total = map(int, effect.note.split("/"))
+    return 2 * reached < total
+
+
+def _signed(value: Interval) -> str:
+    return f"{value.estimate:+.0f} ({value.low:+.0f} to {value.high:+.0f})"
+
+
+EXPERIMENT = Experiment(
+    "sensitivity", "each choice that the paper leaves open, one at a time about the default, 10 runs each",
+    "not in the paper", entries, findings, draw,
+)  # fmt: skip

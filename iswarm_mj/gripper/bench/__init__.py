@@ -1,0 +1,1 @@
+"""The bench: one ball between plate and probe."""

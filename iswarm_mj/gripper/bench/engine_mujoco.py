@@ -1,0 +1,121 @@
+"""Benches in MuJoCo's C engine: many at once on a thread pool, with the plugins."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.gripper import plugin
+from iswarm_mj.gripper.bench.geometry import Trial, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.model import MS, UM, bench_spec, layout, plugin_values, sized, start
+from iswarm_mj.gripper.bench.protocol import smooth
+
+BLOCK = 64
+"""Physics steps of one call."""
+
+
+class MujocoBench:
+    """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core."""
+
+    def __init__(self, trials: Sequence[Trial], start_gap: float, threads: int = 0, spec: mujoco.MjSpec | None = None):
+        spec = spec or bench_spec()
+        sizes = {(trial.radius, trial.probe_radius): trial for trial in trials}
+        models = {size: sized(spec, trial) for size, trial in sizes.items()}
+        models = [models[trial.radius, trial.probe_radius] for trial in trials]
+        first = models[0]
+        self.timestep = float(first.opt.timestep) * MS
+        self.steps = 0
+        self._where = layout(first)
+        self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
+        self._batch = Batch(first, len(trials), threads)
+        self._batch.set_models(models)
+        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
+        qpos, state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
+        self._touch = np.zeros(len(trials))
+        for i, trial in enumerate(trials):
+            qpos[i], self._touch[i] = start(first, trial, start_gap)
+            for index, value in plugin_values(first, trial).items():
+                state[i, index] = value
+        self._ctrl[:] = 0
+        self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
+
+    def move(
+        self, phase: str, duration: float, tip: np.ndarray, voltage: np.ndarray, active: np.ndarray | None = None
+    ) -> Watch:
+        """See `Bench.move`."""
+        del phase
+        n_benches, n_steps = len(self._touch), max(1, round(duration / self.timestep))
+        ids = np.arange(n_benches) if active is None else np.flatnonzero(active)
+        self.steps += n_steps * len(ids)
+        begin = self._ctrl[ids]
+        end = begin.copy()
+        end[:, self._where.tip] = self._touch[ids] + np.broadcast_to(tip, n_benches)[ids] / UM - self._where.tip_height
+        end[:, self._where.voltage] = np.broadcast_to(voltage, n_benches)[ids]
+        seen = _Seen(len(ids))
+        for first in range(0, n_steps, BLOCK):
+            share = np.arange(first + 1, min(first + BLOCK, n_steps) + 1) / n_steps
+            way = np.repeat(share[:, None], begin.shape[1], axis=1)
+            way[:, self._where.tip] = smooth(share)
+            speed = -self._qvel[ids, None, self._where.ball + 2]
+            control = begin[:, None] + way * (end - begin)[:, None]
+            with without_timers():
+                block = self._batch.rollout(len(share), control, record=("qvel", "plugin_state"), ids=ids)
+            speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
+            seen.add(block["plugin_state"][:, :, self._gaps], speed, first)
+        return self._watch(seen, ids)
+
+    def _watch(self, seen: "_Seen", ids: np.ndarray) -> Watch:
+        ball = slice(self._where.ball, self._where.ball + 3)
+        speed = np.linalg.norm(self._qvel[ids, ball], axis=1)
+        warned = self._batch.warning[ids].any(axis=(1, 2))
+        finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
+        dt = self.timestep
+        values = (
+            *(seen.last * dt).T, seen.first * dt, seen.landing_speed * UM / MS,
+            *(seen.gaps * UM).T, speed * UM / MS, finite,
+        )  # fmt: skip
+        return Watch(*(_spread(value, ids, len(self._touch)) for value in values))
+
+    def save(self) -> Any:
+        """See `Bench.save`."""
+        return self._batch.state.copy()
+
+    def restore(self, state: Any) -> None:
+        """See `Bench.restore`."""
+        self._batch.state[:] = state
+
+
+class _Seen:
+    """Contacts of some benches, in steps since a move began."""
+
+    def __init__(self, count: int):
+        self.last = np.full((count, 2), np.nan)
+        self.first = np.full(count, np.nan)
+        self.landing_speed = np.full(count, np.nan)
+        self.gaps = np.full((count, 2), np.nan)
+        self._before = np.full((count, 2), np.nan)
+
+    def add(self, gaps: np.ndarray, speed: np.ndarray, first: int) -> None:
+        """Take in gaps (n, T, 2) to tool and plate and downward speeds (n, T) at T steps from the `first` on."""
+        rows, count = np.arange(len(gaps)), gaps.shape[1]
+        touches = gaps <= 0
+        last = first + count - 1 - np.argmax(touches[:, ::-1], axis=1)
+        self.last = np.where(touches.any(axis=1), last, self.last)
+        at = np.argmax(touches[:, :, 1], axis=1)
+        new = touches[:, :, 1].any(axis=1) & np.isnan(self.first)
+        self.first = np.where(new, first + at, self.first)
+        now = np.stack([gaps[rows, at, 1], speed[rows, at]], axis=1)
+        before = np.where(at[:, None] > 0, np.stack([gaps[rows, at - 1, 1], speed[rows, at - 1]], axis=1), self._before)
+        self.landing_speed = np.where(new, speed_at_zero(before, now), self.landing_speed)
+        self.gaps, self._before = gaps[:, -1], np.stack([gaps[:, -1, 1], speed[:, -1]], axis=1)
+
+
+def _spread(value: np.ndarray, ids: np.ndarray, count: int) -> np.ndarray:
+    """Values of some benches among all."""
+    full = np.full(count, np.nan) if value.dtype != bool else np.ones(count, bool)
+    full[ids] = value
+    return full

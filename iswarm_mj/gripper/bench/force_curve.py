@@ -1,0 +1,52 @@
+"""Force-distance curves: a tool that comes to a ball, touches it and goes away again, at a constant voltage."""
+
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.gripper.bench.geometry import Trial
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.trace_trial import TraceBench
+
+SLOWDOWN = 4.0
+"""A curve is run this many times as slowly as a trial."""
+
+
+def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[str, Any]]:
+    """Samples of one curve, approach then retract; above its grasp voltage the ball comes along.
+
+    Args:
+        trial: the ball.
+        protocol: where the tool starts, how far it presses, how fast it goes.
+        voltage: of the tool, from the start [V].
+
+    Returns:
+        One row a physics step: direction ("approach" or "retract"), voltage [V], radius, tip, gap [m], and what pulls
+        tool and ball together, adhesion, electrostatic, contact (repulsive) and total, their balance [N].
+    """
+    bench, volt = TraceBench(trial, protocol.start_gap), np.array([voltage])
+    far, pressed, peeled = (np.array([height]) for height in (protocol.start_gap, -protocol.press, protocol.peel))
+    bench.move("voltage", protocol.rise_time, far, volt)
+    bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, volt)
+    bench.move("contact", protocol.dwell, pressed, volt)
+    bench.move("retract", SLOWDOWN * protocol.peel_time, peeled, volt)
+    bench.move("away", SLOWDOWN * protocol.approach_time, far, volt)
+    trace = bench.trace()
+    directions = {"approach": "approach", "contact": "approach", "retract": "retract", "away": "retract"}
+    rows = []
+    for i, phase in enumerate(trace.phases[k] for k in trace.phase):
+        if phase not in directions:
+            continue
+        attraction = trace.adhesion_tool[i] + max(0.0, trace.electrostatic[i])
+        numbers = {
+            "voltage": voltage,
+            "radius": trial.radius,
+            "tip": trace.probe[i, 2] - 2 * trial.radius,
+            "gap": trace.gap_tool[i],
+            "adhesion": trace.adhesion_tool[i],
+            "electrostatic": max(0.0, trace.electrostatic[i]),
+            "contact": trace.contact_tool[i],
+            "total": attraction - trace.contact_tool[i],
+        }
+        rows.append({"direction": directions[phase], **{name: float(value) for name, value in numbers.items()}})
+    return rows

@@ -1,0 +1,1 @@
+"""Laws of adhesion and electrostatics: pure functions of SI arguments."""

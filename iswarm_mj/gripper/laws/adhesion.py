@@ -1,0 +1,90 @@
+"""Adhesion of an elastic sphere to a plane: pull-off forces and the works of adhesion behind them."""
+
+import math
+
+from iswarm_mj.utils.arrays import Array, array_module
+
+
+def work_of_adhesion(surface_energy_1: Array, surface_energy_2: Array) -> Array:
+    """Work of adhesion of two surfaces, W = 2 sqrt(gamma_1 gamma_2).
+
+    Source: geometric mean, stated below Eq. 1. Valid for dispersion forces between clean surfaces.
+
+    Args:
+        surface_energy_1: surface energy of one body [J/m^2].
+        surface_energy_2: surface energy of the other [J/m^2].
+
+    Returns:
+        Work of adhesion [J/m^2].
+    """
+    xp = array_module(surface_energy_1, surface_energy_2)
+    return 2 * xp.sqrt(surface_energy_1) * xp.sqrt(surface_energy_2)
+
+
+def jkr_pull_off(radius: Array, work: Array) -> Array:
+    """Pull-off force of a compliant contact, F = 3/2 pi R W.
+
+    Source: Johnson, Kendall, Roberts 1971; lower bound of Eq. 1. Valid for a Tabor parameter
+    above about 5.
+
+    Args:
+        radius: radius of the sphere [m].
+        work: work of adhesion [J/m^2].
+
+    Returns:
+        Force to separate them, positive [N].
+    """
+    return 1.5 * math.pi * radius * work
+
+
+def dmt_pull_off(radius: Array, work: Array) -> Array:
+    """Pull-off force of a stiff contact, F = 2 pi R W.
+
+    Source: Derjaguin, Muller, Toporov 1975; upper bound of Eq. 1. Valid for a Tabor parameter
+    below about 0.1.
+
+    Args:
+        radius: radius of the sphere [m].
+        work: work of adhesion [J/m^2].
+
+    Returns:
+        Force to separate them, positive [N].
+    """
+    return 2 * math.pi * radius * work
+
+
+def tabor_parameter(radius: Array, work: Array, reduced_modulus: Array, equilibrium_separation: Array) -> Array:
+    """Tabor parameter mu = (R W^2 / (E*^2 z0^3))^(1/3), elastic stretch over the range of adhesion.
+
+    Source: Tabor 1977. Small: DMT; large: JKR. The Maugis parameter is lambda = 1.157 mu.
+
+    Args:
+        radius: radius of the sphere [m].
+        work: work of adhesion [J/m^2].
+        reduced_modulus: E*, with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 [Pa].
+        equilibrium_separation: z0, distance of the surfaces in equilibrium, 0.16-0.4 nm [m].
+
+    Returns:
+        mu, a pure number.
+    """
+    xp = array_module(radius, work, reduced_modulus, equilibrium_separation)
+    # Grouped so that no factor leaves the range of float32.
+    stretch = work / (reduced_modulus * equilibrium_separation)
+    return xp.cbrt(radius / equilibrium_separation * stretch**2)
+
+
+def van_der_waals_force(hamaker: Array, radius: Array, gap: Array) -> Array:
+    """Attraction of a sphere to a half-space across a gap, F = 2 A R^3 / (3 z^2 (z + 2 R)^2).
+
+    Source: Hamaker 1937, pairwise and without retardation; F -> A R / (6 z^2) for z << R. Too large beyond
+    about 0.1 um, where retardation sets in.
+
+    Args:
+        hamaker: Hamaker constant A [J].
+        radius: radius of the sphere [m].
+        gap: closest distance z of the surfaces [m].
+
+    Returns:
+        Attractive force, positive [N].
+    """
+    return 2 * hamaker / (3 * gap) * (radius / gap) * (radius / (gap + 2 * radius)) ** 2

@@ -1,0 +1,83 @@
+"""Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, looked up in a table that ships.
+
+Bicubic spline of ln f in log2(D/R) and log2(R_m/R): twice differentiable. The numbers come from
+`boundary_elements`.
+"""
+
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from iswarm_mj.utils.arrays import Array, array_module, is_concrete
+from iswarm_mj.utils.errors import UserError
+
+GAP_EXPONENTS = np.arange(-27, 7) / 3
+"""log2 of D/R in the table, 1/512 to 4."""
+
+PROBE_EXPONENTS = np.arange(-18, 10) / 3
+"""log2 of R_m/R in the table, 1/64 to 8."""
+
+FILE = "probe_table.csv"
+
+
+def probe_factor(task: str, gap_ratio: Array, probe_ratio: Array) -> Array:
+    """Shape factor f = F D / (R pi eps0 V^2); f -> 1 as D/R -> 0.
+
+    Source: boundary elements, good to 2e-4; interpolation adds less than 2e-4. Concrete numbers outside the
+    table raise `UserError`; inside a JAX transformation, where numbers cannot be looked at, the ratios are
+    clamped to the table's edge.
+
+    Args:
+        task: "release" (downwards, probe touching) or "pick" (upwards, plane touching).
+        gap_ratio: D/R, 1/512 to 4; D from sphere to plane in release, from probe to sphere in pick.
+        probe_ratio: R_m/R, 1/64 to 8.
+
+    Returns:
+        f, a pure number.
+    """
+    xp = array_module(gap_ratio, probe_ratio)
+    row, row_weights = _locate(xp, "gap over sphere radius", gap_ratio, GAP_EXPONENTS)
+    column, column_weights = _locate(xp, "probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
+    coefficients = xp.asarray(_coefficients(task), dtype=row_weights.dtype)
+    patch = coefficients[row[..., :, None], column[..., None, :]]
+    return xp.exp(xp.sum(patch * row_weights[..., :, None] * column_weights[..., None, :], axis=(-2, -1)))
+
+
+def _locate(xp, name: str, ratio: Array, exponents: np.ndarray) -> tuple[Array, Array]:
+    """Indices (..., 4) of the spline's coefficients around each ratio, and their weights (..., 4)."""
+    low, high = 2.0 ** exponents[0], 2.0 ** exponents[-1]
+    if is_concrete(ratio):
+        given = np.asarray(ratio)
+        bad = given[~((given >= low * (1 - 1e-6)) & (given <= high * (1 + 1e-6)))]
+        if bad.size:
+            raise UserError(
+                f"The {name} is {bad.flat[0]:.4g}, outside the table's {low:.4g} to {high:.4g}; "
+                'change the gap or the radii, or use model="asymptotic" for gaps far below the radii.'
+            )
+    place = (xp.log2(xp.clip(ratio, low, high)) - exponents[0]) / (exponents[1] - exponents[0])
+    cell = xp.clip(xp.floor(place), 0, len(exponents) - 2)
+    t = place - cell
+    weights = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t * (1 + t - t**2), t**3]
+    return cell.astype(int)[..., None] + np.arange(4), xp.stack(weights, axis=-1) / 6
+
+
+@cache
+def _coefficients(task: str) -> np.ndarray:
+    """Coefficients of the bicubic spline through ln f, one more on each side than the table has rows."""
+    text = files("iswarm_mj.gripper.laws").joinpath(FILE).read_text(encoding="utf-8")
+    column = {"release": 2, "pick": 3}[task]
+    factor = np.loadtxt(text.splitlines(), delimiter=",", comments="#", usecols=column)
+    table = np.log(factor.reshape(len(GAP_EXPONENTS), len(PROBE_EXPONENTS)))
+    return np.linalg.solve(_spline_matrix(table.shape[0]), np.pad(table, 1)) @ (
+        np.linalg.inv(_spline_matrix(table.shape[1])).T
+    )
+
+
+def _spline_matrix(n: int) -> np.ndarray:
+    """Values of a cubic spline at n knots from its n + 2 coefficients, between two not-a-knot conditions."""
+    matrix = np.zeros((n + 2, n + 2))
+    for i in range(n):
+        matrix[i + 1, i : i + 3] = 1 / 6, 4 / 6, 1 / 6
+    matrix[0, :5] = matrix[-1, -5:] = 1, -4, 6, -4, 1
+    return matrix

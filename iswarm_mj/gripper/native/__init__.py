@@ -1,0 +1,1 @@
+"""Engine plugins of MuJoCo, compiled by numba."""

@@ -1,0 +1,1 @@
+"""What runs write: trajectories, results, recordings, pictures, figures."""

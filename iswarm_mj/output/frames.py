@@ -1,0 +1,90 @@
+"""From steps of a run to frames of a trajectory: the door from arena units to SI."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.simulation.run_mujoco import StepView
+from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
+
+LYING, HELD, DELIVERED = 0, 1, 2
+ROBOT_SIZE = (2e-3, 2e-3, 1e-3)
+"""Edges of a robot [m]."""
+
+
+def scene_of(config: SwarmConfig, start: StepView, world: int) -> Scene:
+    """What does not change in one world of a run."""
+    arena = config.arena
+
+    def square(x: float, edge: float) -> list[float]:
+        return [x - edge / 2, -edge / 2, x + edge / 2, edge / 2]
+
+    dust = [square(side * arena.dust_area_offset, arena.dust_area_size) for side in (-1, 1)]
+    return Scene(
+        robot_size=np.array(ROBOT_SIZE),
+        is_scout=np.asarray(start.state.mind.is_scout[world]),
+        ball_radius=np.asarray(start.state.balls.radius[world]),
+        arena_size=arena.size * ROBOT_DIAMETER,
+        dump=np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER,
+        dust_areas=np.array(dust) * ROBOT_DIAMETER,
+        control_period=config.drive.control_period,
+    )
+
+
+class FrameBuffer:
+    """Collects the steps of one world and hands them out as blocks of frames."""
+
+    def __init__(self, world: int):
+        self._world = world
+        self._views: list[dict[str, Any]] = []
+
+    def __len__(self) -> int:
+        """Return the number of frames that wait."""
+        return len(self._views)
+
+    def add(self, view: StepView) -> None:
+        """Take in a step."""
+        self._views.append(_frame(view, self._world))
+
+    def take(self) -> Frames:
+        """Hand out what was taken in since the last time; there must be something."""
+        views, self._views = self._views, []
+        block = {f.name: np.stack([v[f.name] for v in views]) for f in fields(Frames)}
+        for name in ("pose", "ball_position", "dust_vector", "dump_vector"):
+            block[name] = block[name].astype(np.float32)
+        for name in ("pose", "ball_position"):
+            block[name][..., : 2 if name == "pose" else 3] *= MM
+        for name in ("dust_vector", "dump_vector", "mean_speed"):
+            block[name] = (block[name] * MM).astype(np.float32)
+        block["step"] = block["step"].astype(np.int32)
+        block["link_sender"] = block["link_sender"].astype(np.int16)
+        return Frames(**block)
+
+
+def _frame(view: StepView, world: int) -> dict[str, Any]:
+    """One world's step, in arena units; `take` converts whole blocks."""
+    mind, balls = view.state.mind, view.state.balls
+    held, delivered = np.asarray(balls.is_held)[world], np.asarray(balls.is_delivered)[world]
+    is_loaded = np.zeros(view.poses.shape[1], bool)
+    is_loaded[np.asarray(balls.holder)[world][held]] = True
+    return {
+        "step": np.asarray(view.step),
+        "pose": view.poses[world],
+        "is_loaded": is_loaded,
+        "has_priority": view.has_priority[world],
+        "ball_position": view.balls[world],
+        "ball_state": np.where(held, HELD, np.where(delivered, DELIVERED, LYING)).astype(np.uint8),
+        "link_sender": view.links.sender[world],
+        "link_valid": view.links.valid[world],
+        "dust_vector": np.asarray(mind.dust.vector)[world],
+        "dust_known": np.asarray(mind.dust.known)[world],
+        "dump_vector": np.asarray(mind.dump.vector)[world],
+        "dump_known": np.asarray(mind.dump.known)[world],
+        "delivered": np.int32(delivered.sum()),
+        "picked": np.int32(np.asarray(balls.was_picked)[world].sum()),
+        "collisions": np.int32(view.collisions[world]),
+        "mean_speed": view.speed[world],
+    }

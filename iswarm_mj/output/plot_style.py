@@ -1,0 +1,44 @@
+"""Figures: one look for all, written as PNG and SVG."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from iswarm_mj.utils.files import whole
+
+STYLE: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "legend.frameon": False,
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "iswarm_mj",
+}
+
+
+@contextmanager
+def figure(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)) -> Iterator[list[Axes]]:
+    """Axes to draw on, row by row; on leaving, the figure is written as PNG and SVG, whole or not at all.
+
+    Args:
+        path: of the files, without suffix.
+        rows: of axes.
+        columns: of axes.
+        size: of one of the axes, width and height [inch].
+    """
+    with matplotlib.rc_context(STYLE):
+        drawing = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+        FigureCanvasAgg(drawing)
+        yield list(drawing.subplots(rows, columns, squeeze=False).flat)
+        for suffix, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
+            with whole(path.with_name(path.name + suffix)) as part:
+                drawing.savefig(part, format=suffix[1:], metadata=metadata)

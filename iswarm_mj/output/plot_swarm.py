@@ -1,0 +1,98 @@
+"""A drawing of a swarm at run time, in the manner of the paper's Figs. 12 and 16."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from iswarm_mj.output.plot_style import figure
+
+_MM = 1e3
+RED, BLUE, GREEN = "#d62718", "#1f3fd6", "#199a40"
+"""Empty workers, loaded robots, scouts."""
+_DUST, _DUMP, _LINK = "#8fb3f0", "#f8d84a", "#9aa0a8"
+
+
+def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Path) -> Path:
+    """Draw a step of a run from above.
+
+    Robots are squares in the colours of their states. From each leads the vector that it would follow: of an empty
+    worker that to dust, of a loaded robot that to the dump. Thin lines join robots that hear each other's light.
+
+    Args:
+        frames: arrays of a trajectory, those of `Frames` and with the prefix scene_ of `Scene`.
+        step: control step, from 0 for the start.
+        title: of the drawing.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    with figure(path, size=(6.5, 6.9)) as (axes,):
+        half = float(frames["scene_arena_size"]) / 2 * _MM
+        axes.grid(False)
+        _area(axes, frames["scene_dump"], _DUMP)
+        for area in frames["scene_dust_areas"]:
+            _area(axes, area, _DUST)
+        axes.add_collection(LineCollection([*links(frames, step) * _MM], colors=_LINK, linewidths=0.5, zorder=1))
+        pose, loaded, scout = frames["pose"][step], frames["is_loaded"][step], frames["scene_is_scout"]
+        hues = np.where(loaded, BLUE, np.where(scout, GREEN, RED))
+        for known, vector, who in (
+            (frames["dust_known"][step], frames["dust_vector"][step], ~loaded & ~scout),
+            (frames["dump_known"][step], frames["dump_vector"][step], loaded),
+        ):
+            shown = known & who
+            lines = vectors(pose[shown], vector[shown]) * _MM
+            axes.add_collection(LineCollection([*lines], colors=hues[shown], linewidths=0.4, alpha=0.55, zorder=2))
+        bodies = squares(pose, float(frames["scene_robot_size"][0])) * _MM
+        axes.add_collection(PolyCollection([*bodies], facecolors=hues, edgecolors="none", zorder=3))
+        lying = frames["ball_position"][step][frames["ball_state"][step] == 0] * _MM
+        axes.plot(lying[:, 0], lying[:, 1], "o", color="black", markersize=1.6, zorder=4)
+        axes.add_patch(Rectangle((-half, -half), 2 * half, 2 * half, fill=False, edgecolor="0.25", linewidth=1.5))
+        axes.set(xlim=(-1.02 * half, 1.02 * half), ylim=(-1.02 * half, 1.02 * half))
+        axes.axis("off")
+        axes.set_aspect("equal")
+        axes.set_title(title, pad=10)
+        axes.legend(handles=_legend(), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
+    return path.with_name(path.name + ".png")
+
+
+def squares(pose: np.ndarray, edge: float) -> np.ndarray:
+    """Corners (N, 4, 2) of squares at poses (N, 3)."""
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * edge / 2
+    return pose[:, None, :2] + np.einsum("nij,cj->nci", _rotations(pose[:, 2]), corners)
+
+
+def vectors(pose: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Lines (N, 2, 2) from poses (N, 3) along vectors (N, 2) in the robots' own frames."""
+    ends = pose[:, :2] + np.einsum("nij,nj->ni", _rotations(pose[:, 2]), vector)
+    return np.stack([pose[:, :2], ends], axis=1)
+
+
+def links(frames: Mapping[str, np.ndarray], step: int) -> np.ndarray:
+    """Lines (L, 2, 2) between receivers and senders of a step, each pair once."""
+    receiver, side = np.nonzero(frames["link_valid"][step])
+    sender = frames["link_sender"][step][receiver, side]
+    pairs = np.unique(np.sort(np.column_stack([receiver, sender]), axis=1), axis=0)
+    return frames["pose"][step][:, :2][pairs]
+
+
+def _rotations(yaw: np.ndarray) -> np.ndarray:
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
+
+
+def _area(axes: Axes, rectangle: np.ndarray, hue: str) -> None:
+    left, low, right, high = rectangle * _MM
+    axes.add_patch(Rectangle((left, low), right - left, high - low, color=hue, linewidth=0, zorder=0))
+
+
+def _legend() -> list[Line2D]:
+    marks = (("empty worker", RED, "s"), ("loaded", BLUE, "s"), ("scout", GREEN, "s"), ("dust", "black", "."))
+    handles = [Line2D([], [], color=hue, marker=mark, linestyle="", label=name) for name, hue, mark in marks]
+    followed = Line2D([], [], color=RED, linewidth=0.8, label="vector followed")
+    return [*handles, followed, Line2D([], [], color=_LINK, label="link")]

@@ -1,0 +1,144 @@
+"""Figures of the gripper's experiments: voltages, force-distance curves, single trials. Axes in µm, V, nN and ms."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+
+from iswarm_mj.gripper.bench.trace import Trace
+from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
+from iswarm_mj.gripper.reference import PAPER_HUMIDITY
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.plot_voltages import Laws, Rows, column, draw_attempts, draw_voltages, entries
+
+_UM, _NM, _NN, _MS = 1e6, 1e9, 1e9, 1e3
+_BLACK, _GREEN, _ORANGE = "#333333", "#009e73", "#d55e00"
+
+_NEAR = 30.0
+"""Gaps up to which a force-distance curve is near contact [nm]."""
+
+_FORCES = (
+    ("electrostatic", "electrostatic, positive to the tool", "#e69f00"),
+    ("adhesion_tool", "adhesion to the tool", _GREEN),
+    ("adhesion_plate", "adhesion to the plate", _ORANGE),
+    ("contact_tool", "contact with the tool", "#88ccbb"),
+    ("contact_plate", "contact with the plate", "#e8b0a0"),
+)
+"""Forces of a trace, their names and colours."""
+
+
+def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
+    """Draw what the rows have: grasp voltages, release voltages, attempts without contact.
+
+    Args:
+        rows: of the table of trials, SI. Those that are faulty are left out, and the figure says how many.
+        settings: of the run; its `calibration`, constants of `detachment` by their names, is behind the lines of the
+            force laws. Absent ones are those of `detachment` itself.
+        out: directory.
+
+    Returns:
+        Paths of the PNG files; an SVG file lies beside each.
+    """
+    laws = Laws(settings)
+    grasp, release, attempts = (
+        [row for row in rows if row["experiment"] == name] for name in ("grasp", "release", "no_contact")
+    )
+    at_10 = [row for row in grasp if row["relative_humidity"] == PAPER_HUMIDITY]
+    drawn = []
+    if at_10:
+        drawn.append(draw_voltages(out / "grasp_voltage", at_10, laws))
+    if len(grasp) > len(at_10):
+        drawn.append(draw_voltages(out / "grasp_voltage_humidity", grasp, laws))
+    for gap in sorted({row["gap"] for row in release}):
+        name = "release_voltage" if gap == RELEASE_GAP else f"release_voltage_{gap * _UM:g}um"
+        drawn.append(draw_voltages(out / name, [row for row in release if row["gap"] == gap], laws))
+    if attempts:
+        drawn.append(draw_attempts(out / "no_contact", attempts, laws))
+    return drawn
+
+
+def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path:
+    """Draw force-distance curves: on the left the whole force near contact, on the right its parts at all gaps.
+
+    A colour for each voltage, lines for each radius; retract is dashed.
+
+    Args:
+        rows: in the order of time; gap between tool and ball [m], voltage [V], direction ("approach" or "retract"),
+            the forces electrostatic, adhesion and total [N], positive if they attract, and radius [m].
+        settings: of the run; `relative_humidity` [%] goes into the title if it is one number.
+        out: directory.
+
+    Returns:
+        Path of the PNG file.
+    """
+    path = out / "force_curve"
+    curves: dict[tuple[float, str, float], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        curves.setdefault((row["voltage"], row["direction"], row["radius"]), []).append(row)
+    voltages, radii = sorted({key[0] for key in curves}), sorted({key[2] for key in curves})
+    hues = dict(zip(voltages, colormaps["viridis"](np.linspace(0, 0.85, len(voltages))), strict=True))
+    humidity = settings.get("relative_humidity")
+    condition = f" at {humidity:g} % RH" if isinstance(humidity, int | float) else ""
+    with figure(path, columns=2, size=(4.8, 3.9)) as (near, parts):
+        for (voltage, direction, _), curve in sorted(curves.items()):
+            style = {"ls": "-" if direction == "approach" else "--", "color": hues[voltage], "lw": 1.1}
+            gap, force = column(curve, "gap"), column(curve, "total") * _NN
+            near.plot(gap * _NM, force, label=f"{voltage:g} V, {direction}", **style)
+            if voltage:
+                force, label = column(curve, "electrostatic") * _NN, f"electrostatic, {voltage:g} V"
+                parts.plot(gap * _UM, force, label=label, **style)
+            style |= {"color": _BLACK, "lw": 0.8, "zorder": 3}
+            parts.plot(gap * _UM, column(curve, "adhesion") * _NN, label="adhesion", **style)
+        least, most = (pick(column(rows, "total")) * _NN for pick in (np.min, np.max))
+        near.set_xlim(max(-_NEAR, 1.1 * column(rows, "gap").min() * _NM), _NEAR)
+        near.set_ylim(max(1.1 * least, -max(most, 1.0)), 1.1 * max(most, 1.0))
+        near.axvline(0, color="0.6", lw=0.8)
+        near.set(xlabel="gap between tool and ball [nm]", ylabel="force, positive if it attracts [nN]")
+        near.set_title(f"Near contact{condition}")
+        parts.set(xlabel="gap between tool and ball [µm]", ylabel="attraction [nN]", title="Parts, without contact")
+        parts.set(xscale="log", yscale="log", xlim=(1e-3, None), ylim=(0.1, 2 * max(most, 1.0)))
+        span = f"R = {radii[0] * _UM:g} µm" if len(radii) == 1 else f"R = {radii[0] * _UM:g} to {radii[-1] * _UM:g} µm"
+        for axes in (near, parts):
+            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.18), "ncols": 2}
+            axes.legend(*entries(axes), **place, fontsize=7, title=span)
+    return path.with_name(path.name + ".png")
+
+
+def draw_trace(trace: Trace, path: Path) -> Path:
+    """Draw a trial over time: voltage, gaps and forces, with its phases shaded.
+
+    Args:
+        trace: of the trial.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    time = trace.time * _MS
+    with figure(path, rows=3, size=(8.0, 2.2)) as panels:
+        voltage, gaps, forces = panels
+        voltage.plot(time, trace.voltage, color=_BLACK, lw=1.2)
+        gaps.plot(time, trace.gap_tool * _UM, color=_GREEN, lw=1.2, label="tool to ball")
+        gaps.plot(time, trace.gap_plate * _UM, color=_ORANGE, lw=1.2, label="ball to plate")
+        for name, label, hue in reversed(_FORCES):
+            forces.plot(time, getattr(trace, name) * _NN, color=hue, lw=1.2, label=label)
+        forces.axhline(trace.weight * _NN, color=_BLACK, lw=0.8, ls=":", label="weight")
+        forces.set_yscale("symlog", linthresh=1.0)
+        voltage.set(ylabel="voltage [V]")
+        voltage.set_title(f"Trial with a ball of radius {trace.radius * _UM:g} µm", pad=48)
+        gaps.set(ylabel="gap [µm]")
+        forces.set(ylabel="force [nN]", xlabel="time [ms]")
+        starts = np.flatnonzero(np.append(True, np.diff(trace.phase) != 0))
+        edges = np.append(time[starts], time[-1])
+        for axes in panels:
+            axes.set_xlim(time[0], time[-1])
+            for i in range(0, len(starts), 2):
+                axes.axvspan(edges[i], edges[i + 1], color="0.5", alpha=0.1, lw=0)
+            if axes is not voltage:
+                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        for start, left, right in zip(starts, edges[:-1], edges[1:], strict=True):
+            name, at = trace.phases[trace.phase[start]], ((left + right) / 2, 1.03)
+            voltage.text(*at, name, transform=voltage.get_xaxis_transform(), rotation=90, ha="center", fontsize=7)
+    return path.with_name(path.name + ".png")

@@ -1,0 +1,203 @@
+"""Figures of the voltages that lift balls and let them go, after Figs. 8, 9 and 11 of the paper.
+
+Bands tell what the paper reports; dashed lines what the force laws give without dynamics, at the medians of the works
+of adhesion.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from iswarm_mj.gripper.laws.detachment import (
+    CONTACT_GAP,
+    PROBE_RADIUS,
+    RELEASE_GAP,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+)
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.utils.arrays import Array
+
+Rows = Sequence[Mapping[str, Any]]
+
+HUES = ("#0072b2", "#d55e00", "#009e73", "#aa4499")
+_MARKS = ("o", "s", "^", "D")
+_RED = "#cc0000"
+_SIZE = (5.2, 4.2)
+_UM, _MS = 1e6, 1e3
+_MANY = 2000
+"""More points than these are pixels in the SVG file, too."""
+
+_FITTED = {
+    "grasp": (
+        "Fitted: $W_{TO}$ to the paper's release band, $W_{OS}$ to its grasp band at 10 % RH given $D_{eff}$,\n"
+        "their spreads to the widths of the bands. Not fitted: that the radius does not matter."
+    ),
+    "release": (
+        "Fitted: $W_{TO}$ and its spread, to the paper's release band at 10 % RH.\n"
+        "Not fitted: that the radius does not matter, that a landed ball stays."
+    ),
+    "no_contact": "Fitted: $D_{eff}$, such that no ball is lifted below 50 V from gaps of 1 µm and more.",
+}
+
+
+class Laws:
+    """Least voltages without dynamics, at the medians of the works of adhesion. SI."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        """Take the constants of `detachment` that the `calibration` of a run's settings has, and its own others."""
+        told = settings.get("calibration", {})
+        self._tool = told.get("WORK_TOOL_OBJECT", WORK_TOOL_OBJECT)
+        self._plate = told.get("WORK_OBJECT_SUBSTRATE", WORK_OBJECT_SUBSTRATE)
+        self._contact_gap = told.get("CONTACT_GAP", CONTACT_GAP)
+        self._probe_radius = told.get("PROBE_RADIUS", PROBE_RADIUS)
+
+    def grasp(self, radius: Array, percent: float, gap: Array = 0.0) -> Array:
+        """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
+        factor = humidity_factor(percent)
+        tool = np.where(np.asarray(gap) <= 0, self._tool * factor, 0.0)
+        effective = np.maximum(gap, self._contact_gap)
+        return grasp_voltage(radius, tool, self._plate * factor, effective, self._probe_radius)
+
+    def release(self, radius: Array, percent: float, gap: Array = RELEASE_GAP) -> Array:
+        """Least voltage that drops a held ball at a humidity [%]."""
+        return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe_radius)
+
+
+def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
+    """Draw the least voltages of grasp or of release trials against the radius, a colour for each humidity.
+
+    Args:
+        path: of the files, without suffix.
+        rows: at least one, of one experiment and gap.
+        laws: for the lines.
+    """
+    name, gap = rows[0]["experiment"], rows[0]["gap"]
+    law, band = (laws.grasp, PAPER_GRASP) if name == "grasp" else (laws.release, PAPER_RELEASE)
+    humidities = sorted({row["relative_humidity"] for row in rows})
+    with figure(path, size=_SIZE) as (axes,):
+        if PAPER_HUMIDITY in humidities and (name == "grasp" or gap == RELEASE_GAP):
+            label = f"paper, {PAPER_HUMIDITY:g} % RH: {band[0]:g} to {band[1]:g} V"
+            axes.axhspan(*band, color="0.5", alpha=0.18, lw=0, label=label)
+        for i, percent in enumerate(humidities):
+            group = [row for row in _sound(rows) if row["relative_humidity"] == percent]
+            if group:
+                _draw_group(axes, group, law, HUES[i % len(HUES)], _MARKS[i % len(_MARKS)])
+        axes.set(xlabel="radius of the ball [µm]", ylabel=f"{name} voltage [V]")
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(0.0, low - 0.15 * (high - low)), high + 0.15 * (high - low))
+        title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
+        title += f", gap {gap * _UM:g} µm" if name == "release" else ""
+        caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
+        _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
+    return path.with_name(path.name + ".png")
+
+
+def _draw_group(axes: Axes, rows: Rows, law: Callable[..., np.ndarray], hue: str, mark: str) -> None:
+    """Draw the repeats, their mean where each has a voltage, and the law, for one humidity."""
+    percent = rows[0]["relative_humidity"]
+    done = [row for row in rows if row["voltage"] is not None]
+    undone = [row for row in rows if row["voltage"] is None]
+    melted = [row for row in done if row["melted"]]
+    for group, name, style in (
+        (done, "voltage", {"marker": mark, "mec": hue, "alpha": 0.6, "ms": 4, "label": "each trial"}),
+        (undone, "limit_voltage", {"marker": "$↑$", "mec": hue, "ms": 8, "label": "not up to this voltage"}),
+        (melted, "voltage", {"marker": "x", "mec": _RED, "ms": 7, "label": "melted"}),
+    ):
+        if group:
+            many = len(group) > _MANY
+            x, y = column(group, "radius") * _UM, column(group, name)
+            axes.plot(x, y, ls="none", mfc="none", rasterized=many, **style)
+    voltages = {}
+    for row in sorted(rows, key=lambda row: row["radius"]):
+        voltages.setdefault(row["radius"], []).append(row["voltage"])
+    means = {radius: np.mean(values) for radius, values in voltages.items() if None not in values}
+    radii = list(voltages)
+    if means:
+        x, y = np.array(list(means)), list(means.values())
+        axes.plot(x * _UM, y, "-" + mark, color=hue, ms=6, lw=1.3, label=f"{percent:g} % RH, mean")
+    x = np.linspace(radii[0], radii[-1], 61) if len(radii) > 1 else radii[0] * np.array([0.98, 1.02])
+    axes.plot(x * _UM, law(x, percent, rows[0]["gap"]), "--", color=hue, lw=1, label="force laws, no dynamics")
+
+
+def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
+    """Draw attempts to lift a ball across a gap: where it was lifted, or up to which voltage it was not.
+
+    Args:
+        path: of the files, without suffix.
+        rows: at least one.
+        laws: for the lines, each the least over the radii.
+    """
+    with figure(path, size=_SIZE) as (axes,):
+        axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label="paper: no lift below 50 V")
+        for name, hue, mark, lifted in (("not lifted up to here", HUES[0], "^", False), ("lifted", HUES[1], "o", True)):
+            group = [row for row in _sound(rows) if (row["voltage"] is not None) == lifted]
+            if group:
+                voltage = column(group, "voltage" if lifted else "limit_voltage")
+                gap, label = column(group, "gap") * _UM, f"{name} ({len(group)})"
+                axes.plot(
+                    gap, voltage, ls="none", marker=mark, mfc="none", mec=hue, label=label, rasterized=len(gap) > _MANY
+                )
+        gaps, radii = column(rows, "gap"), column(rows, "radius")
+        x, radius = np.linspace(0.5 * gaps.min(), 1.2 * gaps.max(), 101), np.linspace(radii.min(), radii.max(), 11)
+        for i, percent in enumerate(sorted({row["relative_humidity"] for row in rows})):
+            least = laws.grasp(radius[:, None], percent, x).min(axis=0)
+            axes.plot(x * _UM, least, "--", color=HUES[i % len(HUES)], lw=1, label=f"force laws, {percent:g} % RH")
+        axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
+        axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column(rows, "limit_voltage")))
+        _finish(axes, "Attempts without contact", rows, _FITTED["no_contact"])
+    return path.with_name(path.name + ".png")
+
+
+def column(rows: Rows, name: str) -> np.ndarray:
+    """Numbers of one column (n,)."""
+    return np.array([row[name] for row in rows], float)
+
+
+def entries(axes: Axes) -> tuple[list[Any], list[str]]:
+    """Handles and labels for a legend, each label once, with its first handle."""
+    first: dict[str, Any] = {}
+    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        first.setdefault(label, handle)
+    return list(first.values()), list(first)
+
+
+def _sound(rows: Rows) -> Rows:
+    return [row for row in rows if not row["faulty"]]
+
+
+def _landings(rows: Rows) -> str:
+    """Say how the balls that were released flew and landed; empty if none was."""
+    let_go = [row for row in _sound(rows) if row["voltage"] is not None]
+    landed = [row for row in let_go if row["landed"]]
+    if not let_go:
+        return ""
+    text = f"\n{len(landed)} of {len(let_go)} released balls landed"
+    if landed:
+        time, speed = np.median(column(landed, "flight_time")), np.median(column(landed, "landing_speed"))
+        text += f"; medians: flight {time * _MS:.2f} ms, landing at {speed:.2f} m/s"
+    return text + "."
+
+
+def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
+    """Title, and below the axes the caption and the legend, each label once."""
+    faulty = len(rows) - len(_sound(rows))
+    axes.set_title(title)
+    axes.legend(
+        *entries(axes),
+        loc="upper left",
+        bbox_to_anchor=(-0.12, -0.16),
+        ncols=3,
+        columnspacing=1.2,
+        title=caption + (f"\n{faulty} faulty trials are left out." if faulty else ""),
+        alignment="left",
+        fontsize=7,
+        title_fontsize=7,
+    )

@@ -1,0 +1,285 @@
+"""Trajectory -> Rerun recording (.rrd): SI in, millimetres out.
+
+The recording opens laid out in the Rerun viewer; `blueprint.py` says how it looks.
+Written column by column, a block of frames at a time: never a call per robot or per frame.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+
+from iswarm_mj.output import rerun_swarm_view as look
+from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
+from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.utils.errors import SimulationFault, UserError
+
+TRAIL_FRAMES = 20
+"""A trail reaches this many frames back."""
+
+_FLUSH_SECONDS = 30.0
+"""Rerun can wait for ever on a writer that met a full disk."""
+
+
+def robot_classes(is_loaded: np.ndarray, is_scout: np.ndarray, has_priority: np.ndarray) -> np.ndarray:
+    """Classes of `blueprint.ROBOT_CLASSES`: load before scout before worker, twice that, plus priority.
+
+    Args:
+        is_loaded: (T, N) bool.
+        is_scout: (N,) bool.
+        has_priority: (T, N) bool.
+
+    Returns:
+        (T, N) uint16.
+    """
+    return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
+
+
+def link_segments(centres: np.ndarray, sender: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Segments from receivers to senders, with the number of them in each frame.
+
+    Args:
+        centres: (T, N, 3).
+        sender: (T, N, S) integers, meaningless where not `valid`.
+        valid: (T, N, S) bool.
+
+    Returns:
+        (M, 2, 3) segments in the order of frames, (T,) counts.
+    """
+    frame, receiver, _ = np.nonzero(valid)
+    segments = np.stack([centres[frame, receiver], centres[frame, sender[valid]]], axis=1)
+    return segments, np.count_nonzero(valid, axis=(1, 2))
+
+
+def trails(positions: np.ndarray, n_before: int, is_loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Trails of the robots now loaded, oldest point first.
+
+    Args:
+        positions: (B + T, N, 3); the first B = `n_before` frames lie before the block.
+        n_before: B; where it is less than `TRAIL_FRAMES`, the first trails are shorter.
+        is_loaded: (T, N) bool.
+
+    Returns:
+        (P, 3) points of all trails, trail by trail; (M,) points of each trail, in the order of frames.
+    """
+    frame, robot = np.nonzero(is_loaded)
+    back = np.arange(TRAIL_FRAMES, -1, -1)
+    times = frame[:, None] + n_before - back
+    exists = times >= 0
+    points = positions[times[exists], np.broadcast_to(robot[:, None], times.shape)[exists]]
+    return points, np.count_nonzero(exists, axis=1)
+
+
+def world_vectors(vector: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Rotate (..., 2) vectors from the robots' frames (x ahead, y left) to the world; yaw is (...) [rad]."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def _strips(points: np.ndarray, lengths: np.ndarray) -> pa.Array:
+    """Line strips of the given lengths from consecutive (P, 3) points; without a loop over them."""
+    vectors = rr.encodings.Vec3DBatch(np.ascontiguousarray(points, np.float32)).as_arrow_array()
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
+
+
+class Recording:
+    """A Rerun file of one world, written block by block.
+
+    Leaving the `with` block, also by an exception, completes the file.
+    Blocks appended before a kill are readable.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        scene: Scene,
+        config: Mapping[str, Any],
+        properties: Mapping[str, Any],
+        application: str = "iswarm_mj",
+    ):
+        """Open the file and write what does not change.
+
+        Args:
+            path: the file to write, by custom `*.rrd`; an existing one is replaced.
+            scene: what does not change during the run.
+            config: shown as a table beside the arena, and kept as property `config`; may be nested.
+            properties: what else identifies the run (seed, version, ...), kept as property `run`.
+            application: recordings of one application share the viewer's layout.
+
+        Raises:
+            UserError: the file cannot be written, or recording is switched off by the environment.
+        """
+        self._path, self._scene = str(path), scene
+        self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
+        self._last_step = -1
+        self._stream = rr.RecordingStream(application)
+        if not rr.is_enabled(self._stream):
+            raise UserError(
+                f"The environment variable RERUN={os.environ.get('RERUN', '')} switches recordings off: "
+                "unset it, set it to 1, or run without a recording."
+            )
+        try:
+            Path(path).open("wb").close()
+            self._stream.save(path, default_blueprint=look.layout(scene))
+        except (OSError, RuntimeError) as error:
+            raise UserError(
+                f"The recording {self._path!r} cannot be written ({error}): "
+                "give a file name in an existing folder that you may write to."
+            ) from error
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
+        self._stream.send_recording_name(Path(path).stem)
+        for name, values in (("config", dict(look.flatten(config))), ("run", dict(look.flatten(properties)))):
+            if values:
+                # As arrow arrays: rerun otherwise casts a value to the type its name first had.
+                arrays = {key: pa.array([value]) for key, value in values.items()}
+                self._stream.send_property(name, rr.AnyValues(**arrays))
+        for entity, archetype in look.static_entities(scene):
+            self._stream.log(entity, archetype, static=True, strict=True)
+        text = rr.TextDocument(look.table(config), media_type=rr.MediaType.MARKDOWN)
+        self._stream.log(look.CONFIG, text, static=True, strict=True)
+        self._flush()
+
+    def __enter__(self) -> "Recording":
+        """Return the open recording."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Complete and close the file; exceptions pass."""
+        try:
+            self._flush()
+        except UserError:
+            if error is None:
+                raise
+        finally:
+            self._stream.disconnect()
+
+    def _flush(self) -> None:
+        """Hand all to the file; the disk may be full."""
+        try:
+            self._stream.flush(timeout_sec=_FLUSH_SECONDS)
+        except RuntimeError as error:
+            raise UserError(
+                f"The recording {self._path!r} could not be written to its end ({error}): "
+                "make room on the disk, or give a file elsewhere."
+            ) from error
+
+    def append(self, frames: Frames) -> None:
+        """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.
+
+        Raises:
+            SimulationFault: a pose, a ball or a known vector is not finite.
+            UserError: the disk is full.
+            ValueError: steps do not increase.
+        """
+        if len(frames) == 0:
+            return
+        self._check(frames)
+        step = np.asarray(frames.step, np.int64)
+        seconds = step * float(self._scene.control_period)
+        self._index = [
+            rr.TimeColumn("step", sequence=step),
+            rr.TimeColumn("sim_time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]")),
+        ]
+        size = np.asarray(self._scene.robot_size, np.float32) * np.float32(MILLIMETRES)
+        yaw = frames.pose[..., 2]
+        centres = np.empty_like(frames.pose, dtype=np.float32)
+        centres[..., :2] = frames.pose[..., :2] * np.float32(MILLIMETRES)
+        centres[..., 2] = size[2] / 2
+        self._robots(frames, centres, yaw, size)
+        self._balls(frames)
+        self._lines(frames, centres)
+        top = centres.copy()
+        top[..., 2] = 1.1 * size[2]
+        self._arrows(look.DUST_VECTORS, top, yaw, frames.dust_vector, frames.dust_known)
+        self._arrows(look.DUMP_VECTORS, top, yaw, frames.dump_vector, frames.dump_known)
+        self._series(frames)
+        self._flush()
+        self._last_step = int(step[-1])
+
+    def _check(self, frames: Frames) -> None:
+        """Refuse what the viewer would silently draw wrong."""
+        steps = np.diff(frames.step, prepend=self._last_step)
+        if np.any(steps <= 0):
+            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
+        everything = {
+            "pose": ("robots", ~np.isfinite(frames.pose).all(-1)),
+            "position": ("balls", ~np.isfinite(frames.ball_position).all(-1)),
+            "vector to dust": ("robots", frames.dust_known & ~np.isfinite(frames.dust_vector).all(-1)),
+            "vector to the dump": ("robots", frames.dump_known & ~np.isfinite(frames.dump_vector).all(-1)),
+        }
+        for name, (kind, is_bad) in everything.items():
+            if is_bad.any():
+                t = int(np.argmax(is_bad.any(axis=1)))
+                which = ", ".join(map(str, np.flatnonzero(is_bad[t])[:10]))
+                raise SimulationFault(f"Step {frames.step[t]}: the {name} of {kind} {which} is not finite.")
+
+    def _send(self, entity: str, columns: Any, lengths: np.ndarray | list[int] | None = None) -> None:
+        """Send columns of one entity; row t gets the next `lengths[t]` instances (one each if not given)."""
+        parts = columns if lengths is None else columns.partition(lengths)
+        self._stream.send_columns(entity, self._index, parts, strict=True)
+
+    def _robots(self, frames: Frames, centres: np.ndarray, yaw: np.ndarray, size: np.ndarray) -> None:
+        """Boxes coloured by state, and a dot at each front."""
+        n_frames, n_robots = yaw.shape
+        quaternions = np.zeros((n_frames, n_robots, 4), np.float32)
+        quaternions[..., 2], quaternions[..., 3] = np.sin(yaw / 2), np.cos(yaw / 2)
+        columns = rr.Boxes3D.columns(
+            centers=centres.reshape(-1, 3),
+            quaternions=quaternions.reshape(-1, 4),
+            class_ids=robot_classes(frames.is_loaded, self._scene.is_scout, frames.has_priority).reshape(-1),
+        )
+        self._send(look.ROBOTS, columns, [n_robots] * n_frames)
+        fronts = centres + 0.34 * size[0] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
+        fronts[..., 2] = size[2] + look.FRONT_RADIUS * size[0]
+        self._send(look.FRONTS, rr.Points3D.columns(positions=fronts.reshape(-1, 3)), [n_robots] * n_frames)
+
+    def _balls(self, frames: Frames) -> None:
+        """Points of true size; above the robots, markers that stay visible with the whole arena in view."""
+        n_frames, n_balls, _ = frames.ball_position.shape
+        positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
+        classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
+        above = positions + np.array([0, 0, 1.5 * self._scene.robot_size[2] * MILLIMETRES])
+        for entity, shown in ((look.BALLS, positions), (look.BALL_MARKERS, above)):
+            columns = rr.Points3D.columns(positions=shown, class_ids=classes)
+            self._send(entity, columns, [n_balls] * n_frames)
+
+    def _lines(self, frames: Frames, centres: np.ndarray) -> None:
+        """Links of each step, and the trails of robots now loaded."""
+        segments, counts = link_segments(centres, frames.link_sender, frames.link_valid)
+        strips = _strips(segments, np.full(len(segments), 2))
+        self._send(look.LINKS, rr.LineStrips3D.columns(strips=strips), counts)
+        history = np.concatenate([self._before, centres])
+        points, lengths = trails(history, len(self._before), frames.is_loaded)
+        columns = rr.LineStrips3D.columns(strips=_strips(points, lengths))
+        self._send(look.TRAILS, columns, np.count_nonzero(frames.is_loaded, axis=1))
+        self._before = history[-TRAIL_FRAMES:]
+
+    def _arrows(self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray) -> None:
+        """Arrows from the robots that know a vector, turned to the world."""
+        vectors = np.zeros((np.count_nonzero(known), 3), np.float32)
+        vectors[:, :2] = world_vectors(vector[known], yaw[known]) * MILLIMETRES
+        columns = rr.Arrows3D.columns(origins=origins[known], vectors=vectors)
+        self._send(entity, columns, np.count_nonzero(known, axis=1))
+
+    def _series(self, frames: Frames) -> None:
+        """Time series; counts are cumulative, shares are of all robots, the speed is in mm/s."""
+        values = {
+            "series/balls/picked": frames.picked,
+            "series/balls/delivered": frames.delivered,
+            "series/collisions": frames.collisions,
+            "series/known/dust": frames.dust_known.mean(axis=1),
+            "series/known/dump": frames.dump_known.mean(axis=1),
+            "series/mean_speed": frames.mean_speed * MILLIMETRES,
+        }
+        for entity in look.SERIES:
+            self._send(entity, rr.Scalars.columns(scalars=np.asarray(values[entity], np.float64)))

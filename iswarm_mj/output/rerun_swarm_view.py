@@ -1,0 +1,184 @@
+"""How a recording looks: colours, line widths, what stands still, and the layout of the viewer.
+
+Lengths are in millimetres here, as in the recording: at this scale the viewer's camera moves well.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from iswarm_mj.output.trajectory import Scene
+
+MILLIMETRES = 1e3
+"""Millimetres per metre."""
+
+ROBOTS, FRONTS = "world/robots/body", "world/robots/front"
+BALLS, BALL_MARKERS = "world/balls/true_size", "world/balls/marker"
+LINKS, TRAILS = "world/links", "world/trails"
+DUST_VECTORS, DUMP_VECTORS = "world/memory/dust", "world/memory/dump"
+CONFIG = "config"
+
+SERIES = {
+    "series/balls/picked": ("picked up", (230, 140, 40)),
+    "series/balls/delivered": ("delivered", (60, 170, 80)),
+    "series/collisions": ("collisions", (215, 65, 60)),
+    "series/known/dust": ("know the dust", (80, 150, 230)),
+    "series/known/dump": ("know the dump", (225, 180, 40)),
+    "series/mean_speed": ("mean speed [mm/s]", (150, 110, 210)),
+}
+"""Entity of each time series: its name in the legend and its colour."""
+
+ROBOT_CLASSES = (
+    (0, "empty", (214, 48, 42)),
+    (1, "empty, sends priority", (140, 20, 50)),
+    (2, "scout", (60, 175, 75)),
+    (3, "scout, sends priority", (20, 105, 60)),
+    (4, "loaded", (70, 150, 255)),
+    (5, "loaded, sends priority", (25, 70, 220)),
+)
+"""Class, label and colour: load goes before scout, scout before worker; priority is the darker shade."""
+
+BALL_CLASS_OFFSET = 10
+"""A ball's class is this plus its state."""
+_BALL_CLASSES = (
+    (10, "on the floor", (25, 25, 25)),
+    (11, "held", (255, 225, 90)),
+    (12, "delivered", (20, 110, 45)),
+)
+
+FRONT_RADIUS = 0.1
+"""Radius of the dot at a robot's front, in lengths of a robot."""
+
+_FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (150, 190, 240)
+_LINK, _TRAIL, _FRONT = (95, 95, 105), (40, 90, 230), (255, 255, 255)
+_LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
+
+**Balls**: black on the floor, yellow held, dark green delivered; drawn enlarged, above the robots.
+
+**Lines**: grey from a robot to the one it hears, blue the trail of a loaded robot.
+
+**Floor**: yellow the dump, light blue the dust. All lengths are in millimetres."""
+_SHEET = 0.02
+"""Thickness of what is painted on the floor [mm]."""
+
+
+def _sheet(rectangles: np.ndarray, top: float, colour: tuple[int, int, int]) -> rr.Boxes3D:
+    """Thin boxes that cover (A, 4) rectangles [mm] and end at the height `top` [mm]."""
+    low, high = rectangles[:, :2], rectangles[:, 2:]
+    centres = np.column_stack([(low + high) / 2, np.full(len(low), top - _SHEET / 2)])
+    half_sizes = np.column_stack([(high - low) / 2, np.full(len(low), _SHEET / 2)])
+    return rr.Boxes3D(centers=centres, half_sizes=half_sizes, colors=colour, fill_mode="solid")
+
+
+def _walls(arena_size: float, height: float) -> rr.Boxes3D:
+    """Four walls of `height` around the square arena [mm]; they stand outside it."""
+    half, thick = arena_size / 2, height / 2
+    offset, length = half + thick / 2, half + thick
+    middle = height / 2
+    centres = [(offset, 0, middle), (-offset, 0, middle), (0, offset, middle), (0, -offset, middle)]
+    half_sizes = [(thick / 2, length, middle)] * 2 + [(length, thick / 2, middle)] * 2
+    return rr.Boxes3D(centers=centres, half_sizes=half_sizes, colors=_WALL, fill_mode="solid")
+
+
+def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
+    """Yield (entity, archetype) of all that does not change: the arena, the styles, the colours of states."""
+    size = np.asarray(scene.robot_size, float) * MILLIMETRES
+    arena = scene.arena_size * MILLIMETRES
+    floor = np.array([[-arena / 2, -arena / 2, arena / 2, arena / 2]])
+    yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
+    yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES])
+    yield "world/arena/floor", _sheet(floor, 0.0, _FLOOR)
+    yield "world/arena/walls", _walls(arena, size[2])
+    yield "world/arena/dump", _sheet(np.atleast_2d(scene.dump) * MILLIMETRES, 2 * _SHEET, _DUMP)
+    areas = np.reshape(scene.dust_areas, (-1, 4)) * MILLIMETRES
+    yield "world/arena/dust_areas", _sheet(areas, 2 * _SHEET, _DUST_AREA)
+    yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False)
+    yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
+    radii = np.asarray(scene.ball_radius) * MILLIMETRES
+    yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False)
+    yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(2.5), show_labels=False)
+    yield LINKS, rr.LineStrips3D.from_fields(colors=_LINK, radii=rr.Radius.ui_points(0.6))
+    yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
+    for entity, colour in ((DUST_VECTORS, SERIES["series/known/dust"][1]), (DUMP_VECTORS, (205, 150, 0))):
+        yield entity, rr.Arrows3D.from_fields(colors=colour, radii=0.03 * size[0])
+    for entity, (name, colour) in SERIES.items():
+        yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
+
+
+def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if is_dataclass(value) and not isinstance(value, type):
+            value = asdict(value)
+        if isinstance(value, np.ndarray | np.generic):
+            value = value.tolist()
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{name}.")
+        else:
+            yield name, value if isinstance(value, bool | int | float | str) else str(value)
+
+
+def table(config: Mapping[str, Any]) -> str:
+    """Return a legend and the configuration as a table, in Markdown."""
+    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(config))
+    return f"{_LEGEND}\n\n| Parameter | Value |\n|:--|:--|\n{rows}\n"
+
+
+def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial3DView:
+    """Return a view from above, slightly from the south, on the whole arena."""
+    size = scene.arena_size * MILLIMETRES
+    eye = rrb.EyeControls3D(position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1))
+    return rrb.Spatial3DView(
+        origin="world",
+        name=name,
+        eye_controls=eye,
+        line_grid=False,
+        background=(24, 26, 30),
+        overrides={entity: rrb.EntityBehavior(visible=False) for entity in hidden},
+    )
+
+
+def _plot(origin: str, name: str, corner: str, **more: Any) -> rrb.TimeSeriesView:
+    """Return a plot of the series below `origin` over the whole run, its legend in a corner."""
+    whole = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner)),
+        axis_x=rrb.archetypes.TimeAxis(view_range=whole),
+        **more,
+    )
+
+
+def layout(scene: Scene) -> rrb.Blueprint:
+    """Return the layout: the arena on the left; the time series and the configuration on the right."""
+    views = rrb.Tabs(
+        _arena_view(scene, "Arena (mm)", (DUST_VECTORS, DUMP_VECTORS)),
+        _arena_view(scene, "Vectors to dust (mm)", (DUMP_VECTORS, LINKS, TRAILS)),
+        _arena_view(scene, "Vectors to the dump (mm)", (DUST_VECTORS, LINKS, TRAILS)),
+        active_tab=0,
+    )
+    plots = rrb.Vertical(
+        _plot("series/balls", "Balls", "LeftTop"),
+        _plot("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05))),
+        _plot("series/collisions", "Collisions", "LeftTop"),
+        _plot("series/mean_speed", "Mean speed (mm/s)", "RightBottom"),
+        name="Time series",
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            views,
+            rrb.Tabs(plots, rrb.TextDocumentView(origin=CONFIG, name="Configuration"), active_tab=0),
+            column_shares=[2, 1],
+        ),
+        rrb.TimePanel(timeline="sim_time", state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )

@@ -1,0 +1,135 @@
+"""How the recording of a trial at the gripper bench looks. Lengths in um, forces in nN, as in the recording."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from iswarm_mj.gripper.bench.trace import Trace
+from iswarm_mj.output.rerun_swarm_view import flatten
+
+UM, NN = 1e6, 1e9
+"""Micrometres per metre, nanonewtons per newton."""
+
+PLATE, PROBE = "world/plate", "world/probe"
+BALL, BALL_MARK, SHADOW, FORCES = "world/ball", "world/ball_mark", "world/shadow", "world/forces"
+PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
+SETTINGS = "settings"
+
+PROBE_LENGTH = 100.0
+"""Of the probe as it is shown [um]."""
+
+_GREEN, _ORANGE, _YELLOW = (0, 175, 125), (235, 110, 35), (240, 190, 40)
+_PALE_GREEN, _PALE_ORANGE, _GREY = (150, 225, 200), (250, 190, 150), (170, 175, 180)
+
+SERIES = {
+    "series/voltage/voltage": ("voltage", (90, 160, 250)),
+    "series/gaps/tool": ("tool to ball", _GREEN),
+    "series/gaps/plate": ("ball to plate", _ORANGE),
+    "series/attraction/electrostatic": ("electrostatic, + to the tool", _YELLOW),
+    "series/attraction/tool": ("adhesion to the tool", _GREEN),
+    "series/attraction/plate": ("adhesion to the plate", _ORANGE),
+    "series/attraction/weight": ("weight", _GREY),
+    "series/contact/tool": ("contact with the tool", _PALE_GREEN),
+    "series/contact/plate": ("contact with the plate", _PALE_ORANGE),
+}
+"""Entity of each time series: its name in the legend and its colour."""
+
+PLACES = {"on the plate": _ORANGE, "between tool and plate": _GREY, "at the tool": _GREEN, "free": (90, 160, 250)}
+"""What the ball touches, and the colour of it."""
+
+POTENTIALS = {"plate's": _ORANGE, "probe's": _GREEN}
+"""Whose potential the ball has, and the colour of it."""
+
+_PHASES = ((70, 110, 170), (120, 90, 160))
+"""Colours of the phases, in turn."""
+
+_PLAYED = 15.0
+"""Time that playing the recording takes [s]."""
+
+_LEGEND = """**Arrows** beside the ball: yellow the electrostatic force on it, green its adhesion to the tool,
+orange its adhesion to the plate. Their lengths go with the square root of the force: one radius for 4 µN.
+
+**Ball**: orange while it has the plate's potential, green while it has the probe's; the dot turns with it.
+
+Lengths are in µm and forces in nN; the trial plays in slow motion."""
+
+
+def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield (entity, archetype) of all that does not change."""
+    radius, probe_radius = trace.radius * UM, trace.probe_radius * UM
+    yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
+    classes = [(i, name, colour) for i, (name, colour) in enumerate(POTENTIALS.items())]
+    yield "world", rr.AnnotationContext(classes)
+    half = 4 * radius
+    plate = {"centers": [(0, 0, -1)], "half_sizes": [(half, half, 1)], "colors": (120, 124, 130), "fill_mode": "solid"}
+    yield PLATE, rr.Boxes3D(**plate)
+    length, shape = PROBE_LENGTH, {"colors": (205, 210, 218), "fill_mode": "solid"}
+    yield PROBE, rr.Cylinders3D.from_fields(lengths=length, radii=probe_radius, **shape)
+    yield BALL, rr.Points3D.from_fields(radii=radius, show_labels=False)
+    yield BALL_MARK, rr.Points3D.from_fields(colors=(40, 40, 40), radii=0.08 * radius)
+    shadow = {"lengths": 0.1, "radii": 0.6 * radius, "colors": (70, 72, 78), "fill_mode": "solid"}
+    yield SHADOW, rr.Cylinders3D.from_fields(**shadow)
+    yield FORCES, rr.Arrows3D.from_fields(colors=[_YELLOW, _GREEN, _ORANGE], radii=0.04 * radius)
+    for entity, (name, colour) in SERIES.items():
+        yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
+    phases = {name: _PHASES[i % 2] for i, name in enumerate(trace.phases)}
+    for entity, states in ((PHASE, phases), (PLACE, PLACES), (POTENTIAL, POTENTIALS)):
+        yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=list(states.values()))
+    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(settings))
+    text = f"{_LEGEND}\n\n| Setting | Value |\n|:--|:--|\n{rows}\n"
+    yield SETTINGS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+
+
+def _plot(origin: str, name: str, corner: str | None = "LeftTop", **more: Any) -> rrb.TimeSeriesView:
+    """Return a plot of the series below `origin` over the whole trial, its legend in a corner if there is one."""
+    whole = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None),
+        axis_x=rrb.archetypes.TimeAxis(view_range=whole),
+        **more,
+    )
+
+
+def layout(trace: Trace) -> rrb.Blueprint:
+    """Return the layout: the bench above the states on the left; time series or the settings on the right."""
+    radius = trace.radius * UM
+    eye = rrb.EyeControls3D(
+        position=(1.2 * radius, -6 * radius, 1.2 * radius),
+        look_target=(0.2 * radius, 0, 1.5 * radius),
+        eye_up=(0, 0, 1),
+    )
+    bench = rrb.Spatial3DView(
+        origin="world", name="Bench (µm)", eye_controls=eye, line_grid=False, background=(24, 26, 30)
+    )
+    states = rrb.StateTimelineView(origin="states", name="Phase, and the ball's contacts and potential")
+    small = 1.3 * float(np.max(trace.adhesion_tool) * NN) or 1.0
+    plots = rrb.Vertical(
+        _plot("series/voltage", "Voltage (V)"),
+        _plot("series/gaps", "Gaps (µm)"),
+        _plot("series/attraction", "Forces on the ball (nN)", "RightTop"),
+        _plot("series/attraction", "Small forces on the ball (nN)", None, axis_y=rrb.ScalarAxis(range=(-small, small))),
+        _plot("series/contact", "Contact forces (nN)"),
+        name="Time series",
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(bench, states, row_shares=[3, 1]),
+            rrb.Tabs(plots, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0),
+            column_shares=[1, 1],
+        ),
+        rrb.TimePanel(
+            timeline="sim_time",
+            state="collapsed",
+            playback_speed=float(trace.time[-1] - trace.time[0]) / _PLAYED,
+            loop_mode="all",
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )

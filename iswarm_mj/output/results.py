@@ -1,0 +1,87 @@
+"""What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
+
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from iswarm_mj import __version__
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.simulation.metrics import Measures, fitness
+from iswarm_mj.simulation.run_mujoco import RunSettings
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.files import remove, whole
+from iswarm_mj.utils.profiling import Stopwatch
+
+
+def clear(out: Path, record: bool) -> None:
+    """Remove the results of an earlier run, now that this one can begin; `record`: its recording is already new."""
+    for name in (RESULT, TRAJECTORY, *(() if record else (RECORDING,))):
+        remove(out / name)
+
+
+class Finished(Protocol):
+    """What a result tells of a run."""
+
+    genome: Genome
+    settings: RunSettings
+    watch: Stopwatch
+
+    @property
+    def config(self) -> SwarmConfig:
+        """The configuration."""
+        ...
+
+    @property
+    def step(self) -> int:
+        """Control steps taken."""
+        ...
+
+    def measures(self, world: int) -> Measures:
+        """Return the measures of a world."""
+        ...
+
+
+def result(run: Finished, engine: str, wall_s: float) -> dict[str, Any]:
+    """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists."""
+    settings = run.settings
+    measures = [run.measures(world) for world in range(settings.n_worlds)]
+    scores = [fitness(m, settings.n_robots, run.config.arena.n_dust, settings.steps) for m in measures]
+
+    def each(values: list[Any]) -> Any:
+        return values[0] if settings.n_worlds == 1 else values
+
+    return {
+        "version": __version__,
+        "seed": settings.seed,
+        "engine": engine,
+        "n_worlds": settings.n_worlds,
+        "n_robots": settings.n_robots,
+        "n_dust": run.config.arena.n_dust,
+        "max_steps": settings.steps,
+        "stop_at": settings.stop_at,
+        "steps": run.step,
+        **{name: each([getattr(m, name) for m in measures]) for name in Measures._fields},
+        "fitness": each(scores),
+        "wall_s": round(wall_s, 3),
+        "seconds": {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
+        "genome": asdict(run.genome),
+        "config": asdict(run.config),
+    }
+
+
+def write_result(out: Path, content: dict[str, Any]) -> None:
+    """Write result.json."""
+    with whole(out / RESULT) as part:
+        part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def write_trajectory(out: Path, scene: Scene, frames: Frames) -> None:
+    """Write trajectory.npz: the arrays of `Frames` and, with the prefix scene_, of `Scene`."""
+    arrays = {f.name: getattr(frames, f.name) for f in fields(frames)}
+    arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
+    with whole(out / TRAJECTORY) as part, part.open("wb") as file:
+        np.savez(file, **arrays)

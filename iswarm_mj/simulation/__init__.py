@@ -1,0 +1,1 @@
+"""Swarms in motion: states, control steps, runs."""

@@ -1,0 +1,70 @@
+"""How a run begins: where the robots and the balls are, and how strongly each ball sticks."""
+
+import numpy as np
+
+from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.gripper.laws.detachment import scattered_work
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
+
+
+def free_cells(arena: ArenaConfig) -> np.ndarray:
+    """Centres (C, 2) of the 1 rd cells outside the dump [mm]; 2376 in the paper's arena."""
+    n = int(arena.size)
+    centre = (np.arange(n) - (n - 1) / 2) * RD
+    x, y = (a.ravel() for a in np.meshgrid(centre, centre, indexing="ij"))
+    outside = np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD
+    return np.column_stack([x, y])[outside]
+
+
+def robots_for(arena: ArenaConfig, density: float, name: str = "--density") -> int:
+    """Number of robots that covers a share `density` of the free cells; 0.118 gives 280, 0.132 gives 314.
+
+    Args:
+        arena: sizes of the arena and of the dump.
+        density: share of the cells, above 0 and at most 1.
+        name: what an error message calls the density.
+    """
+    if not 0.0 < density <= 1.0:
+        raise UserError(f"{name} was {density:g}; it must lie above 0 and at most 1: choose such a share.")
+    return max(1, round(density * len(free_cells(arena))))
+
+
+def check_robots(arena: ArenaConfig, n_robots: int) -> None:
+    """Raise a UserError unless `n_robots` find room."""
+    room = len(free_cells(arena))
+    if not 1 <= n_robots <= room:
+        raise UserError(
+            f"--robots was {n_robots}; an arena of {arena.size:g} x {arena.size:g} rd starts with 1 to {room}: "
+            "choose fewer robots or a larger --arena.size."
+        )
+
+
+def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator) -> np.ndarray:
+    """Start poses (N, 3) x, y [mm], yaw [rad]: on distinct free cells, at random headings."""
+    check_robots(arena, n_robots)
+    cells = free_cells(arena)
+    xy = cells[rng.choice(len(cells), n_robots, replace=False)]
+    return np.column_stack([xy, rng.uniform(-np.pi, np.pi, n_robots)])
+
+
+def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
+    """Positions (K, 2) [mm], spread evenly at random over the two dust areas, half in each."""
+    k = arena.n_dust
+    offset = rng.uniform(-0.5, 0.5, (k, 2)) * arena.dust_area_size
+    offset[:, 0] += np.where(np.arange(k) < k // 2, -1, 1) * arena.dust_area_offset
+    return offset * RD
+
+
+def draw_radii(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
+    """Radii (K,) of the balls, uniform between the limits [m]."""
+    return rng.uniform(arena.ball_radius_min, arena.ball_radius_max, arena.n_dust)
+
+
+def draw_works(gripper: GripperConfig, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Works of adhesion of n balls to tool and floor (n,), (n,), log-normal, at the air's humidity [J/m^2]."""
+    factor = float(humidity_factor(gripper.relative_humidity))
+    tool = scattered_work(gripper.work_tool_object, gripper.spread_tool_object, rng.standard_normal(n))
+    floor = scattered_work(gripper.work_object_substrate, gripper.spread_object_substrate, rng.standard_normal(n))
+    return factor * np.asarray(tool), factor * np.asarray(floor)

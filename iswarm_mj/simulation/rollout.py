@@ -1,0 +1,162 @@
+"""Rollouts of any strategy in many worlds at once: one call, arrays with a world axis."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.mjx.arena import EXACT
+from iswarm_mj.simulation.initial import check_robots, draw_radii
+from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
+from iswarm_mj.simulation.run_mujoco import start_with
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.controller import rules_of
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.signatures import check_strategy
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.errors import UserError
+
+
+class Rollout(NamedTuple):
+    """What came of B worlds, as NumPy arrays with the worlds first; see `metrics.Measures`."""
+
+    delivered: np.ndarray
+    """(B,) balls at the dump at the end."""
+    picked: np.ndarray
+    """(B,) different balls that were picked up at least once."""
+    collisions: np.ndarray
+    """(B,) pairs of robots in contact that were not at the control step before, summed over the steps."""
+    mean_carriage_steps: np.ndarray
+    """(B,) control steps for which a delivered ball was carried, on average; NaN where none was delivered."""
+    is_finished: np.ndarray
+    """(B,) bool, the wanted number of balls was delivered; the world stood still from then on."""
+    finished_at: np.ndarray
+    """(B,) control step after which that was so; 0 where it was not."""
+    steps: np.ndarray
+    """(C,) control steps after which deliveries were counted."""
+    delivered_after: np.ndarray
+    """(B, C) balls at the dump after these steps."""
+    poses: np.ndarray | None
+    """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds asked for, from the start on; None without any."""
+
+
+def rollout(
+    config: SwarmConfig, strategy: Strategy, keys: jax.Array, *, n_robots: int, steps: int, impl: str = "jax",
+    strategy_per_world: bool = False, stop_at: int | None = None, every: int = 10, poses_of: Sequence[int] = (),
+    contact_room: float = 1.0, solver_iterations: int = EXACT, devices: Sequence[Any] | None = None,
+) -> Rollout:  # fmt: skip
+    """Let a strategy clean the floor of B worlds, in one compiled program on all devices.
+
+    A key settles its world: where robots and balls are at the start, how large the balls are and how strongly they
+    stick (NumPy's generator, seeded by the key's data), then the noise and what chance there is in the strategy
+    (the key itself). Another strategy under the same keys meets the same worlds.
+
+    Programs are compiled for each configuration, class of strategy, number of robots and `every`; values of the
+    strategy's arrays are free.
+
+    Args:
+        config: what all worlds share.
+        strategy: a pytree, see `strategy.protocol.Strategy`.
+        keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
+        n_robots: N, in each world.
+        steps: control steps at most.
+        impl: MJX's implementation, jax or warp.
+        strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
+        stop_at: a world is finished when this many balls are delivered; None for all.
+        every: deliveries are counted after so many control steps each, and after the last.
+        poses_of: W numbers of worlds whose poses after each step are kept.
+        contact_room: room for contacts, relative to that of the rule; jams need more.
+        solver_iterations: of the contact solver at most.
+        devices: all visible ones if not given.
+
+    Raises:
+        UserError: keys, robots, settings or a strategy that do not fit.
+        SimulationFault: a robot has no finite pose or is outside the walls, or contacts found no room.
+    """
+    _check_keys(keys)
+    check_robots(config.arena, n_robots)
+    check("every", every, "between 1 and 10000", 1 <= every <= 10_000)
+    many = _of_all_worlds(strategy, len(keys), strategy_per_world)
+    check_strategy(jax.tree.map(lambda a: a[0], many), n_robots, keys[0])
+    # The genome of a world does not count: the strategy is given.
+    worlds = [World(PRESETS["type1"], n_robots, start=_start(config, n_robots, key), key=key) for key in keys]
+    settings = BatchSettings(
+        steps=steps, impl=impl, stop_at=stop_at, chunk=every, record_worlds=tuple(poses_of),
+        contact_room=contact_room, solver_iterations=solver_iterations,
+    )  # fmt: skip
+    run = BatchRun(config, worlds, settings, many, devices)
+    counted = np.minimum(np.arange(every, steps + every, every), steps)
+    delivered = np.zeros((len(keys), len(counted)), int)
+    poses = np.zeros((len(poses_of), 1 + steps, n_robots, 3), np.float32)
+    for row, world in enumerate(poses_of):
+        poses[row] = run.starts[world].poses
+    for chunk, last in enumerate(counted):
+        if not run.is_over:
+            first = run.step
+            record = run.advance()
+            if record is not None:
+                poses[:, 1 + first : 1 + last] = record.poses.swapaxes(0, 1)[:, : last - first]
+                poses[:, 1 + last :] = poses[:, last, None]
+        delivered[:, chunk] = run.delivered()
+    return _rollout(run, counted, delivered, poses if len(poses_of) else None)
+
+
+def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
+    """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
+    probe_reach = float(compile_arena(config, 1, np.zeros(0)).probe[0])
+    return VectorStrategy(rules_of(genome), jnp.asarray(round(genome.fraction_scouts * n_robots)), config, probe_reach)
+
+
+def _rollout(run: BatchRun, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
+    measures = [run.measures(world) for world in range(len(run.worlds))]
+    carriage = [m.mean_carriage_steps for m in measures]
+    return Rollout(
+        delivered=np.array([m.delivered for m in measures]),
+        picked=np.array([m.picked for m in measures]),
+        collisions=np.array([m.collisions for m in measures]),
+        mean_carriage_steps=np.array([np.nan if c is None else c for c in carriage]),
+        is_finished=np.array([m.finished_at is not None for m in measures]),
+        finished_at=np.array([m.finished_at or 0 for m in measures]),
+        steps=steps,
+        delivered_after=delivered,
+        poses=poses,
+    )
+
+
+def _start(config: SwarmConfig, n_robots: int, key: jax.Array) -> Any:
+    rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+    return start_with(config, n_robots, draw_radii(config.arena, rng), rng)
+
+
+def _check_keys(keys: jax.Array) -> None:
+    is_key = isinstance(keys, jax.Array) and jnp.issubdtype(keys.dtype, jax.dtypes.prng_key)
+    if not is_key or keys.ndim != 1 or not len(keys):
+        given = f"{keys.dtype}{list(keys.shape)}" if hasattr(keys, "shape") else f"a {type(keys).__name__}"
+        raise UserError(
+            f"keys was {given}; it must be random keys, one for each world: "
+            "make B of them by jax.random.split(jax.random.key(0), B)."
+        )
+
+
+def _of_all_worlds(strategy: Strategy, n_worlds: int, is_per_world: bool) -> Any:
+    """The strategy with a first axis of worlds in all its arrays."""
+    for leaf in jax.tree.leaves(strategy):
+        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
+            raise UserError(
+                f"strategy holds a {type(leaf).__name__} where JAX expects an array: make the class a pytree by "
+                "jax.tree_util.register_dataclass, with what is no array marked as static."
+            )
+        shape = np.shape(leaf)
+        if is_per_world and shape[:1] != (n_worlds,):
+            raise UserError(
+                f"strategy has an array of shape {shape}; with strategy_per_world its first axis is that of the "
+                f"{n_worlds} worlds: stack the strategies of all worlds."
+            )
+    # With types named, or numbers without one of their own would make another program.
+    arrays = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), strategy)
+    return arrays if is_per_world else jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), arrays)

@@ -1,0 +1,51 @@
+"""Tables of results: parquet and CSV files that tell their own settings."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from iswarm_mj import __version__
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import whole
+
+_KEY = b"iswarm_mj"
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], csv: bool = False) -> None:
+    """Write a table whole or not at all: parquet, and beside it CSV if asked for.
+
+    Args:
+        path: of the parquet file.
+        rows: one mapping a row, all with the same names; None is an absent value.
+        settings: what the rows depend on; goes into the file with the package's version, as JSON.
+        csv: write a CSV file of the same name too.
+    """
+    table = pa.Table.from_pylist(list(map(dict, rows)))
+    told = json.dumps({"version": __version__, **settings}, sort_keys=True)
+    table = table.replace_schema_metadata({_KEY: told.encode()})
+    with whole(path) as part:
+        pyarrow.parquet.write_table(table, str(part), compression="zstd")
+    if csv:
+        with whole(path.with_suffix(".csv")) as part:
+            pyarrow.csv.write_csv(table, str(part))
+
+
+def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return the rows of a parquet file that `write_table` wrote, and its settings.
+
+    Raises:
+        UserError: there is no such file, or it is another one.
+    """
+    try:
+        table = pyarrow.parquet.read_table(path)
+        settings = json.loads(table.schema.metadata[_KEY])
+    except (OSError, pa.ArrowException, TypeError, KeyError, ValueError):
+        raise UserError(
+            f"{path} is not a readable table of iswarm; give the directory of a finished run or run it again."
+        ) from None
+    return table.to_pylist(), settings

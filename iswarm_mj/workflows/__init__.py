@@ -1,0 +1,1 @@
+"""Whole jobs: a cleaning run, trials on the bench, benchmarks."""

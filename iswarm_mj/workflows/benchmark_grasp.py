@@ -1,0 +1,92 @@
+"""How many physics steps a second the gripper's bench takes, on this machine."""
+
+import json
+import time
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.gripper.bench.experiment import hang, release, staircase
+from iswarm_mj.gripper.bench.model import bench_spec, layout, sized
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.trials import bench_maker, draw
+from iswarm_mj.utils.profiling import hardware
+
+BENCHES, STEPS, LAPS = 64, 500, 9
+"""Benches that one thread steps, physics steps of a lap, and laps after the warm-up."""
+
+SITUATIONS = {"flight": (30.0, 30.0), "plate": (-2e-4, 5.0), "plate_and_tool": (-2e-4, -0.02)}
+"""Gaps of ball to plate and tool to ball at the start of a lap [um]; in the last two the ball stays there."""
+
+_VOLTAGE = 20.0
+
+
+def speed(engine: str, impl: str, n_trials: int, seed: int) -> dict[str, Any]:
+    """Time whole trials, grasp and release, after a warm-up; print one JSON line and return its content.
+
+    In the C engine also free flight, contact with the plate, and with plate and tool; all of it on one thread.
+    """
+    content: dict[str, Any] = {"what": "grasp", "engine": engine}
+    if engine == "mujoco":
+        rates = {name: _situation(*gaps) for name, gaps in SITUATIONS.items()}
+        content |= {f"steps_per_s_{name}": round(rate) for name, rate in rates.items()}
+        content |= {"threads": 1} | _trials(engine, impl, n_trials, seed, laps=5)
+    else:
+        import jax
+
+        device = jax.devices()[0]
+        content |= {"impl": impl, "device": f"{device.platform}: {device.device_kind}"}
+        content |= _trials(engine, impl, n_trials, seed, laps=1)
+    content |= hardware()
+    print(json.dumps(content))
+    return content
+
+
+def _situation(gap_plate: float, gap_tool: float) -> float:
+    """Median of steps per second of one thread, with the ball and the tool as they are at the start of each lap."""
+    model = sized(bench_spec(), draw(0, 20e-6, 10.0, 0))
+    where, radius = layout(model), float(model.geom("ball").size[0])
+    batch = Batch(model, BENCHES, 1)
+    qpos, ctrl = batch.bind("qpos"), batch.bind("ctrl")
+    laps = []
+    for _ in range(LAPS + 1):
+        batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        qpos[:, where.ball + 2] = gap_plate + radius
+        qpos[:, where.slide] = gap_plate + 2 * radius + gap_tool - where.tip_height
+        ctrl[:, where.tip], ctrl[:, where.voltage] = qpos[:, where.slide], _VOLTAGE
+        started = time.perf_counter()
+        with without_timers():
+            batch.step(nstep=STEPS)
+        laps.append(time.perf_counter() - started)
+    return BENCHES * STEPS / float(np.median(laps[1:]))
+
+
+def _trials(engine: str, impl: str, n_trials: int, seed: int, laps: int) -> dict[str, Any]:
+    """Time of whole trials: set-up, staircase of grasps, release."""
+    make, protocol = bench_maker(engine, impl, threads=1), Protocol()
+    trials = [draw(seed, radius, 10.0, i) for i, radius in enumerate(np.linspace(15e-6, 25e-6, n_trials))]
+    times, steps, voltage = [], 0, np.array([])
+    started = time.perf_counter()
+    make(trials, protocol.start_gap).move("warm-up", 0.01e-3, np.zeros(1), np.zeros(1))
+    warm_up = time.perf_counter() - started
+    for _ in range(laps):
+        started = time.perf_counter()
+        bench = make(trials, protocol.start_gap)
+        grasp = staircase(bench, protocol, n_trials)
+        held = np.isfinite(grasp.voltage)
+        hang(bench, protocol, 5e-6, held)
+        voltage = release(bench, protocol, held, 5e-6).voltage
+        times.append(time.perf_counter() - started)
+        steps = bench.steps
+    seconds = float(np.median(times))
+    return {
+        "trials": n_trials,
+        "steps": steps,
+        "seconds": round(seconds, 3),
+        "warm_up_seconds": round(warm_up, 3),
+        "steps_per_s_trials": round(steps / seconds),
+        "released": int(np.isfinite(voltage).sum()),
+    }

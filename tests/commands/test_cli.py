@@ -1,0 +1,322 @@
+"""The command `iswarm`: what it accepts, what it refuses and how, and how fast it answers."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from dataclasses import asdict, fields
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from iswarm_mj.commands import main as cli
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.simulation import run_mujoco as rollout
+from iswarm_mj.strategy.genome import PRESETS, Genome
+
+ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
+ARENA_FLAGS = ["--threads=1", *(f"--arena.{name}={value}" for name, value in ARENA.items())]
+SMALL = [*ARENA_FLAGS, "--robots=30"]
+CONFIG_FLOATS = [
+    f"{group.name}.{f.name}" for group in fields(SwarmConfig) for f in fields(group.default_factory) if f.type is float
+]
+GENOME_FLOATS = [f.name for f in fields(Genome) if f.type is float]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """An empty working directory."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def code_of(*arguments):
+    """Exit code of `iswarm`."""
+    try:
+        cli.main([str(a) for a in arguments])
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def result(path="runs/clean"):
+    with open(f"{path}/result.json") as file:
+        return json.load(file)
+
+
+def refused(capfd, here, *arguments):
+    """The one sentence with which `iswarm` refuses; nothing is created."""
+    before = sorted(here.rglob("*"))
+    assert code_of(*arguments) == 2
+    out, error = capfd.readouterr()
+    assert out == "" and sorted(here.rglob("*")) == before
+    assert re.fullmatch(r"iswarm: [^\n]*\.\n", error), error
+    return error
+
+
+class TestClean:
+    def test_writes_results_and_prints_a_summary(self, small, capfd):
+        assert code_of("clean", *SMALL, "--steps", 30, "--seed", 3) == 0
+        out, _ = capfd.readouterr()
+        content = result()
+        assert content["config"] == json.loads(json.dumps(asdict(small)))
+        assert (content["seed"], content["n_robots"], content["steps"], content["stop_at"]) == (3, 30, 30, 24)
+        assert content["genome"] == asdict(PRESETS["type1"]) and content["engine"] == "mujoco"
+        for line in (
+            "robots  30 in 1 world(s), seed 3",
+            f"delivered  {content['delivered']} of 24 balls; picked up {content['picked']}",
+            f"collisions  {content['collisions']}",
+            f"fitness  {content['fitness']:.1f}",
+        ):
+            assert line in out
+        with np.load("runs/clean/trajectory.npz") as file:
+            assert file["delivered"][-1] == content["delivered"] and len(file["step"]) == 31
+
+    def test_no_record(self, here):
+        assert code_of("clean", *SMALL, "--steps", 3, "--no-record", "--out", "some/where") == 0
+        assert [p.name for p in (here / "some" / "where").iterdir()] == ["result.json"]
+
+    def test_results_before_the_first_delivery(self, capfd):
+        assert code_of("clean", *SMALL, "--steps", 1, "--no-record") == 0
+        assert "finished at  step - (goal 24; ran 1 steps)" in capfd.readouterr().out
+        assert result()["mean_carriage_steps"] is None and result()["finished_at"] is None
+
+    def test_stop_at(self):
+        assert code_of("clean", *SMALL, "--no-record", "--stop-at", 2, "--seed", 1) == 0
+        content = result()
+        assert 2 <= content["delivered"] < 24 and content["steps"] == content["finished_at"] < 800
+
+    def test_worlds(self, capfd):
+        assert code_of("clean", *SMALL, "--no-record", "--worlds", 3, "--steps", 5) == 0
+        assert len(result()["collisions"]) == 3
+        assert "30 in 3 world(s)" in capfd.readouterr().out
+
+    def test_a_genome_file_and_single_parameters(self, here):
+        (here / "mine.json").write_text('{"p_vector_forget": 0.5, "fraction_scouts": 0.2}')
+        parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--use-hop-count=False"]
+        assert code_of("clean", *SMALL, *parameters, "--steps=2", "--no-record") == 0
+        expected = asdict(Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False))
+        assert result()["genome"] == expected
+
+    def test_the_genome_tells_the_density(self):
+        for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
+            assert number_of_robots(*ARENA_FLAGS, *flags) == n_robots
+
+
+def number_of_robots(*flags):
+    """Number of robots that a run would have, without the run."""
+    seen = []
+
+    def clean(config, genome, settings, *_):
+        seen.append(settings.n_robots)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("iswarm_mj.workflows.clean.clean", clean)
+        assert code_of("clean", *flags) == 0
+    return seen[0]
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        "flags, message",
+        [
+            ("--robots 217", r"--robots was 217; .* 1 to 216: choose fewer robots or a larger --arena\.size"),
+            ("--robots 0", r"--robots was 0;"),
+            ("--robots -5", r"--robots was -5;"),
+            ("--density 0", r"--density was 0; it must lie above 0 and at most 1"),
+            ("--density 1.5", r"--density was 1\.5;"),
+            ("--density -0.1", r"--density was -0\.1;"),
+            ("--density nan", r"--density was nan;"),
+            ("--density inf", r"--density was inf;"),
+            ("--density 0.1 --robots 10", r"--robots and --density were both given"),
+            ("--steps -1", r"--steps was -1; it must be between 1 and 1000000"),
+            ("--steps 0", r"--steps was 0;"),
+            ("--seed -1", r"--seed was -1;"),
+            ("--seed 4294967295", r"--seed was 4294967295;"),
+            ("--worlds 0", r"--worlds was 0;"),
+            ("--threads -1", r"--threads was -1;"),
+            ("--engine xyz", r"--engine was xyz; it must be mujoco"),
+            ("--stop-at 100", r"--stop-at was 100; it must be between 1 and the number of balls, 24"),
+            ("--stop-at 0", r"--stop-at was 0;"),
+            ("--arena.dump-size 9", r"--arena\.dump-size was 9"),
+            ("--drive.control-period -1", r"--drive\.control-period was -1"),
+            ("--genome type3", r"genome was 'type3'; give one of the presets type1, type2, evolved or the path"),
+            ("--genome nowhere.json", r"genome was 'nowhere\.json'"),
+            ("--genome .", r"genome was '\.'"),
+            ("--p-vector-forget 1.5", r"p_vector_forget was 1\.5"),
+        ],
+    )
+    def test_values_out_of_range(self, capfd, here, flags, message):
+        base = ARENA_FLAGS if "--robots" in flags or "--density" in flags else SMALL
+        assert re.search(message, refused(capfd, here, "clean", *base, *flags.split()))
+
+    @pytest.mark.parametrize("command", ["clean", "bench"])
+    @pytest.mark.parametrize(
+        "flag",
+        ["--impl warp", "--solver-iterations 20", "--contact-room 2", "--devices 1", "--hosts", "--hosts-timeout 9"],
+    )
+    def test_flags_of_mjx_without_it(self, capfd, here, command, flag):
+        error = refused(capfd, here, command, *SMALL, *flag.split())
+        assert error.startswith(f"iswarm: --engine was mujoco; it must be mjx with {flag.split()[0]}:")
+
+    @pytest.mark.parametrize("chunk", [0, -1, 10_001])
+    def test_chunks_of_a_benchmark(self, capfd, here, chunk):
+        error = refused(capfd, here, "bench", *SMALL, "--engine", "mjx", f"--chunk={chunk}")
+        assert f"--chunk was {chunk}; it must be between 1 and 10000" in error
+
+    @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+    def test_every_float_must_be_finite(self, capfd, here, value):
+        assert len(CONFIG_FLOATS) > 30 and len(GENOME_FLOATS) == 8
+        for name in CONFIG_FLOATS + GENOME_FLOATS:
+            flag = "--" + name.replace("_", "-")
+            error = refused(capfd, here, "clean", f"{flag}={value}")
+            assert f"{value}; it " in error and name.split(".")[-1].replace("_", "-") in error.replace("_", "-")
+
+    @pytest.mark.parametrize(
+        "text, message",
+        [
+            ('{"p_vector_forget": ', "not readable JSON"),
+            ("", "not readable JSON"),
+            ("[]", "holds a list"),
+            ('{"wings": 2}', "names 'wings'; allowed names are density_of_robots, "),
+            ('{"fraction_scouts": 2}', "fraction_scouts was 2; it lies within 0 to 1"),
+            ('{"fraction_scouts": "few"}', "fraction_scouts was 'few'"),
+            ('{"use_hop_count": 0}', "use_hop_count was 0; it is true or false"),
+            ('{"fraction_scouts": NaN}', "fraction_scouts was nan"),
+        ],
+    )
+    def test_broken_genome_files(self, capfd, here, text, message):
+        (here / "mine.json").write_text(text)
+        error = refused(capfd, here, "clean", *SMALL, "--genome", "mine.json")
+        assert message in error and "mine.json" in error
+
+    def test_a_directory_that_cannot_be(self, capfd, here):
+        (here / "file").write_text("mine")
+        for out in ("file", "file/below", "file/far/below"):
+            error = refused(capfd, here, "clean", *SMALL, "--steps", 2, "--out", out)
+            assert f"--out was {out}, which cannot be written to" in error and "choose another" in error
+        assert (here / "file").read_text() == "mine"
+
+    @pytest.mark.parametrize("flags", ["--robots many", "--steps 1.5", "--optics.mode laser", "--wings 2", "extra"])
+    def test_what_cannot_be_parsed(self, capfd, here, flags):
+        assert code_of("clean", *flags.split()) == 2
+        out, error = capfd.readouterr()
+        assert out == "" and flags.split()[0].removeprefix("--") in error and "Traceback" not in error
+        assert list(here.iterdir()) == []
+
+    @pytest.mark.parametrize("arguments", [[], ["wash"]])
+    def test_unknown_commands(self, capfd, arguments):
+        assert code_of(*arguments) == 2
+        assert "clean" in capfd.readouterr().err
+
+
+def test_a_fault_ends_with_code_1_and_readable_files(capfd, here, monkeypatch):
+    drive = rollout.swarm.drive
+
+    def faulty(config, engine, command, worlds):
+        pairs = drive(config, engine, command, worlds)
+        faulty.step += 1
+        if faulty.step == 8:
+            engine._qpos[0, engine._arena.qpos[[5, 6], 2]] = np.nan
+        return pairs
+
+    faulty.step = 0
+    monkeypatch.setattr(rollout.swarm, "drive", faulty)
+    assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 1
+    error = capfd.readouterr().err
+    assert re.fullmatch(r"iswarm: step 8, world 0: robots 5, 6 [^\n]*\n", error)
+    assert sorted(path.name for path in (here / "out").iterdir()) == ["clean.rrd", "trajectory.npz"]
+    with np.load("out/trajectory.npz") as file:
+        assert file["step"].tolist() == list(range(8)) and np.isfinite(file["pose"]).all()
+    steps = [
+        row["step"]
+        for chunk in RrdReader("out/clean.rrd").stream().to_chunks()
+        if chunk.entity_path == "/world/robots/body"
+        for row in chunk.to_record_batch().to_pylist()
+        if "step" in row
+    ]
+    assert sorted(steps) == list(range(8))
+
+
+def test_interruption_ends_quietly(capfd, here, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rollout.swarm, "see", interrupted)
+    assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 130
+    assert "Traceback" not in capfd.readouterr().err
+    assert not (here / "out" / "result.json").exists()
+
+
+class TestHelp:
+    @pytest.mark.parametrize("arguments", [["--help"], ["clean", "--help"], ["bench", "--help"]])
+    def test_is_quick_and_imports_little(self, arguments):
+        code = (
+            "import sys\nfrom iswarm_mj.commands.main import main\n"
+            f"try:\n    main({arguments})\n"
+            "except SystemExit as end:\n"
+            "    print('code', end.code, sorted({'jax', 'mujoco', 'rerun', 'scipy'} & set(sys.modules)))\n"
+        )
+        started = time.perf_counter()
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.rstrip().endswith("code 0 []") and done.stderr == ""
+        assert time.perf_counter() - started < 5.0
+
+    def test_lists_every_option(self, capfd):
+        assert code_of("clean", "--help") == 0
+        out = capfd.readouterr().out
+        names = [*CONFIG_FLOATS, *GENOME_FLOATS, "stop_at", "arena.n_dust", "optics.mode", "record", "out", "worlds"]
+        assert [name for name in names if f"--{name.replace('_', '-')}" not in out] == []
+
+
+class TestProcess:
+    def test_clean_from_another_directory(self, here):
+        command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps", "2", "--out", "out"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert sorted(path.name for path in here.iterdir()) == ["out"]
+        names = sorted(path.name for path in (here / "out").iterdir())
+        assert names == ["clean.rrd", "result.json", "trajectory.npz"]
+
+    def test_refusal(self, here):
+        command = [sys.executable, "-m", "iswarm_mj", "clean", "--density", "7"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith("iswarm: --density was 7;") and done.stderr.count("\n") == 1
+        assert list(here.iterdir()) == []
+
+
+def test_bench_prints_one_line(capfd, here):
+    assert code_of("bench", *SMALL, "--steps", 5, "--warm-up", 2) == 0
+    content = json.loads(capfd.readouterr().out)
+    assert (content["n_robots"], content["steps"], content["engine"]) == (30, 5, "mujoco")
+    stages = sum(content[f"{stage}_ms"] for stage in ("sense", "act", "physics"))
+    assert 0 < stages < 2 * content["ms_per_step"]
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "arguments, fact",
+    [
+        (["clean", "--robots", "many"], "--robots"),
+        (["clean", "--gripper.grasp-voltage", "high"], "could not convert string to float: 'high'"),
+        (["clean", "--optics.mode", "laser"], "Expected one of ('sector', 'power')"),
+        (["clean", "--strategy.update-order", "random"], "Expected one of ('synchronous', 'sequential')"),
+        (["clean", "--robotss", "3"], "--robotss"),
+        (["grasp", "--repeats", "some"], "--repeats"),
+        (["sweep"], "Available subcommands: clean, picture, bench"),
+        ([], "Expected one of {clean, picture, bench, "),
+    ],
+)
+def test_flags_that_cannot_be_read_get_one_line(arguments, fact, capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    said = capfd.readouterr().err
+    assert stop.value.code == 2
+    assert said.startswith("iswarm: ") and said.count("\n") == 1
+    command = " ".join(["iswarm", *arguments[:1]]) if arguments != ["sweep"] else "iswarm"
+    assert fact in said and said.endswith(f"; `{command} --help` lists what is allowed.\n")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,225 @@
+"""The commands `iswarm grasp` and `iswarm bench --what grasp`: what they write, what they refuse."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from iswarm_mj.commands import main as cli
+from iswarm_mj.utils.tables import read_table
+from iswarm_mj.workflows.grasp import CURVES, TABLE
+
+FAST = ["--protocol.step-voltage=2", "--threads=1"]
+COLUMNS = {
+    "experiment", "radius", "relative_humidity", "repeat", "seed", "work_tool_object", "work_object_substrate", "gap",
+    "voltage", "limit_voltage", "step_voltage", "melted", "flight_time", "landing_speed", "landed",
+    "quasi_static_voltage", "faulty", "engine", "impl",
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """An empty working directory."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def code_of(*arguments):
+    try:
+        cli.main([str(a) for a in arguments])
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def from_path(directory):
+    return read_table(Path(directory) / TABLE)[0]
+
+
+def test_writes_table_figures_and_recordings(here, capfd):
+    assert code_of("grasp", *FAST, "--radius", "15e-6:25e-6:2", "--rh", 10, 50, "--repeats", 2, "--record", 5) == 0
+    out = here / "runs" / "grasp"
+    names = {path.name for path in out.iterdir()}
+    assert {
+        TABLE,
+        "trials.csv",
+        "trial-0005.rrd",
+        "trial-0005.png",
+        "grasp_voltage.png",
+        "release_voltage.svg",
+    } <= names
+    assert not any(name.startswith(".") for name in names)
+    rows, told = read_table(out / TABLE)
+    assert set(rows[0]) == COLUMNS
+    assert [sum(r["experiment"] == e for r in rows) for e in ("grasp", "release", "no_contact")] == [8, 8, 24]
+    assert sorted({(r["radius"], r["relative_humidity"], r["repeat"]) for r in rows}) == [
+        (radius, rh, repeat) for radius in (15e-6, 25e-6) for rh in (10, 50) for repeat in (0, 1)
+    ]
+    assert (told["seed"], told["protocol"]["step_voltage"], told["calibration"]["CONTACT_GAP"]) == (0, 2, 0.2e-6)
+    with (out / "trials.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == len(rows)
+    chunks = RrdReader(str(out / "trial-0005.rrd")).stream().to_chunks()
+    assert any("ball" in chunk.entity_path for chunk in chunks)
+    said = capfd.readouterr().out
+    assert re.search(r"grasp  10 % RH: \d+\.\d V \(", said) and "landed and stayed" in said
+
+
+def test_same_seed_same_table_at_any_number_of_threads():
+    flags = ["--protocol.step-voltage=2", "--rh", 10, "--repeats", 2, "--seed", 4, "--record"]
+    assert code_of("grasp", *flags, "--radius", "15e-6:25e-6:3", "--threads", 1, "--out", "one") == 0
+    assert code_of("grasp", *flags, "--radius", "15e-6:25e-6:3", "--threads", 3, "--out", "two") == 0
+    assert from_path("one") == from_path("two")
+    assert code_of("grasp", *flags, "--radius", "20e-6", "--out", "part") == 0
+    assert from_path("part") == [row for row in from_path("one") if row["radius"] == 20e-6]
+    assert code_of("grasp", *flags[:-3], "--seed", 5, "--record", "--radius", "20e-6", "--out", "other") == 0
+    works = [{row["work_tool_object"] for row in from_path(name)} for name in ("part", "other")]
+    assert not works[0] & works[1]
+
+
+def test_gaps():
+    flags = [*FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1, "--record", "--out", "out"]
+    assert code_of("grasp", *flags, "--gap", "3e-6", "5e-6", "--no-contact-gap", "1e-6", "2e-6") == 0
+    rows = from_path("out")
+    assert [r["gap"] for r in rows if r["experiment"] == "release"] == [3e-6, 5e-6]
+    assert [r["gap"] for r in rows if r["experiment"] == "no_contact"] == [1e-6, 2e-6]
+    release = [r["voltage"] for r in rows if r["experiment"] == "release"]
+    assert release[0] < 0.9 * release[1]
+
+
+def test_a_ball_that_cannot_be_lifted(capfd):
+    flags = ["--radius", "20e-6", "--rh", 10, "--repeats", 1, "--protocol.grasp-limit", 10, "--out", "out"]
+    assert code_of("grasp", *FAST, *flags) == 0
+    rows = {row["experiment"]: row for row in from_path("out")}
+    assert set(rows) == {"grasp", "no_contact"} and rows["grasp"]["voltage"] is None
+    assert "1 of 1 not up to 10 V" in capfd.readouterr().out
+
+
+def test_the_highest_rung_is_not_above_the_limit():
+    flags = ["--radius", "20e-6", "--rh", 10, "--repeats", 1, "--protocol.grasp-limit", 11, "--out", "out"]
+    assert code_of("grasp", "--protocol.step-voltage=4", *flags) == 0
+    (row,) = (row for row in from_path("out") if row["experiment"] == "grasp")
+    assert (row["voltage"], row["limit_voltage"], row["step_voltage"]) == (None, 8, 4)
+
+
+def test_values_given_twice_count_once():
+    flags = ["--radius", "20e-6", "20e-6:20e-6:3", "--rh", 10, 10, "--repeats", 1, "--gap", "5e-6", "5e-6"]
+    assert code_of("grasp", *FAST, *flags, "--no-contact-gap", "1e-6", "1e-6", "--record", "--out", "out") == 0
+    assert sorted(row["experiment"] for row in from_path("out")) == ["grasp", "no_contact", "release"]
+
+
+def test_results_of_an_earlier_run_are_replaced(here):
+    flags = [*FAST, "--radius", "20e-6", "--repeats", 1, "--out", "out"]
+    assert code_of("grasp", *flags, "--rh", 10, 30, "--gap", "3e-6", "5e-6", "--record", 0, 1) == 0
+    (here / "out" / "trial-notes.txt").write_text("mine")
+    assert code_of("grasp", *flags, "--rh", 10, "--record", "--protocol.grasp-limit", 10) == 0
+    stems = {path.stem for path in (here / "out").iterdir()}
+    assert stems == {"trials", "grasp_voltage", "no_contact", "trial-notes"}
+
+
+def test_results_that_cannot_be_written(here, capfd):
+    flags = [*FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1, "--record", "--out", "out"]
+    (here / "out" / "trials.parquet").mkdir(parents=True)
+    assert code_of("grasp", *flags) == 2
+    assert re.fullmatch(
+        r"iswarm: Results in out cannot be written \([^\n]*trials\.parquet\);[^\n]*\.\n", capfd.readouterr().err
+    )
+    assert [path.name for path in (here / "out").iterdir()] == ["trials.parquet"]
+
+
+def test_recordings_switched_off_are_told_before_the_trials(here, capfd, monkeypatch):
+    monkeypatch.setenv("RERUN", "0")
+    assert code_of("grasp", *FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1) == 2
+    assert "switches recordings off" in capfd.readouterr().err and list(here.iterdir()) == []
+
+
+def test_force_curves(here):
+    assert code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, 20, "--out", "out") == 0
+    names = {path.name for path in (here / "out").iterdir()}
+    assert names == {CURVES, "force_curve.csv", "force_curve.png", "force_curve.svg"}
+    rows, _ = read_table(here / "out" / CURVES)
+    for voltage in (0, 20):
+        approach, retract = (
+            np.array([row["total"] for row in rows if (row["voltage"], row["direction"]) == (voltage, direction)])
+            for direction in ("approach", "retract")
+        )
+        electrostatic = max(row["electrostatic"] for row in rows if row["voltage"] == voltage)
+        pull_off = 2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
+        assert retract.max() == pytest.approx(pull_off, rel=0.02)
+        assert approach.min() < 0 < retract.max()
+    assert electrostatic > 1e-6
+
+
+@pytest.mark.parametrize(
+    "flags, message",
+    [
+        ("--radius 15e-6:25e-6", r"--radius was 15e-6:25e-6; it must be radii from 10e-6 to 50e-6 m"),
+        ("--radius a:b:c", r"--radius was a:b:c;"),
+        ("--radius 1e-6", r"--radius was 1e-06;"),
+        ("--radius 15e-6:25e-6:0", r"--radius was 15e-6:25e-6:0;"),
+        ("--radius nan", r"--radius was nan;"),
+        ("--radius", r"--radius was empty"),
+        ("--rh", r"--rh was empty"),
+        ("--rh 101", r"--rh was 101\.0; it must be a relative humidity from 0 to 100 %"),
+        ("--rh nan", r"--rh was nan;"),
+        ("--repeats 0", r"--repeats was 0;"),
+        ("--seed -1", r"--seed was -1;"),
+        ("--threads -1", r"--threads was -1;"),
+        ("--engine arena", r"--engine was arena; it must be mujoco or mjx"),
+        ("--impl c", r"--impl was c; it must be jax or warp"),
+        ("--gap 1e-8", r"--gap was 1e-08;"),
+        ("--no-contact-gap 1", r"--no-contact-gap was 1\.0;"),
+        ("--record 75", r"--record was 75; it must be the number of a trial, 0 to 74"),
+        ("--force-curve --voltages 500", r"--voltages was 500\.0;"),
+        ("--force-curve --voltages", r"ask for 0 force-distance curves"),
+        ("--protocol.step-voltage 0", r"step_voltage of the protocol was 0\.0;"),
+        ("--protocol.step-voltage 1e-9", r"step_voltage of the protocol was 1e-09; it must be between 0\.002 and 200:"),
+        ("--protocol.ramp-rate inf", r"ramp_rate of the protocol was inf;"),
+        ("--protocol.ramp-rate 1e-3", r"ramp_rate of the protocol was 0\.001; it must be between 1000 and 1e\+07:"),
+        ("--protocol.approach-time 1e9", r"approach_time of the protocol was 1000000000\.0;"),
+        ("--protocol.press 1e-3", r"press of the protocol was 0\.001;"),
+        ("--protocol.grasp-limit 201", r"grasp_limit of the protocol was 201\.0; it must be between 0\.1 and 200:"),
+        ("--protocol.step-voltage 100", r"step_voltage of the protocol was 100\.0; it must be below its grasp_limit"),
+        ("--protocol.lift 1e-7", r"away of the protocol was 2e-07; it must be below its lift, 1e-07:"),
+        ("--radius 10e-6 --gap 45e-6", r"--gap was 4\.5e-05; it must be at most 4 times the least radius"),
+    ],
+)
+def test_values_out_of_range(flags, message, capfd, here):
+    assert code_of("grasp", *flags.split()) == 2
+    out, error = capfd.readouterr()
+    assert out == "" and list(here.iterdir()) == []
+    assert re.fullmatch(r"iswarm: [^\n]*\.\n", error) and re.search(message, error), error
+
+
+def test_a_directory_that_cannot_be(here, capfd):
+    (here / "file").write_text("mine")
+    assert code_of("grasp", "--out", "file/below") == 2
+    assert "--out was file/below, which cannot be written to" in capfd.readouterr().err
+
+
+def test_bench_prints_one_line(capfd, here):
+    assert code_of("bench", "--what", "grasp", "--worlds", 3) == 0
+    content = json.loads(capfd.readouterr().out)
+    assert (content["what"], content["engine"], content["trials"], content["released"]) == ("grasp", "mujoco", 3, 3)
+    assert content["steps"] > 3 * 5000
+    assert content["steps_per_s_flight"] > content["steps_per_s_plate_and_tool"] > 1e4
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize("flags, message", [("--what lunch", "--what was lunch"), ("--impl x", "--impl was x")])
+def test_bench_refuses(flags, message, capfd):
+    assert code_of("bench", "--what", "grasp", *flags.split()) == 2
+    assert message in capfd.readouterr().err
+
+
+@pytest.mark.slow
+def test_mjx_writes_the_same_table():
+    flags = ["--radius", "15e-6:25e-6:2", "--rh", 10, "--repeats", 1, "--record", *FAST]
+    assert code_of("grasp", *flags, "--out", "c") == 0
+    assert code_of("grasp", *flags, "--engine", "mjx", "--out", "mjx") == 0
+    for ours, theirs in zip(from_path("c"), from_path("mjx"), strict=True):
+        assert theirs["impl"] == "jax" and (theirs["voltage"] is None) == (ours["voltage"] is None)
+        assert ours["voltage"] is None or theirs["voltage"] == pytest.approx(ours["voltage"], rel=0.01)

@@ -1,0 +1,147 @@
+"""The journal of finished runs: what is in it stays, what does not fit is refused."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from iswarm_mj.experiments.runner import checkpoint
+from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.utils.errors import UserError
+
+SETTINGS = {"seed": 3, "config": {"arena": {"size": 49.0, "n_dust": 72}}}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "checkpoint.jsonl"
+
+
+def entries(path, settings=SETTINGS):
+    with Journal(path, settings) as journal:
+        return journal.entries
+
+
+@pytest.fixture
+def written(path):
+    """Three runs, not in order, with floats that decimals do not meet."""
+    with Journal(path, SETTINGS) as journal:
+        for key in ((0, 1, 0), (0, 0, 0), (1, 0, 0)):
+            journal.add(key, {"fitness": key[1] + 0.1 + 0.2, "left": None, "ok": True})
+        return dict(journal.entries)
+
+
+def test_what_was_added_comes_back(path, written):
+    assert entries(path) == written and len(written) == 3
+    with Journal(path, SETTINGS) as journal:
+        journal.add((1, 1, 0), 1 / 3)
+    assert entries(path) == written | {(1, 1, 0): 1 / 3}
+
+
+def test_each_run_is_on_disk_at_once(path):
+    with Journal(path, SETTINGS) as journal:
+        for n in range(3):
+            journal.add((n,), n)
+            assert len(path.read_bytes().splitlines()) == n + 2
+
+
+def test_settled_files_are_in_order(path, written, tmp_path):
+    with Journal(path, SETTINGS) as journal:
+        journal.settle()
+    other = tmp_path / "other"
+    with Journal(other, SETTINGS) as journal:
+        for key in sorted(written):
+            journal.add(key, written[key])
+    assert path.read_bytes() == other.read_bytes() and entries(path) == written
+
+
+def test_a_directory_in_its_place_is_told(path):
+    path.mkdir()
+    with pytest.raises(
+        UserError, match=r"checkpoint\.jsonl cannot be written to \(Is a directory\); it must be a file"
+    ):
+        Journal(path, SETTINGS)
+
+
+def test_a_torn_last_line_is_dropped(path, written):
+    """At whatever byte the process ended; the file goes on well after that."""
+    whole, last = path.read_bytes(), (1, 0, 0)
+    end = len(whole) - len(whole.splitlines(keepends=True)[-1])
+    kept = {key: entry for key, entry in written.items() if key != last}
+    for cut in range(end, len(whole)):
+        path.write_bytes(whole[:cut])
+        with Journal(path, SETTINGS) as journal:
+            assert journal.entries == kept
+            journal.add(last, written[last])
+        assert path.read_bytes() == whole
+
+
+def test_a_torn_first_line_is_written_anew(path, written):
+    whole = path.read_bytes()
+    for cut in (0, 1, 30):
+        path.write_bytes(whole[:cut])
+        assert entries(path) == {}
+        assert path.read_bytes() == whole[: len(path.read_bytes())]
+
+
+def test_a_changed_byte_is_refused(path, written):
+    whole = bytearray(path.read_bytes())
+    generator = np.random.default_rng(0)
+    for place in generator.choice(len(whole) - 1, 200, replace=False):
+        spoilt = whole.copy()
+        spoilt[place] ^= 1 << int(generator.integers(8))
+        path.write_bytes(spoilt)
+        with pytest.raises(UserError, match=r"checkpoint\.jsonl is not a checkpoint of iswarm, or damaged: it "):
+            entries(path)
+        assert path.read_bytes() == spoilt
+
+
+@pytest.mark.parametrize("content", [b"\n", b"nothing\n", b"{}\n", b"00000000 \n", b"\xff\xfe\n", b"a\nb\n", b"a note"])
+def test_other_files_are_refused(path, content):
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=r"^[^\n]*not a checkpoint of iswarm, or damaged: [^\n]*begin again[^\n]*\.$"):
+        entries(path)
+
+
+def test_a_line_that_is_no_run_is_refused(path, written):
+    with path.open("ab") as file:
+        file.write(checkpoint._line({"a": 1, "b": 2, "c": 3}))
+    with pytest.raises(UserError, match="damaged: it holds something else than runs"):
+        entries(path)
+
+
+def test_other_settings_are_refused(path, written):
+    other = {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}}
+    with pytest.raises(UserError) as caught:
+        entries(path, other)
+    said = str(caught.value)
+    assert "is of other settings (config.arena.n_dust: 72 there, 70 now, seed: 3 there, 4 now); resume with" in said
+    assert "\n" not in said
+
+
+def test_settings_that_files_leave_out_are_called_the_default(path, written):
+    with pytest.raises(UserError, match=r"\(engine: the default there, mjx now\)"):
+        entries(path, {**SETTINGS, "engine": "mjx"})
+
+
+def test_another_version_is_refused(path, written, monkeypatch):
+    monkeypatch.setattr(checkpoint, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
+    with pytest.raises(UserError, match=r"is of other versions \(iswarm_mj: .* there, 9\.9 now, "):
+        entries(path)
+
+
+def test_one_process_at_a_time(path):
+    code = (
+        "import sys; from pathlib import Path; from iswarm_mj.experiments.runner.checkpoint import Journal\n"
+        f"with Journal(Path({str(path)!r}), {SETTINGS!r}): print('has it', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdin=-1, stdout=-1, text=True) as holder:
+        assert holder.stdout.readline() == "has it\n"
+        with pytest.raises(
+            UserError, match=r"is in use by another process; wait for its end or choose another --out\.$"
+        ):
+            entries(path)
+        holder.kill()  # the lock goes with its process
+        holder.wait(timeout=10)
+    assert entries(path) == {}

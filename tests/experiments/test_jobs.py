@@ -1,0 +1,66 @@
+"""One world as a job: the same run as by hand, its measures and its fitness."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.simulation import run_mujoco as rollout
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import SimulationFault, UserError
+
+GENOME = PRESETS["type2"]
+
+
+def test_a_job_is_the_run_by_hand(small):
+    outcome = run_job(Job(small, GENOME, n_robots=30, seed=5, steps=25, failed_fraction=0.2))
+    run = Run(small, GENOME, RunSettings(30, 25, seed=5, failed_fraction=0.2))
+    for _ in range(25):
+        run.advance()
+    assert outcome[:5] == tuple(run.measures(0)) and outcome.steps == 25
+    assert outcome.collisions > 0 and outcome.picked > outcome.delivered
+    points = 40 * outcome.delivered + 20 * (outcome.picked - outcome.delivered) - 0.05 / 30 * outcome.collisions
+    assert outcome.fitness == pytest.approx(points, abs=1e-9)
+
+
+def test_a_job_ends_when_it_is_finished(small):
+    """What is left of the job's steps counts, but only where all balls are delivered."""
+    clean = run_job(Job(small, PRESETS["type1"], 30, seed=0, steps=500))
+    assert clean.delivered == 24 and clean.finished_at == clean.steps < 500
+    points = 40 * 24 - 0.05 / 30 * clean.collisions + 10 * (500 - clean.steps)
+    assert clean.fitness == pytest.approx(points, abs=1e-9)
+    some = run_job(Job(small, PRESETS["type1"], 30, seed=0, steps=500, stop_at=5))
+    assert 5 <= some.delivered < 24 and some.finished_at == some.steps < clean.steps
+    assert some.fitness <= 20 * (some.delivered + some.picked)
+
+
+def test_jobs_and_outcomes_travel(small):
+    job = Job(small, GENOME, 30, seed=1, steps=2)
+    assert pickle.loads(pickle.dumps(job)) == job
+    outcome = run_job(job)
+    assert pickle.loads(pickle.dumps(outcome)) == outcome
+    assert len(pickle.dumps(job)) < 4000
+
+
+def test_faults_name_the_job(small, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def lost(self, poses):
+        raise SimulationFault("step 1: gone")
+
+    monkeypatch.setattr(rollout.Run, "_check", lost)
+    with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 7: step 1: gone$"):
+        run_job(Job(small, GENOME, 30, seed=7, steps=3))
+
+
+def test_a_job_that_is_not_possible_is_refused(small):
+    with pytest.raises(UserError, match="--robots was 217"):
+        run_job(Job(small, GENOME, 217, seed=7, steps=3))
+
+
+def test_seeds_count(small):
+    outcomes = [run_job(Job(small, GENOME, 30, seed, steps=25)) for seed in (1, 1, 2)]
+    assert outcomes[0] == outcomes[1] != outcomes[2]
+    assert np.isfinite([o.fitness for o in outcomes]).all()

@@ -1,0 +1,226 @@
+"""The report: choices, what it reads, and pages that hold together."""
+
+import base64
+import re
+from dataclasses import asdict, replace
+from html.parser import HTMLParser
+
+import pytest
+import tyro
+from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
+
+from iswarm_mj.commands.evolve import Evolve
+from iswarm_mj.commands.main import main
+from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN
+from iswarm_mj.experiments.report.html import embedded
+from iswarm_mj.experiments.report.report import report
+from iswarm_mj.experiments.report.results import collect, command
+from iswarm_mj.experiments.runner.evolve import Search
+from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.study import Plan, row_of
+from iswarm_mj.experiments.studies import choices, hop_count
+from iswarm_mj.strategy.evolution import Operators
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.tables import write_table
+
+
+class TestChoices:
+    def test_they_are_what_the_configuration_says_without_the_paper(self):
+        found = {choice.name: choice for choice in choices.choices()}
+        assert found["strategy.dust-range"].value == "0.75" and "sensed within" in found["strategy.dust-range"].meaning
+        assert "optics.led-beam-aperture" not in found and "gripper.work-tool-object" not in found
+        assert found["strategy.update-order"].value == "synchronous"
+        assert all(choice.meaning for choice in found.values()) and len(found) > 15
+
+    def test_what_was_fitted(self):
+        assert {c.name for c in choices.fitted()} >= {"WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "CONTACT_GAP"}
+        assert choices.fitting().startswith("The default constants are a calibration, not measurements.")
+        assert len(choices.operators()) >= 5 and all("\n" not in item for item in choices.operators())
+
+
+def write_hop_count(directory, plan):
+    def outcome(job):
+        counts = job.genome.use_hop_count
+        time = 150 + job.seed % 20 if counts else None
+        return Outcome(66 if counts else 20, 70, 280 * (10 if counts else 30), 60.0 if counts else 200.0, time, 9, 1.0)
+
+    directory.mkdir(parents=True)
+    rows = [row_of(entry, outcome(entry.job)) for entry in hop_count.entries(plan)]
+    settings = {"experiment": "hop-count", "engine": "mujoco", **asdict(plan)}
+    write_table(directory / "hop_count.parquet", rows, settings)
+    write_table(directory / "findings.parquet", [{"claim": "x"}], settings)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Directories with some results: hop counts, one quick, a search, trials."""
+    root = tmp_path_factory.mktemp("results")
+    write_hop_count(root / "quick", Plan(quick=True, seed=9))
+    write_hop_count(root / "full", Plan(config=SwarmConfig(optics=OpticsConfig(wall_range=2.0))))
+    for name in ("evolve", "trials"):
+        (root / name).mkdir()
+    write_table(root / "evolve/evolution.parquet", search_rows(), settings_of())
+    write_table(root / "trials/trials.parquet", grasp_rows(), GRASP_SETTINGS)
+    (root / "trials/other.parquet").write_bytes(b"something else")
+    return root
+
+
+class TestResults:
+    def test_full_tables_come_before_quick_ones(self, results):
+        found = collect([results])
+        assert found.experiments["hop-count"].path == results / "full/hop_count.parquet"
+        assert found.left_out == [results / "quick/hop_count.parquet"]
+        assert set(found.searches) == {"paper"} and found.trials is not None
+
+    def test_commands_make_them_again(self, results):
+        found = collect([results])
+        assert command(found.experiments["hop-count"]) == (
+            "iswarm experiment hop-count --genome type1 --seed 0 --optics.wall-range 2.0 --out DIR"
+        )
+        assert command(found.searches["paper"]).startswith(
+            "iswarm evolve --method paper --generations 120 --population 10 "
+        )
+        assert command(found.trials).startswith(
+            "iswarm grasp --radius 1.5e-05 2.5e-05 --rh 10 30 --repeats 5 --seed 4 "
+        )
+        assert " --quick" in command(collect([results / "quick"]).experiments["hop-count"])
+
+    def test_operators_and_another_setting_are_told(self, tmp_path):
+        """The command brings back the settings; a comment says what is not the paper's."""
+        search = Search(
+            SwarmConfig(arena=ArenaConfig(n_dust=24), optics=OpticsConfig(line_of_sight=False)),
+            Operators(elite=3, relative_span=True), steps=200,
+        )  # fmt: skip
+        write_table(tmp_path / "evolution.parquet", search_rows(1), asdict(search))
+        told, _, comment = command(collect([tmp_path]).searches["paper"]).partition("  # ")
+        assert comment == "not the paper's setting: arena.n-dust 24, 200 steps"
+        given = tyro.cli(Evolve, args=told.split()[2:])
+        assert (given.operators, given.arena, given.optics, given.steps) == (
+            search.operators, search.config.arena, search.config.optics, 200,
+        )  # fmt: skip
+
+    def test_an_experiment_in_another_arena_is_told(self, tmp_path):
+        write_hop_count(tmp_path / "a", Plan(config=SwarmConfig(arena=ArenaConfig(n_dust=24))))
+        assert command(collect([tmp_path]).experiments["hop-count"]).endswith(
+            " --arena.n-dust 24 --out DIR  # not the paper's setting: arena.n-dust 24"
+        )
+
+    def test_a_genome_that_is_no_preset_is_told(self, tmp_path):
+        write_hop_count(tmp_path / "a", Plan(genome=replace(PRESETS["type1"], fraction_scouts=0.5)))
+        assert "--genome GENOME.json" in command(collect([tmp_path]).experiments["hop-count"])
+
+    def test_a_directory_that_is_not_there(self, capsys):
+        with pytest.raises(SystemExit) as stop:
+            main(["report", "--results", "nowhere"])
+        assert stop.value.code == 2 and "--results was nowhere; it must be a directory" in capsys.readouterr().err
+
+
+class Page(HTMLParser):
+    """Checks that tags are balanced, and collects links, sources and text."""
+
+    VOID = ("meta", "img", "br", "link")
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.ids, self.links, self.sources, self.text = [], set(), set(), [], []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.ids |= {given["id"]} if "id" in given else set()
+        self.links |= {given["href"]} if "href" in given else set()
+        self.sources += [given["src"]] if "src" in given else []
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def written(results, tmp_path_factory):
+    """Sections, path and content of a report."""
+    out = tmp_path_factory.mktemp("report") / "report.html"
+    sections = report([results], out)
+    page = Page()
+    page.feed(out.read_text())
+    return sections, out, page
+
+
+class TestReport:
+    def test_the_page_is_whole_and_self_contained(self, written):
+        page = written[2]
+        assert page.open == [] and all(link[0] == "#" and link[1:] in page.ids for link in page.links)
+        assert page.sources and all(source.startswith("data:image/") for source in page.sources)
+        assert not re.search(r"https?://(?!www\.w3\.org)", written[1].read_text())
+        assert "<code>" in written[1].read_text() and not any("`" in text for text in page.text)
+        for source in page.sources:
+            data = base64.b64decode(source.partition(",")[2])
+            assert data.startswith(b"\x89PNG") or b"<svg" in data[:2000]
+
+    def test_each_statement_stands_in_both_with_its_verdict(self, written):
+        sections, out, page = written
+        text, markdown = " ".join(page.text), out.with_suffix(".md").read_text()
+        findings = [finding for section in sections for finding in section.findings]
+        assert len(findings) > 45
+        for finding in findings:
+            assert finding.claim in text and finding.paper in text and finding.ours in text
+            assert f"| {finding.claim} | {finding.source} |" in markdown
+        assert text.count("does not hold") >= sum(f.verdict == FAILS for f in findings)
+        assert {f.verdict for f in sections[3].findings} == {HOLDS}
+        assert {f.verdict for f in sections[5].findings} == {NOT_RUN}
+
+    def test_figures_of_the_markdown_are_there(self, written):
+        out = written[1]
+        found = re.findall(r"!\[[^]]*\]\(([^)]+)\)", out.with_suffix(".md").read_text())
+        assert len(found) >= 6 and all((out.parent / name).is_file() for name in found)
+
+    def test_commands_are_told(self, written):
+        text = " ".join(written[2].text)
+        assert "iswarm experiment hop-count --genome type1 --seed 0 --optics.wall-range 2.0" in text
+        assert "iswarm experiment density" in text and "iswarm evolve --method random" in text
+
+    def test_a_quick_version_is_told(self, results, written, tmp_path):
+        quick = report([results / "quick"], tmp_path / "r.html")
+        assert "quick version" in quick[3].title and "quick version" not in written[0][3].title
+
+    def test_without_results_all_but_the_laws_is_open(self, tmp_path, capsys):
+        (tmp_path / "empty").mkdir()
+        main(["report", "--results", str(tmp_path / "empty"), "--out", str(tmp_path / "r.html")])
+        assert "not run yet" in capsys.readouterr().out
+        page = Page()
+        page.feed((tmp_path / "r.html").read_text())
+        assert page.open == [] and page.sources == []
+
+    def test_signs_of_html_are_text(self, written):
+        assert "p &lt; 0.01" in written[1].read_text()
+
+    def test_a_large_drawing_is_shown_as_pixels(self, tmp_path):
+        (tmp_path / "a.png").write_bytes(b"\x89PNG few")
+        (tmp_path / "a.svg").write_bytes(b"<svg>" + b" " * 500_000)
+        assert embedded(tmp_path / "a.png").startswith("data:image/png;base64,")
+        (tmp_path / "a.svg").write_bytes(b"<svg/>")
+        assert embedded(tmp_path / "a.png") == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
+
+    def test_a_place_that_cannot_be_written_to_is_named_as_given(self, results, tmp_path):
+        (tmp_path / "file").touch()
+        with pytest.raises(
+            UserError, match=r"--out was \S*/file/r\.html, which cannot .* in a directory of yours: choo"
+        ):
+            report([results / "quick"], tmp_path / "file" / "r.html")
+        (tmp_path / "r.html").mkdir()
+        with pytest.raises(UserError, match=r"r\.html cannot be written to \(Is a directory\)"):
+            report([results / "quick"], tmp_path / "r.html")
+
+    @pytest.mark.parametrize(
+        "flags, said",
+        [(["--out", "r.pdf"], "must be a name ending in .html"), (["--results"], "--results was empty")],
+    )
+    def test_bad_flags_end_with_a_sentence(self, flags, said, capsys):
+        with pytest.raises(SystemExit) as stop:
+            main(["report", *flags])
+        assert stop.value.code == 2 and said in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""Statistics of the experiments against closed forms, hand-worked samples and limits."""
+
+import math
+
+import numpy as np
+import pytest
+
+from iswarm_mj.experiments.analysis import statistics
+from iswarm_mj.experiments.analysis.statistics import (
+    compare,
+    correlation,
+    difference,
+    holm,
+    interval,
+    mean,
+    median,
+    rank_correlation,
+    share,
+    slope,
+    smallest_p,
+)
+
+
+class TestMannWhitney:
+    def test_separated_samples_give_the_least_p(self):
+        """Of the C(24, 12) orders of 12 + 12 values, two are as extreme."""
+        result = compare(np.arange(12), np.arange(12) + 100)
+        assert result.u == 0 and result.superiority == 0
+        assert result.p == pytest.approx(2 / math.comb(24, 12)) == smallest_p(12, 12)
+
+    def test_counts_by_hand(self):
+        """Of (1, 4, 6) against (2, 3): 4 and 6 are larger than both, 1 than none; of ten orders 4 have U >= 4."""
+        result = compare([1, 4, 6], [2, 3])
+        assert result.u == 4 and result.superiority == pytest.approx(2 / 3)
+        assert result.p == pytest.approx(0.8)
+
+    def test_it_is_symmetric(self):
+        rng = np.random.default_rng(1)
+        a, b = rng.normal(size=9), rng.normal(0.5, size=7)
+        one, other = compare(a, b), compare(b, a)
+        assert one.p == pytest.approx(other.p) and one.superiority == pytest.approx(1 - other.superiority)
+        assert one.difference.estimate == pytest.approx(-other.difference.estimate)
+
+    def test_ties_count_one_half(self):
+        result = compare([1200] * 6, [1200] * 6)
+        assert result.superiority == 0.5 and result.p == 1.0 and tuple(result.difference) == (0, 0, 0)
+
+    def test_false_alarms_come_at_the_level(self):
+        """Of samples from one distribution, 5 % have p < 0.05; three standard deviations of 2000 draws are 1.5 %."""
+        rng = np.random.default_rng(2)
+        from scipy import stats
+
+        p = [stats.mannwhitneyu(*rng.normal(size=(2, 12)), method="exact").pvalue for _ in range(2000)]
+        assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.015)
+
+    def test_few_runs_cannot_decide(self):
+        assert smallest_p(3, 3) == pytest.approx(0.1) and smallest_p(0, 5) == 1.0
+
+
+class TestIntervals:
+    def test_of_a_mean_it_is_that_of_the_normal_distribution(self):
+        """Mean +- 1.96 standard errors, for many values."""
+        x = np.random.default_rng(3).normal(5, 2, 400)
+        found = interval(x)
+        half = 1.96 * x.std(ddof=1) / 20
+        assert found.estimate == pytest.approx(x.mean())
+        assert (found.low, found.high) == (
+            pytest.approx(x.mean() - half, abs=0.02),
+            pytest.approx(x.mean() + half, abs=0.02),
+        )
+
+    def test_of_a_constant_it_is_a_point(self):
+        assert tuple(interval([3.0] * 5, median)) == (3, 3, 3)
+        assert tuple(difference([3.0] * 5, [1.0] * 4)) == (2, 2, 2)
+
+    def test_it_contains_the_true_difference_as_often_as_it_says(self, monkeypatch):
+        """Of 200 intervals of differences of means some 190; bootstrap of 30 values is a little narrow."""
+        monkeypatch.setattr(statistics, "RESAMPLES", 400)
+        rng = np.random.default_rng(4)
+        inside = 0
+        for _ in range(200):
+            found = difference(rng.normal(1, 1, 30), rng.normal(0, 1, 30), mean)
+            inside += found.low <= 1 <= found.high
+        assert 178 <= inside <= 198
+
+    def test_blocks_of_resamples_are_all_there(self):
+        assert len(statistics._resampled(np.arange(1000.0), mean, np.random.default_rng(0))) == statistics.RESAMPLES
+
+    @pytest.mark.parametrize("count, total, low, high", [(0, 10, 0.0, 0.2775), (655, 675, 0.9547, 0.9807)])
+    def test_wilson(self, count, total, low, high):
+        """(p + z^2/2n +- z sqrt(p (1 - p) / n + z^2 / 4 n^2)) / (1 + z^2 / n), by hand."""
+        found = share(count, total)
+        assert tuple(found) == (count / total, pytest.approx(low, abs=1e-4), pytest.approx(high, abs=1e-4))
+
+
+class TestLines:
+    def test_correlation_with_fishers_interval(self):
+        """tanh(artanh r +- 1.96 / sqrt(n - 3))."""
+        rng = np.random.default_rng(5)
+        x = rng.normal(size=250)
+        y = -0.5 * x + rng.normal(size=250)
+        found = correlation(x, y)
+        r = np.corrcoef(x, y)[0, 1]
+        ends = np.tanh(np.arctanh(r) + np.array([-1, 1]) * 1.959964 / np.sqrt(247))
+        assert tuple(found) == pytest.approx((r, *ends))
+
+    def test_rank_correlation_of_a_rising_curve_is_one(self):
+        assert rank_correlation([1, 2, 3, 4], [1, 8, 27, 64])[0] == pytest.approx(1)
+
+    def test_slope_by_hand(self):
+        """y = 0, 1, 1 at x = 0, 1, 2: slope 1/2, residual sum 1/6, t(0.975, 1) = 12.706."""
+        found = slope([0, 1, 2], [0, 1, 1])
+        half = 12.7062 * math.sqrt(1 / 6 / 2)
+        assert tuple(found) == pytest.approx((0.5, 0.5 - half, 0.5 + half), rel=1e-4)
+
+    def test_what_does_not_vary_has_neither(self):
+        assert math.isnan(correlation([1, 1, 1, 1], [1, 2, 3, 4]).estimate)
+        assert math.isnan(slope([1, 1, 1], [1, 2, 3]).estimate)
+        assert math.isnan(rank_correlation([1, 1, 1], [1, 2, 3])[0])
+
+
+def test_holm_by_hand():
+    """0.01 x 3, then 0.02 x 2, then the larger of 0.03 and what came before."""
+    assert holm([0.03, 0.01, 0.02]) == pytest.approx([0.04, 0.03, 0.04])
+    assert holm([]) == [] and holm([0.9, 0.8]) == [1.0, 1.0]

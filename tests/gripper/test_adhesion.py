@@ -1,0 +1,155 @@
+"""Adhesion and humidity against limits, published tables and each other."""
+
+import math
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from iswarm_mj.gripper.laws.adhesion import (
+    dmt_pull_off,
+    jkr_pull_off,
+    tabor_parameter,
+    van_der_waals_force,
+    work_of_adhesion,
+)
+from iswarm_mj.gripper.laws.humidity import (
+    WATER_SURFACE_TENSION,
+    humid_work,
+    humidity_factor,
+    kelvin_radius,
+    meniscus_work,
+)
+from iswarm_mj.gripper.laws.maugis import maugis_pull_off
+from iswarm_mj.utils.errors import UserError
+
+MAUGIS = np.loadtxt(Path(__file__).parents[1] / "data/maugis_dugdale.csv", delimiter=",", skiprows=2)
+
+
+def test_work_of_adhesion_is_the_geometric_mean():
+    assert work_of_adhesion(0.03, 0.03) == pytest.approx(0.06, rel=1e-15)
+    assert work_of_adhesion(0.01, 0.09) == work_of_adhesion(0.09, 0.01) == pytest.approx(0.06, rel=1e-15)
+    scaled = work_of_adhesion(np.array([0.02, 0.08]), 0.05)
+    assert scaled[1] / scaled[0] == pytest.approx(2.0)
+
+
+def test_pull_off_bounds_of_eq_1():
+    assert jkr_pull_off(20e-6, 1e-3) == pytest.approx(3 * math.pi * 1e-8, rel=1e-14)
+    assert dmt_pull_off(20e-6, 1e-3) / jkr_pull_off(20e-6, 1e-3) == pytest.approx(4 / 3, rel=1e-14)
+
+
+@pytest.mark.parametrize("row", MAUGIS, ids=lambda row: f"lambda={row[0]}")
+def test_maugis_table(row):
+    assert maugis_pull_off(1 / math.pi, 1.0, row[0]) == pytest.approx(-row[1], abs=1e-6)
+
+
+def test_maugis_runs_from_dmt_to_jkr_without_rising():
+    radius, work = 20e-6, 1.41e-3
+    force = maugis_pull_off(radius, work, np.logspace(-12, 8, 81))
+    assert force[0] == pytest.approx(dmt_pull_off(radius, work), rel=1e-7)
+    assert force[-1] == pytest.approx(jkr_pull_off(radius, work), rel=1e-6)
+    assert np.all(np.diff(force) <= 1e-9 * force[0])
+
+
+def test_maugis_approaches_dmt_as_the_power_three_halves():
+    # Expansion of the two equations at the edge angle pi/2.
+    lam = np.array([1e-5, 1e-4])
+    lost = 2 - maugis_pull_off(1 / math.pi, 1.0, lam)
+    expected = 8 / 3 * (math.pi / 2 - 1) * np.sqrt(4 / math.pi) * lam**1.5
+    np.testing.assert_allclose(lost, expected, rtol=1e-2)
+
+
+def test_maugis_gradient():
+    lam = np.array([0.02, 0.3, 2.0])
+    slope = jax.vmap(jax.grad(lambda x: maugis_pull_off(1 / math.pi, 1.0, x)))(jnp.asarray(lam))
+    step = 1e-4 * lam
+    above, below = (maugis_pull_off(1 / math.pi, 1.0, lam + sign * step) for sign in (1, -1))
+    np.testing.assert_allclose(slope, (above - below) / (2 * step), rtol=1e-2, atol=3e-3)
+
+
+def test_tabor_parameter_has_no_dimension():
+    mu = tabor_parameter(20e-6, 1.41e-3, 45.5e9, 0.2e-9)
+    assert mu**3 == pytest.approx(20e-6 * 1.41e-3**2 / (45.5e9**2 * 0.2e-9**3), rel=1e-12)
+    metre, joule = 7.0, 11.0
+    other = tabor_parameter(20e-6 * metre, 1.41e-3 * joule / metre**2, 45.5e9 * joule / metre**3, 0.2e-9 * metre)
+    assert other == pytest.approx(mu, rel=1e-12)
+    assert 0.07 < mu < 0.6
+
+
+def test_van_der_waals_limits():
+    hamaker, radius = 1e-19, 20e-6
+    assert van_der_waals_force(hamaker, radius, 1e-11) == pytest.approx(hamaker * radius / (6 * 1e-22), rel=1e-5)
+    # Far away: two small bodies' worth of a sphere's volume against a half-space, 1/z^4.
+    far = van_der_waals_force(hamaker, radius, np.array([1.0, 2.0]))
+    assert far[0] / far[1] == pytest.approx(16, rel=1e-3)
+    assert van_der_waals_force(hamaker, radius, 0.1e-6) < 0.06e-9
+
+
+def test_humidity_is_least_at_ten_percent_and_double_at_eighty():
+    relative_humidity = np.linspace(0, 100, 1001)
+    factor = humidity_factor(relative_humidity)
+    assert relative_humidity[np.argmin(factor)] == 10
+    assert factor.min() == 1
+    assert humidity_factor(80.0) == pytest.approx(2)
+    assert humidity_factor(5.0) == pytest.approx(1.2)
+    np.testing.assert_allclose(humidity_factor(np.array([30, 50])), [9 / 7, 11 / 7])
+
+
+def test_kelvin_radius():
+    assert kelvin_radius(100 / math.e) == pytest.approx(0.5248e-9, rel=1e-4)
+    assert kelvin_radius(50.0) / kelvin_radius(25.0) == pytest.approx(2, rel=1e-12)
+    assert kelvin_radius(50.0, 2 * 298.15) == pytest.approx(kelvin_radius(50.0) / 2, rel=1e-12)
+
+
+def test_meniscus_has_a_threshold_and_the_smooth_limit():
+    relative_humidity = np.linspace(5, 95, 181)
+    onset = relative_humidity[np.argmax(meniscus_work(relative_humidity) > 0)]
+    assert 60 < onset < 70
+    angle = 0.5
+    smooth = dmt_pull_off(20e-6, meniscus_work(50.0, rough_gap=0.0, contact_angle=angle))
+    assert smooth == pytest.approx(4 * math.pi * 20e-6 * WATER_SURFACE_TENSION * math.cos(angle), rel=1e-12)
+    half = meniscus_work(50.0, rough_gap=kelvin_radius(50.0))
+    assert half == pytest.approx(WATER_SURFACE_TENSION, rel=1e-12)
+
+
+def test_models_of_humid_work():
+    assert humid_work(1e-3, 80.0) == pytest.approx(2e-3)
+    assert humid_work(1e-3, 40.0, "meniscus") == 1e-3
+    assert humid_work(1e-3, 90.0, "meniscus") > 2e-2
+    with pytest.raises(UserError, match="'dry' is unknown; give"):
+        humid_work(1e-3, 40.0, "dry")
+
+
+LAWS = {
+    "work": (work_of_adhesion, [0.01, 0.09]),
+    "jkr": (jkr_pull_off, [20e-6, 1e-3]),
+    "dmt": (dmt_pull_off, [20e-6, 1e-3]),
+    "maugis": (maugis_pull_off, [20e-6, 1e-3, 0.3]),
+    "maugis_stiff": (maugis_pull_off, [20e-6, 1e-3, 1e-3]),
+    "maugis_soft": (maugis_pull_off, [20e-6, 1e-3, 50.0]),
+    "tabor": (tabor_parameter, [20e-6, 1e-3, 45e9, 0.2e-9]),
+    "van_der_waals": (van_der_waals_force, [1e-19, 20e-6, 1e-9]),
+    "humidity": (humidity_factor, [35.0]),
+    "kelvin": (kelvin_radius, [35.0, 290.0]),
+    "meniscus": (meniscus_work, [85.0, 2e-9, 0.3, 290.0]),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_float32_in_jit_agrees_with_float64(name):
+    law, arguments = LAWS[name]
+    single = jax.jit(law)(*(jnp.float32(x) for x in arguments))
+    assert single.dtype == jnp.float32
+    assert float(single) == pytest.approx(float(law(*arguments)), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_laws_broadcast_and_vmap(name):
+    law, arguments = LAWS[name]
+    first = arguments[0] * np.linspace(1.0, 1.1, 3)
+    grid = law(first[:, None], *(np.full(2, x) for x in arguments[1:]))
+    assert np.shape(grid) == ((3, 2) if len(arguments) > 1 else (3, 1))
+    mapped = jax.vmap(lambda x: law(x, *arguments[1:]))(jnp.asarray(first))
+    np.testing.assert_allclose(mapped, grid[:, 0], rtol=1e-5)

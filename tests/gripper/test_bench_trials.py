@@ -1,0 +1,266 @@
+"""Trials on the bench: engines, laws, time step, speeds, draws, energy, and that nothing breaks them."""
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
+from iswarm_mj.gripper.bench.experiment import hang, release, rung, staircase, touch
+from iswarm_mj.gripper.bench.geometry import Trial, speed_at_zero
+from iswarm_mj.gripper.bench.model import bench_spec
+from iswarm_mj.gripper.bench.protocol import Protocol, smooth
+from iswarm_mj.gripper.bench.trace_trial import trace_trial
+from iswarm_mj.gripper.bench.trials import draw, run_trials
+from iswarm_mj.gripper.laws import boundary_elements as bem
+from iswarm_mj.gripper.laws.detachment import (
+    CONTACT_GAP,
+    PROBE_RADIUS,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+)
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
+from iswarm_mj.gripper.laws.humidity import humid_work
+
+FINE = Protocol(step_voltage=0.05, grasp_limit=51.2)
+GAP = 5e-6
+
+
+def random_trials(count, seed=3):
+    random = np.random.default_rng(seed)
+    places = zip(random.uniform(15e-6, 25e-6, count), random.uniform(5, 60, count), strict=True)
+    return [draw(seed, radius, rh, i) for i, (radius, rh) in enumerate(places)]
+
+
+def laws(trials):
+    """Quasi-static grasp and release voltages."""
+    rows = []
+    for t in trials:
+        tool, substrate = (humid_work(w, t.relative_humidity) for w in (t.work_tool_object, t.work_object_substrate))
+        rows.append((grasp_voltage(t.radius, tool, substrate), release_voltage(t.radius, tool)))
+    return np.array(rows).T
+
+
+def agree_with_the_laws(count):
+    """Share of random trials that decide as the laws wherever the voltage is 3 % or more from the threshold."""
+    trials = random_trials(count)
+    outcomes = run_trials(trials, Protocol(step_voltage=0.1))
+    grasp, drop = laws(trials)
+    lifts = np.abs(outcomes.grasp.voltage / grasp - 1) < 0.03
+    drops = np.abs(outcomes.release[GAP].voltage / drop - 1) < 0.03
+    return lifts.mean(), drops.mean()
+
+
+def test_trials_decide_as_the_laws():
+    assert agree_with_the_laws(60) == (1.0, 1.0)
+
+
+@pytest.mark.slow
+def test_a_thousand_trials_decide_as_the_laws():
+    shares = agree_with_the_laws(1000)
+    print("agree", shares)
+    assert min(shares) >= 0.99
+
+
+def test_half_the_time_step_leaves_the_voltages():
+    trials = random_trials(4)
+    results = []
+    for timestep in (1e-3, 0.5e-3):
+        spec = bench_spec()
+        spec.option.timestep = timestep
+        bench = MujocoBench(trials, FINE.start_gap, spec=spec)
+        assert bench.timestep == pytest.approx(timestep * 1e-3)
+        results.append(measured(bench, len(trials)))
+    np.testing.assert_allclose(*results, rtol=0.01)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2])
+def test_other_speeds_leave_the_voltages(factor):
+    trials = random_trials(6)
+    normal, other = (measured(MujocoBench(trials, p.start_gap), 6, p) for p in (FINE, FINE.slowed(factor)))
+    np.testing.assert_allclose(other, normal, rtol=0.01)
+
+
+def measured(bench, count, protocol=FINE):
+    """Grasp and release voltages (2, B)."""
+    grasp = staircase(bench, protocol, count)
+    hang(bench, protocol, GAP)
+    return np.array([grasp.voltage, release(bench, protocol, np.isfinite(grasp.voltage), GAP).voltage])
+
+
+def test_whatever_lifts_at_a_voltage_lifts_above_it():
+    """What the bisection of the staircase rests on."""
+    (trial,) = random_trials(1)
+    rungs = np.arange(15.0, 45.0, 0.5)
+    bench = MujocoBench([trial] * len(rungs), FINE.start_gap)
+    touch(bench, FINE)
+    lifted = rung(bench, FINE, rungs).gap_plate > FINE.away
+    assert lifted.any() and not lifted.all()
+    assert np.array_equal(lifted, np.sort(lifted))
+    least = run_trials([trial], Protocol(step_voltage=0.5), release_gaps=()).grasp.voltage[0]
+    assert rungs[lifted][0] == least
+
+
+def test_a_tool_that_stays_in_contact_touches():
+    """Also the ball that sinks most into the plate."""
+    trial = Trial(15e-6, WORK_TOOL_OBJECT, 1.5 * WORK_OBJECT_SUBSTRATE, 50.0)
+    bench = MujocoBench([trial], FINE.start_gap)
+    touch(bench, FINE)
+    watch = bench.move("dwell", FINE.dwell, np.array([-FINE.press]), np.zeros(1))
+    assert watch.gap_tool < 0 and watch.gap_plate < 0
+    assert watch.last_tool == pytest.approx(FINE.dwell - bench.timestep)
+
+
+def test_threads_and_company_change_nothing():
+    trials = random_trials(5)
+    together, alone = run_trials(trials, Protocol(), threads=2), run_trials(trials[2:3], Protocol(), threads=1)
+    assert together.grasp.voltage[2] == alone.grasp.voltage[0]
+    for name in ("voltage", "flight_time", "landing_speed"):
+        assert getattr(together.release[GAP], name)[2] == getattr(alone.release[GAP], name)[0]
+
+
+def test_draws_depend_on_the_identity_alone():
+    assert draw(0, 15e-6, 10.0, 2) == draw(0, 15e-6, 10.0, 2)
+    others = [draw(1, 15e-6, 10.0, 2), draw(0, 15.5e-6, 10.0, 2), draw(0, 15e-6, 10.5, 2), draw(0, 15e-6, 10.0, 3)]
+    works = {(t.work_tool_object, t.work_object_substrate) for t in [draw(0, 15e-6, 10.0, 2), *others]}
+    assert len(works) == 5
+    many = np.array([draw(0, 20e-6, 10.0, i)[1:3] for i in range(2000)])
+    assert np.median(many, axis=0) == pytest.approx([WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE], rel=0.02)
+    assert np.std(np.log(many), axis=0) == pytest.approx([0.1196, 0.159], rel=0.06)
+
+
+def test_a_trace_is_the_trial():
+    trial = draw(0, 20e-6, 10.0, 0)
+    outcome = run_trials([trial], Protocol())
+    trace = trace_trial(trial, Protocol(), float(outcome.grasp.voltage[0]), GAP)
+    assert trace.phases[:5] == ("approach", "contact", "voltage", "retract", "lift") and trace.phases[-1] == "rest"
+    held = np.isin(trace.phase, [trace.phases.index(name) for name in ("ramp", "flight")]) & (trace.gap_tool <= 0)
+    assert trace.voltage[held][-1] == pytest.approx(outcome.release[GAP].voltage[0], abs=0.1)
+    still = trace.phase == trace.phases.index("rest")
+    balance = trace.electrostatic + trace.contact_plate - trace.adhesion_plate - trace.weight
+    assert abs(balance[still][-1]) < 1e-3 * trace.adhesion_plate[-1]
+    moving = [getattr(trace, name) for name in trace._fields if isinstance(getattr(trace, name), np.ndarray)]
+    assert all(np.isfinite(values).all() and len(values) == len(trace.time) for values in moving)
+    assert trace.on_plate_potential[trace.phase == trace.phases.index("retract")][0]
+    assert not trace.on_plate_potential[trace.phase == trace.phases.index("hold")].any()
+
+
+def test_a_trace_of_a_ball_that_stays():
+    trace = trace_trial(Trial(20e-6, WORK_TOOL_OBJECT, 20 * WORK_OBJECT_SUBSTRATE), Protocol(), None, GAP)
+    assert trace.phases[-1] == "lift" and trace.gap_plate[-1] < 0
+
+
+@pytest.mark.parametrize(("task", "law"), [("pick", pick_force), ("release", release_force)])
+@pytest.mark.parametrize("gap", [0.02, 0.25, 1.0])
+def test_work_of_the_force_is_the_change_of_capacitance(task, law, gap):
+    """The ball is shifted by a little while probe and plate stay: force times way is V^2 / 2 times the change of C."""
+    shift, radius = 0.002 * min(1.0, 5 * gap), 20e-6
+    probe_radius = 0.65
+    energies = [charge(gap, probe_radius, task, side * shift) / 2 for side in (-1, 1)]
+    slope = (energies[1] - energies[0]) / (2 * shift) * (1 if task == "pick" else -1)
+    force = law(1.0, gap * radius, radius, probe_radius * radius)
+    assert slope * gap / math.pi == pytest.approx(force / asymptotic_force(1.0, gap * radius, radius), rel=0.01)
+
+
+def charge(gap, probe_radius, task, shift):
+    """Charge on what has the probe's potential, 1, with the ball moved up by a shift; radius and eps0 are 1."""
+    sphere, face, wall, top = bem.gripper_parts(gap, probe_radius, task, halvings=2)
+    centre = 1 + gap if task == "release" else 1.0
+    sphere = replace(sphere, curve=bem.sphere_curve(centre + shift))
+    potentials = [1.0 if task == "release" else 0.0, 1.0, 1.0, 1.0]
+    density = bem.charge_densities([sphere, face, wall, top], potentials)
+    areas = [
+        2 * np.pi * (np.cos(sphere.start) - np.cos(sphere.end)),
+        np.pi * (face.end**2 - face.start**2),
+        2 * np.pi * probe_radius * (wall.end - wall.start),
+        np.pi * ((probe_radius - top.start) ** 2 - (probe_radius - top.end) ** 2),
+    ]
+    charges = [float(np.sum(d * a)) for d, a in zip(density, areas, strict=True)]
+    return sum(charges if task == "release" else charges[1:])
+
+
+SHARE = st.floats(0.7, 1.3)
+TIMES = [field.name for field in fields(Protocol) if field.name.endswith("_time")]
+PARAMETERS = {"radius": 20e-6, "work_tool_object": WORK_TOOL_OBJECT, "work_object_substrate": WORK_OBJECT_SUBSTRATE,
+              "relative_humidity": 30.0, "contact_gap": CONTACT_GAP, "probe_radius": PROBE_RADIUS}  # fmt: skip
+
+
+def never_breaks(trial, protocol, gap):
+    """Parameters 30 % around the defaults give finite, sensible outcomes."""
+    outcomes = run_trials([trial], protocol, threads=1, release_gaps=(gap,), no_contact_gaps=(1e-6,))
+    grasp, drop, attempt = outcomes.grasp, outcomes.release[gap], outcomes.no_contact[1e-6]
+    assert not (grasp.faulty[0] or drop.faulty[0] or attempt.faulty[0])
+    assert 10 < grasp.voltage[0] < 60
+    assert 20 < drop.voltage[0] < protocol.release_limit
+    assert drop.landed[0]
+
+
+def parameters(max_examples):
+    return lambda test: settings(max_examples=max_examples, deadline=None, derandomize=True,
+                                 suppress_health_check=list(HealthCheck))(given(
+        trial=st.builds(Trial, **{name: SHARE.map(lambda s, v=value: s * v) for name, value in PARAMETERS.items()}),
+        protocol=st.builds(lambda shares, ramp: replace(Protocol(ramp_rate=40e3 * ramp), **{
+            name: share * getattr(Protocol(), name) for name, share in zip(TIMES, shares, strict=True)}),
+            st.lists(SHARE, min_size=len(TIMES), max_size=len(TIMES)), SHARE),
+        gap=SHARE.map(lambda s: s * GAP),
+    )(test))  # fmt: skip
+
+
+@parameters(30)
+def test_parameters_around_the_defaults_break_nothing(trial, protocol, gap):
+    never_breaks(trial, protocol, gap)
+
+
+@pytest.mark.slow
+@parameters(1000)
+def test_a_thousand_parameter_sets_break_nothing(trial, protocol, gap):
+    never_breaks(trial, protocol, gap)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("impl", ["jax", "warp"])
+def test_engines_agree_over_fifty_random_trials(impl):
+    if impl == "warp":
+        pytest.importorskip("warp")
+    trials = random_trials(50)
+    protocol = Protocol(step_voltage=0.1, grasp_limit=51.2)
+    ours, theirs = (run_trials(trials, protocol, *engine) for engine in (("mujoco",), ("mjx", impl)))
+    np.testing.assert_allclose(theirs.grasp.voltage, ours.grasp.voltage, rtol=0.01)
+    np.testing.assert_allclose(theirs.release[GAP].voltage, ours.release[GAP].voltage, rtol=0.01)
+    np.testing.assert_allclose(theirs.release[GAP].landing_speed, ours.release[GAP].landing_speed, rtol=0.15)
+    assert theirs.release[GAP].landed.all()
+
+
+def test_speed_where_a_gap_closes():
+    assert speed_at_zero(np.array([1.0, 10.0]), np.array([-1.0, 20.0])) == 15.0
+    assert speed_at_zero(np.array([-1.0, 10.0]), np.array([-2.0, 20.0])) == 20.0
+    with np.errstate(all="raise"):
+        assert speed_at_zero(np.array([1.0, 10.0]), np.array([1.0, 20.0])) == 20.0
+
+
+def test_paths_are_smooth():
+    share = np.linspace(0, 1, 10001)
+    path = smooth(share)
+    acceleration = np.gradient(np.gradient(path, share), share)
+    assert path[0] == 0 and path[-1] == 1 and np.all(np.diff(path) >= 0)
+    assert acceleration[[2, -3]] == pytest.approx(0, abs=0.05)
+    time = Protocol().carry_time(5e-6)
+    assert acceleration.max() * 5e-6 / time**2 == pytest.approx(Protocol().acceleration, rel=1e-3)
+
+
+def test_timers_come_back():
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    with without_timers():
+        mujoco.mj_step(model, data)
+    assert data.timer[0].duration == 0
+    mujoco.mj_step(model, data)
+    assert data.timer[0].duration > 0

@@ -1,0 +1,95 @@
+"""The boundary-element solver against exact sums, and the shipped table against the solver."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iswarm_mj.gripper.laws import boundary_elements as bem
+from iswarm_mj.gripper.laws.probe_table import probe_factor
+from iswarm_mj.gripper.laws.sphere_plane import capacitance_series, force_series
+
+CYLINDER = np.loadtxt(Path(__file__).parents[1] / "data/cylinder_sphere_plane.csv", delimiter=",", skiprows=3)
+APERY = 1.2020569031595942
+
+
+def solve_sphere(gap, halvings):
+    """Force / (pi eps0 V^2) and capacitance / (4 pi eps0 R) of a sphere alone."""
+    sphere = bem.sphere_above_plane(gap, halvings)
+    (density,) = bem.charge_densities([sphere], [1.0])
+    charge = np.sum(density * 2 * np.pi * (np.cos(sphere.start) - np.cos(sphere.end)))
+    return -bem.upward_force(sphere, density) / np.pi, charge / (4 * np.pi)
+
+
+def test_ring_potential_on_the_axis_and_far_away():
+    # On the axis all of the ring is equally far: 2 pi r' / (4 pi distance).
+    assert bem.ring_potential(0.0, 3.0, 2.0, 0.5) == pytest.approx(2.0 / (2 * math.hypot(2.0, 2.5)), rel=1e-14)
+    assert bem.ring_potential(3e5, 4e5, 2.0, 0.5) == pytest.approx(2.0 / (2 * 5e5), rel=1e-5)
+
+
+@pytest.mark.parametrize("gap", [0.01, 0.1, 0.5])
+def test_sphere_above_plane_converges_with_order_two(gap):
+    errors = [abs(solve_sphere(gap, h)[0] / force_series(gap) - 1) for h in (0, 1, 2)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all((orders > 1.7) & (orders < 2.4))
+    assert errors[2] < 1e-4
+
+
+@pytest.mark.parametrize("gap", [0.002, 0.05, 2.0])
+def test_sphere_above_plane_against_the_exact_sums(gap):
+    force, capacitance = solve_sphere(gap, 1)
+    assert force == pytest.approx(force_series(gap), rel=3e-4)
+    assert capacitance == pytest.approx(capacitance_series(gap), rel=1e-5)
+
+
+def test_touching_sphere_in_a_uniform_field():
+    # A field E along z leaves the sphere at the plane's potential: the charges must make up for -E z.
+    force = []
+    for halvings in (0, 1):
+        sphere = bem.sphere_above_plane(0.0, halvings)
+        (density,) = bem.charge_densities([sphere], [lambda r, z: z])
+        force.append(bem.upward_force(sphere, density) / (4 * np.pi))
+    assert (4 * force[1] - force[0]) / 3 == pytest.approx(APERY + 1 / 6, rel=1e-4)
+
+
+@pytest.mark.parametrize("task", ["release", "pick"])
+def test_gripper_converges_with_order_two(task):
+    # For pick also the corner of the probe must be resolved.
+    values = np.array([bem.shape_factor(0.25, 0.65, task, h) for h in (0, 1, 2)])
+    first, second = np.abs(np.diff(values))
+    assert 1.5 < np.log2(first / second) < 2.6
+
+
+@pytest.mark.parametrize("row", CYLINDER[::13], ids=lambda row: f"{row[0]}-{row[1]}")
+def test_gripper_against_another_solver(row):
+    gap, probe, release, pick = row
+    assert bem.extrapolated_factor(gap, probe, "release") == pytest.approx(release, rel=1e-3)
+    assert bem.extrapolated_factor(gap, probe, "pick") == pytest.approx(pick, rel=3e-3)
+
+
+def test_wide_probe_makes_release_equal_pick():
+    release, pick = (bem.extrapolated_factor(0.25, 12.0, task) for task in ("release", "pick"))
+    assert release == pytest.approx(pick, rel=5e-5)
+
+
+def test_probe_length_matters_little_at_small_gaps():
+    def change(gap):
+        lengths = [bem.shape_factor(gap, 0.65, "release", 1, probe_length=length) for length in (10.0, 20.0)]
+        return abs(lengths[1] / lengths[0] - 1)
+
+    assert change(0.01) < 1e-3
+    assert change(2.0) > 5 * change(0.01)
+
+
+@pytest.mark.parametrize("task", ["release", "pick"])
+def test_shipped_table_between_its_points(task):
+    rng = np.random.default_rng(5)
+    for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 8), 2 ** rng.uniform(-5.6, 2.3, 8), strict=True):
+        assert probe_factor(task, gap, probe) == pytest.approx(bem.extrapolated_factor(gap, probe, task), rel=4e-4)
+
+
+@pytest.mark.parametrize("radius", [15.0, 20.0, 25.0])
+def test_shipped_table_at_the_effective_gap_of_contact(radius):
+    fine = [bem.shape_factor(0.2 / radius, 13 / radius, "pick", h) for h in (1, 2)]
+    assert probe_factor("pick", 0.2 / radius, 13 / radius) == pytest.approx((4 * fine[1] - fine[0]) / 3, rel=1e-4)

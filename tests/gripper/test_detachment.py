@@ -1,0 +1,183 @@
+"""Voltages and decisions of the gripper against the paper's numbers and each other."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
+from iswarm_mj.gripper.laws.detachment import (
+    CONTACT_GAP,
+    EQ3_CONSTANT,
+    PRINTED_EQ3_CONSTANT,
+    PROBE_RADIUS,
+    RELEASE_GAP,
+    VARIATION_OBJECT_SUBSTRATE,
+    VARIATION_TOOL_OBJECT,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    ball_weight,
+    detachment_voltage,
+    grasp_voltage,
+    is_grasped,
+    is_released,
+    melts,
+    release_voltage,
+    scattered_work,
+)
+from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, asymptotic_force, pick_force, release_force
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+
+RADII = np.linspace(15e-6, 25e-6, 21)
+
+
+def test_constant_of_eq_3_follows_from_eqs_1_and_2():
+    work, gap, radius = 0.05, 5e-6, 15e-6
+    balance = asymptotic_force(detachment_voltage(work, gap), gap, radius)
+    assert balance == pytest.approx(dmt_pull_off(radius, work), rel=1e-12)
+    assert pytest.approx(4.7527e5, rel=1e-5) == EQ3_CONSTANT
+    assert pytest.approx(math.sqrt(8 / 3 / VACUUM_PERMITTIVITY), rel=1e-3) == PRINTED_EQ3_CONSTANT
+
+
+def test_printed_and_corrected_range_at_five_micrometres():
+    work = np.array([0.01, 1.0])
+    np.testing.assert_allclose(detachment_voltage(work, 5e-6, PRINTED_EQ3_CONSTANT), [122.8, 1227.6], rtol=1e-3)
+    np.testing.assert_allclose(detachment_voltage(work, 5e-6), [106.3, 1062.7], rtol=1e-3)
+
+
+def test_weights():
+    np.testing.assert_allclose(ball_weight(np.array([15e-6, 20e-6, 25e-6])), [1.02e-9, 2.42e-9, 4.72e-9], rtol=0.01)
+
+
+def test_grasp_voltage_at_ten_percent_humidity():
+    voltage = grasp_voltage(RADII)
+    np.testing.assert_allclose(voltage, 25.3, rtol=0.02)
+    assert np.ptp(voltage) / voltage.mean() < 0.01
+    assert np.all((voltage > 20) & (voltage < 30))
+
+
+@pytest.mark.parametrize(("humidity", "expected"), [(10, 25.0), (30, 28.2), (50, 31.3)])
+def test_grasp_voltage_rises_with_humidity(humidity, expected):
+    h = humidity_factor(humidity)
+    voltage = grasp_voltage(20e-6, h * WORK_TOOL_OBJECT, h * WORK_OBJECT_SUBSTRATE)
+    assert voltage == pytest.approx(expected, rel=0.007)
+
+
+def test_release_voltage_at_five_micrometres():
+    voltage = release_voltage(RADII)
+    np.testing.assert_allclose(voltage, 42.5, rtol=0.02)
+    assert np.ptp(voltage) / voltage.mean() < 0.01
+    assert np.all((voltage > 37) & (voltage < 47))
+
+
+def test_independence_of_the_radius_comes_from_the_gap_held():
+    # At a gap that grows with the ball the force no longer grows with the radius, and the voltage does.
+    scaled = grasp_voltage(RADII, gap=0.01 * RADII, probe_radius=0.65 * RADII)
+    slope = np.polyfit(np.log(RADII), np.log(scaled), 1)[0]
+    assert slope == pytest.approx(0.5, abs=0.01)
+
+
+def test_weight_helps_release_and_hinders_grasp():
+    radius = 20e-6
+    weight = 4 / 3 * math.pi * radius**3 * 7400 * 9.81
+    lift = pick_force(grasp_voltage(radius), CONTACT_GAP, radius, PROBE_RADIUS)
+    adhesion = 2 * math.pi * radius * (WORK_OBJECT_SUBSTRATE - WORK_TOOL_OBJECT)
+    assert lift - adhesion == pytest.approx(weight, rel=1e-9)
+    push = release_force(release_voltage(radius), RELEASE_GAP, radius, PROBE_RADIUS)
+    assert push - 2 * math.pi * radius * WORK_TOOL_OBJECT == pytest.approx(-weight, rel=1e-9)
+
+
+def test_no_lift_without_contact_below_fifty_volts():
+    held = dmt_pull_off(RADII, WORK_OBJECT_SUBSTRATE) + ball_weight(RADII)
+    assert np.all(pick_force(50.0, 0.7e-6, RADII, PROBE_RADIUS) < held)
+    assert np.all(pick_force(50.0, 0.6e-6, RADII, PROBE_RADIUS) > held)
+
+
+@settings(deadline=None)
+@given(
+    radius=st.floats(10e-6, 40e-6),
+    tool=st.floats(1e-4, 5e-3),
+    floor=st.floats(6e-3, 3e-2),
+    gap=st.floats(1e-6, 9e-6),
+)
+def test_decisions_turn_at_the_voltages(radius, tool, floor, gap):
+    lift = grasp_voltage(radius, tool, floor)
+    assert not is_grasped(lift * (1 - 1e-9), radius, tool, floor)
+    assert is_grasped(lift * (1 + 1e-9), radius, tool, floor)
+    drop = release_voltage(radius, tool, gap)
+    assert drop == 0 or not is_released(drop * (1 - 1e-9), radius, tool, gap)
+    assert is_released(drop * (1 + 1e-9) + 1e-9, radius, tool, gap)
+
+
+def test_no_voltage_is_needed_where_adhesion_or_weight_suffices():
+    assert grasp_voltage(20e-6, 2e-2, 1e-2) == 0
+    assert is_grasped(0.0, 20e-6, 2e-2, 1e-2)
+    assert release_voltage(20e-6, 1e-6) == 0
+    assert is_released(0.0, 20e-6, 1e-6)
+    assert jax.grad(lambda w: grasp_voltage(20e-6, w, 1e-2))(2e-2) == 0
+
+
+def test_dimensions_of_the_balance():
+    # Without weight, both voltages go as the square root of the works.
+    radius = 1e-6
+    gap, probe = radius / 100, radius * 0.65
+    ratio = grasp_voltage(radius, 4e-3, 40e-3, gap, probe) / grasp_voltage(radius, 1e-3, 10e-3, gap, probe)
+    assert ratio == pytest.approx(2, rel=1e-4)
+
+
+def test_gradient_of_a_voltage():
+    slope = jax.grad(lambda work: release_voltage(20e-6, work))(jnp.float32(WORK_TOOL_OBJECT))
+    step = 1e-4 * WORK_TOOL_OBJECT
+    ends = [release_voltage(20e-6, WORK_TOOL_OBJECT + sign * step) for sign in (1, -1)]
+    assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
+
+
+def test_decisions_on_arrays_inside_jit():
+    rng = np.random.default_rng(3)
+    radius = rng.uniform(15e-6, 25e-6, 500)
+    tool = scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, rng.standard_normal(500))
+    floor = scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, rng.standard_normal(500))
+    single = [jnp.asarray(x, jnp.float32) for x in (radius, tool, floor)]
+    lifted = jax.jit(is_grasped)(25.0, *single)
+    dropped = jax.jit(is_released)(42.0, *single[:2])
+    assert lifted.dtype == dropped.dtype == bool
+    assert 0.3 < np.mean(lifted) < 0.7
+    assert 0.3 < np.mean(dropped) < 0.7
+    # Only a ball within rounding of its threshold may be decided otherwise in float32.
+    clear = np.abs(grasp_voltage(radius, tool, floor) / 25.0 - 1) > 1e-5
+    assert np.array_equal(np.asarray(lifted)[clear], is_grasped(25.0, radius, tool, floor)[clear])
+    clear = np.abs(release_voltage(radius, tool) / 42.0 - 1) > 1e-5
+    assert np.array_equal(np.asarray(dropped)[clear], is_released(42.0, radius, tool)[clear])
+
+
+def test_scatter_has_the_median_and_the_variation_asked_for():
+    work = scattered_work(1.41e-3, 0.16, np.random.default_rng(0).standard_normal(200_000))
+    assert np.median(work) == pytest.approx(1.41e-3, rel=3e-3)
+    assert np.std(work) / np.mean(work) == pytest.approx(0.16, rel=0.01)
+    assert scattered_work(1.41e-3, 0.16, 0.0) == 1.41e-3
+
+
+def test_bands_of_repeated_trials():
+    z = np.random.default_rng(1).standard_normal((2, 100_000))
+    tool = scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, z[0])
+    floor = scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, z[1])
+    grasp = np.percentile(grasp_voltage(20e-6, tool, floor), [2.5, 97.5])
+    release = np.percentile(release_voltage(20e-6, tool), [2.5, 97.5])
+    np.testing.assert_allclose(grasp, [21.1, 30.1], rtol=0.02)
+    np.testing.assert_allclose(release, [37.4, 47.9], rtol=0.02)
+
+
+def test_melting_needs_contact_and_seventy_volts():
+    voltage = np.array([69.9, 70.0, -80.0, 80.0])
+    assert melts(voltage).tolist() == [False, True, True, True]
+    assert not melts(voltage, in_contact=False).any()
+    assert jax.jit(melts)(jnp.asarray(voltage), jnp.array([True, True, False, True])).tolist() == [
+        False,
+        True,
+        False,
+        True,
+    ]

@@ -1,0 +1,226 @@
+"""Electrostatic forces against exact sums, limits, symmetries and the table of another solver."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iswarm_mj.gripper.laws.electrostatics import (
+    VACUUM_PERMITTIVITY,
+    asymptotic_force,
+    pick_force,
+    release_force,
+    sphere_plane_capacitance,
+    sphere_plane_force,
+)
+from iswarm_mj.gripper.laws.probe_table import GAP_EXPONENTS, PROBE_EXPONENTS, probe_factor
+from iswarm_mj.gripper.laws.sphere_plane import SWITCH, force_series
+from iswarm_mj.utils.errors import UserError
+
+DATA = Path(__file__).parents[1] / "data"
+SPHERE_PLANE = np.loadtxt(DATA / "sphere_plane.csv", delimiter=",", skiprows=2)
+CYLINDER = np.loadtxt(DATA / "cylinder_sphere_plane.csv", delimiter=",", skiprows=3)
+FORCES = {"release": release_force, "pick": pick_force}
+R = 20e-6
+
+
+def test_sphere_plane_table():
+    gap_ratio, capacitance, force = SPHERE_PLANE.T
+    unit = math.pi * VACUUM_PERMITTIVITY
+    np.testing.assert_allclose(sphere_plane_force(1.0, gap_ratio * R, R) / unit, force, rtol=1e-10)
+    np.testing.assert_allclose(sphere_plane_capacitance(gap_ratio * R, R) / (4 * unit * R), capacitance, rtol=1e-10)
+
+
+def test_sphere_plane_table_in_float32():
+    gap_ratio, capacitance, force = SPHERE_PLANE.T
+    gap = jnp.asarray(gap_ratio * R, jnp.float32)
+    unit = math.pi * VACUUM_PERMITTIVITY
+    single = jax.jit(sphere_plane_force)(jnp.float32(1.0), gap, jnp.float32(R))
+    assert single.dtype == jnp.float32
+    np.testing.assert_allclose(np.asarray(single, float) / unit, force, rtol=2e-6)
+    single = jax.jit(sphere_plane_capacitance)(gap, jnp.float32(R))
+    np.testing.assert_allclose(np.asarray(single, float) / (4 * unit * R), capacitance, rtol=2e-6)
+
+
+def test_sphere_plane_regimes_meet():
+    switch = math.cosh(SWITCH) - 1
+    below, above = switch * (1 - 1e-13), switch * (1 + 1e-13)
+    assert force_series(below) == pytest.approx(force_series(above), rel=3e-12)
+    assert sphere_plane_capacitance(below, 1.0) == pytest.approx(sphere_plane_capacitance(above, 1.0), rel=3e-12)
+
+
+def test_sphere_plane_limits():
+    # Far away: the image charge of an isolated sphere. Near: Eq. 2 with its next terms.
+    for gap_ratio in (1e4, 1e6):
+        centre = gap_ratio + 1
+        assert force_series(gap_ratio) == pytest.approx(1 / centre**2, rel=10 / gap_ratio)
+    x = 1e-6
+    near = 1 / x - math.log(2 / x) / 3 - 2 * np.euler_gamma / 3 + 1 / 9
+    assert force_series(x) == pytest.approx(near, rel=1e-11)
+    assert force_series(x) - 1 / x == pytest.approx(near - 1 / x, rel=1e-4)
+
+
+@settings(deadline=None)
+@given(st.floats(-4, 3))
+def test_sphere_plane_force_is_the_slope_of_the_capacitance(exponent):
+    gap = 10.0**exponent
+    step = 1e-3 * gap
+    values = [sphere_plane_capacitance(gap + k * step, 1.0) for k in (-2, -1, 1, 2)]
+    slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
+    # Beyond the sphere's radius the constant part of the capacitance takes the slope's digits.
+    assert sphere_plane_force(1.0, gap, 1.0) == pytest.approx(-slope / 2, rel=1e-8 * (1 + gap))
+
+
+def test_eq_2_is_far_too_high_away_from_contact():
+    asymptote = asymptotic_force(40.0, 0.25 * R, R)
+    assert asymptote == pytest.approx(math.pi * VACUUM_PERMITTIVITY * 1600 * 4, rel=1e-14)
+    assert asymptote / sphere_plane_force(40.0, 0.25 * R, R) == pytest.approx(1.31, abs=0.01)
+
+
+@pytest.mark.parametrize(("task", "column"), [("release", 2), ("pick", 3)])
+def test_probe_table_against_another_solver(task, column):
+    gap_ratio, probe_ratio = CYLINDER[:, :2].T
+    force = FORCES[task](30.0, gap_ratio * R, R, probe_ratio * R)
+    factor = force / asymptotic_force(30.0, gap_ratio * R, R)
+    np.testing.assert_allclose(factor, CYLINDER[:, column], rtol=3e-3)
+
+
+@pytest.mark.parametrize(("radius", "factor"), [(15, 0.9035), (17.5, 0.8976), (20, 0.8945), (23, 0.8934), (25, 0.8938)])
+def test_release_factor_of_the_bench(radius, factor):
+    assert probe_factor("release", 5 / radius, 13 / radius) == pytest.approx(factor, abs=5e-4)
+
+
+def test_release_and_pick_are_not_symmetric():
+    assert probe_factor("release", 5 / 20, 13 / 20) == pytest.approx(0.894, abs=1e-3)
+    assert probe_factor("pick", 5 / 20, 13 / 20) == pytest.approx(0.577, abs=1e-3)
+    gap_ratio = np.array([0.002, 0.02, 0.2])
+    wide = np.full(3, 8.0)
+    np.testing.assert_allclose(
+        probe_factor("release", gap_ratio, wide), probe_factor("pick", gap_ratio, wide), rtol=2e-4
+    )
+
+
+@pytest.mark.parametrize("task", FORCES)
+def test_eq_2_is_the_limit_of_small_gaps(task):
+    deviation = 1 - probe_factor(task, np.array([0.002, 0.008, 0.032]), np.full(3, 2.0))
+    assert np.all(deviation > 0)
+    assert deviation[0] < 0.005
+    assert np.all(deviation[1:] / deviation[:-1] > 2.5)
+
+
+def test_release_has_its_maximum_at_a_probe_as_wide_as_the_ball_and_pick_has_none():
+    probe_ratio = np.linspace(0.02, 7.9, 2000)
+    for gap_ratio in (0.02, 0.25, 1.0, 2.0):
+        release = probe_factor("release", gap_ratio, probe_ratio)
+        assert 1.05 < probe_ratio[np.argmax(release)] < 1.5
+        assert np.all(np.diff(probe_factor("pick", gap_ratio, probe_ratio)) > -1e-6)
+
+
+@pytest.mark.parametrize("task", FORCES)
+@settings(deadline=None)
+@given(
+    gap=st.floats(0.003, 3.5),
+    probe=st.floats(0.02, 7.5),
+    voltage=st.floats(0.1, 300),
+    scale=st.floats(0.1, 1e3),
+)
+def test_forces_go_with_voltage_squared_and_not_with_size(task, gap, probe, voltage, scale):
+    force = FORCES[task](1.0, gap * R, R, probe * R)
+    assert force > 0
+    assert FORCES[task](voltage, gap * R, R, probe * R) == pytest.approx(voltage**2 * force, rel=1e-12)
+    assert FORCES[task](-voltage, gap * R, R, probe * R) == FORCES[task](voltage, gap * R, R, probe * R)
+    other = FORCES[task](1.0, gap * R * scale, R * scale, probe * R * scale)
+    assert other == pytest.approx(force, rel=1e-12)
+
+
+@settings(deadline=None)
+@given(gap=st.floats(1e-3, 1e3), scale=st.floats(1e-3, 1e3))
+def test_sphere_plane_scale_invariance(gap, scale):
+    force = sphere_plane_force(1.0, gap * R, R)
+    assert sphere_plane_force(1.0, gap * R * scale, R * scale) == pytest.approx(force, rel=1e-12)
+
+
+@pytest.mark.parametrize("task", FORCES)
+def test_interpolation_has_a_continuous_slope_and_curvature_at_the_rows(task):
+    # A jump of slope or curvature would show as a second or third difference that grows at the rows.
+    h = 1e-3
+    for exponent in GAP_EXPONENTS[2:-2:7]:
+        x = 2.0 ** (exponent + h * np.arange(-3, 4))
+        second = np.diff(np.log(probe_factor(task, x, 0.7)), 2) / h**2
+        assert np.ptp(second) < 0.02
+
+
+@pytest.mark.parametrize("task", FORCES)
+@pytest.mark.parametrize("argument", [1, 2, 3])
+def test_gradients(task, argument):
+    force = FORCES[task]
+    arguments = [40.0, 5e-6, 20e-6, 13e-6]
+    step = 1e-4 * arguments[argument]
+    ends = [force(*(x + sign * step * (i == argument) for i, x in enumerate(arguments))) for sign in (1, -1)]
+    slope = jax.grad(force, argnums=argument)(*(jnp.float32(x) for x in arguments))
+    assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
+
+
+def test_sphere_plane_gradient_on_both_sides_of_the_switch():
+    x = np.array([1e-3, 0.1, 0.127, 0.128, 1.0, 50.0])
+    slope = jax.vmap(jax.grad(force_series))(jnp.asarray(x, jnp.float32))
+    step = 1e-4 * x
+    np.testing.assert_allclose(slope, (force_series(x + step) - force_series(x - step)) / (2 * step), rtol=1e-4)
+
+
+@pytest.mark.parametrize("task", FORCES)
+def test_float32_in_jit_agrees_with_float64(task):
+    gap_ratio, probe_ratio = CYLINDER[:, 0], CYLINDER[:, 1]
+    double = FORCES[task](30.0, gap_ratio * R, R, probe_ratio * R)
+    single = jax.jit(jax.vmap(lambda gap, probe: FORCES[task](30.0, gap, R, probe)))(
+        jnp.asarray(gap_ratio * R, jnp.float32), jnp.asarray(probe_ratio * R, jnp.float32)
+    )
+    assert single.dtype == jnp.float32
+    np.testing.assert_allclose(single, double, rtol=2e-5)
+
+
+def test_forces_broadcast():
+    force = release_force(np.ones((3, 1, 1)), np.full((4, 1), 5e-6), np.full(2, 20e-6), 13e-6)
+    assert force.shape == (3, 4, 2)
+    assert np.ptp(force) == 0
+
+
+@pytest.mark.parametrize("task", FORCES)
+@pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (1e-3, 13e-6), (5e-6, 1e-8), (5e-6, 1e-3), (0, 13e-6)])
+def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
+    with pytest.raises(UserError, match=r"is .*, outside the table's .* to .*; change"):
+        FORCES[task](30.0, np.array([5e-6, gap]), 20e-6, probe)
+    with pytest.raises(UserError, match="outside"):
+        FORCES[task](30.0, jnp.array([5e-6, gap]), 20e-6, probe)
+    with pytest.raises(UserError, match="outside"):
+        probe_factor(task, np.nan, 1.0)
+
+
+@pytest.mark.parametrize("task", FORCES)
+def test_traced_numbers_outside_the_table_are_clamped(task):
+    clamped = jax.jit(lambda x, y: probe_factor(task, x, y))
+    low, high = 2.0 ** GAP_EXPONENTS[0], 2.0 ** PROBE_EXPONENTS[-1]
+    assert float(clamped(0.0, 100.0)) == pytest.approx(float(probe_factor(task, low, high)), rel=1e-5)
+    assert np.isfinite(jax.grad(clamped)(0.0, 1.0))
+
+
+def test_models_by_name():
+    assert pick_force(30.0, 5e-6, R, 13e-6, model="asymptotic") == asymptotic_force(30.0, 5e-6, R)
+    with pytest.raises(UserError, match="'exact' is unknown; give"):
+        pick_force(30.0, 5e-6, R, 13e-6, model="exact")
+
+
+def test_importing_the_laws_imports_no_engine():
+    code = (
+        "import sys; from iswarm_mj.gripper import detachment, humidity, maugis;"
+        "print([m for m in ('jax', 'mujoco', 'scipy', 'rerun') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

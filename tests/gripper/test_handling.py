@@ -1,0 +1,217 @@
+"""Lifting, carrying and releasing: who has which ball."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import lay, place
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iswarm_mj.config import GripperConfig
+from iswarm_mj.gripper.handling import carry, handle, loaded
+from iswarm_mj.sensors.floor import probe_tips, sense
+from iswarm_mj.utils.units import RD
+
+PROBE = jnp.array([0.9, 0.0])
+DUMP = 5 * RD
+GRIPPER = GripperConfig()
+WEAK = GripperConfig(grasp_voltage=5.0)
+STICKY = GripperConfig(release_voltage=5.0)
+
+
+@partial(jax.jit, static_argnums=0)
+def grip(gripper, balls, poses, picks, falls):
+    """One step of the hands: balls and who lifted in vain."""
+    tips = probe_tips(poses, PROBE)
+    balls = carry(balls, tips)
+    view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
+    return handle(gripper, gripper, balls, tips, view, picks, falls)
+
+
+def hands(balls, *rows, gripper=GRIPPER, picks=True, falls=False):
+    """One step of robots at rows of x, y, heading [deg]: balls and who lifted in vain."""
+    n, k = len(rows), len(balls.radius)
+    poses = jnp.asarray(place(*rows), jnp.float32)
+    balls, failed = grip(gripper, balls, poses, jnp.broadcast_to(picks, n), jnp.broadcast_to(falls, k))
+    return balls, np.asarray(failed)
+
+
+def owner(balls, ball=0):
+    """Who holds the ball, or None."""
+    return int(balls.holder[ball]) if balls.is_held[ball] else None
+
+
+def test_a_ball_under_the_tip_is_lifted():
+    balls, failed = hands(lay((40.9, 0)), (40, 0, 0))
+    assert owner(balls) == 0 and not failed[0]
+    assert balls.was_picked[0] and balls.carried_steps[0] == 1 and not balls.is_lying[0]
+    np.testing.assert_array_equal(loaded(balls, 2), [True, False])
+
+
+@pytest.mark.parametrize(("gap", "lifts"), [(0.19, True), (0.21, False)])
+def test_the_tool_reaches_a_fifth_of_a_millimetre(gap, lifts):
+    for dx, dy in ((gap, 0), (-gap, 0), (0, gap), (0, -gap)):
+        balls, failed = hands(lay((40.9 + dx, dy)), (40, 0, 0))
+        assert (owner(balls) == 0) is lifts
+        assert not failed[0]  # out of reach is no failure
+
+
+def test_who_does_not_pick_leaves_the_ball():
+    balls, failed = hands(lay((40.9, 0)), (40, 0, 0), picks=False)
+    assert owner(balls) is None and not failed[0]
+
+
+def test_at_too_low_a_voltage_the_ball_stays():
+    balls, failed = hands(lay((40.9, 0)), (40, 0, 0), gripper=WEAK)
+    assert owner(balls) is None and failed[0]
+    assert not balls.was_picked[0] and balls.carried_steps[0] == 0
+
+
+def test_each_ball_has_its_own_adhesion():
+    pair = lay((40.9, 0), (60.9, 0))
+    pair = pair._replace(work_object_substrate=pair.work_object_substrate.at[1].mul(20))
+    balls, failed = hands(pair, (40, 0, 0), (60, 0, 0))
+    assert owner(balls, 0) == 0 and owner(balls, 1) is None
+    np.testing.assert_array_equal(failed, [False, True])
+
+
+@pytest.mark.parametrize("nearer", [0, 1])
+def test_the_nearer_of_two_has_the_ball_and_the_other_fails(nearer):
+    rows = [(40 - 0.9, 0.05, 0), (40 + 0.9, 0.10, 180)]
+    balls, failed = hands(lay((40.0, 0.0)), *(rows if nearer == 0 else rows[::-1]))
+    assert owner(balls) == nearer
+    np.testing.assert_array_equal(failed, [nearer == 1, nearer == 0])
+
+
+def test_a_tie_has_exactly_one_owner():
+    balls, failed = hands(lay((0.9 + 32.0, 0.0)), (32, 0, 0), (32, 0, 0), (32, 0, 0))
+    assert owner(balls) in (0, 1, 2)
+    assert sorted(failed) == [False, True, True] and not failed[owner(balls)]
+    assert np.asarray(loaded(balls, 3)).sum() == 1
+
+
+def test_a_loaded_robot_takes_no_second_ball():
+    balls, failed = hands(lay((0, 0), (40.9, 0), holders=[0, None]), (40, 0, 0))
+    assert owner(balls, 0) == 0 and owner(balls, 1) is None and not failed[0]
+    np.testing.assert_allclose(balls.position[0], [40.9, 0], atol=1e-5)
+
+
+def test_the_ball_hangs_at_the_tip():
+    balls = lay((0, 0), (7, 7), holders=[1, None])
+    for step, row in enumerate([(40, 30, 90), (41, 30, 180)], start=1):
+        balls, _ = hands(balls, (60, 60, 0), row)
+        tip = {1: (40, 30.9), 2: (40.1, 30)}[step]
+        np.testing.assert_allclose(balls.position, [tip, (7, 7)], atol=1e-5)
+        assert balls.carried_steps.tolist() == [step, 0]
+
+
+EDGE = DUMP / 2
+
+
+@pytest.mark.parametrize(
+    ("row", "delivered"),
+    [
+        ((0, 0, 0), True),
+        ((EDGE - 0.5, 0, 180), True),
+        ((EDGE - 0.5, 0, 0), False),  # on the dump, but the tip is beside it
+        ((EDGE + 0.5, 0, 180), False),  # the tip is over the dump, but the robot does not stand there
+        ((40, 0, 0), False),
+    ],
+)
+def test_balls_are_released_on_the_dump_with_the_tip_over_it(row, delivered):
+    balls, _ = hands(lay((0, 0), holders=[0]), row)
+    assert (bool(balls.is_delivered[0]), owner(balls)) == ((True, None) if delivered else (False, 0))
+
+
+def test_at_too_low_a_voltage_the_ball_stays_at_the_tool():
+    balls, _ = hands(lay((0, 0), holders=[0]), (0, 0, 0), gripper=STICKY)
+    assert owner(balls) == 0 and not balls.is_delivered[0] and balls.carried_steps[0] == 1
+
+
+def test_a_delivered_ball_stays_where_it_is():
+    balls, _ = hands(lay((0, 0), holders=[0]), (0, 0, 0))
+    again, failed = hands(balls, (0, 0, 0))
+    assert again.is_delivered[0] and owner(again) is None and not failed[0]
+    elsewhere, _ = hands(again, (40, 0, 0))
+    np.testing.assert_allclose(elsewhere.position[0], [0.9, 0], atol=1e-6)
+
+
+def test_a_ball_that_falls_lies_under_the_tip_and_can_be_lifted_again():
+    balls, failed = hands(lay((0, 0), holders=[0]), (40, 0, 90), falls=True)
+    assert owner(balls) is None and balls.is_lying[0] and not failed[0]
+    np.testing.assert_allclose(balls.position[0], [40, 0.9], atol=1e-5)
+    balls, _ = hands(balls, (40, 0, 90))
+    assert owner(balls) == 0
+
+
+@pytest.mark.parametrize(
+    ("row", "delivered"), [((EDGE + 0.5, 0, 180), True), ((EDGE - 0.5, 0, 0), False), ((40, 0, 0), False)]
+)
+def test_a_ball_that_falls_on_the_dump_is_delivered(row, delivered):
+    balls, _ = hands(lay((0, 0), holders=[0]), row, gripper=STICKY, falls=True)
+    assert owner(balls) is None
+    assert bool(balls.is_delivered[0]) is delivered and bool(balls.is_lying[0]) is not delivered
+
+
+def test_only_held_balls_fall():
+    balls, _ = hands(lay((0.3, 0.2), (50, 50)), (0, -3, 0), falls=True)  # a tip over the dump
+    assert balls.is_lying.all()
+
+
+def test_relabelled_robots_have_the_same_balls():
+    rng = np.random.default_rng(1)
+    rows = np.column_stack([rng.uniform(-9, 9, (30, 2)), rng.uniform(0, 360, 30)])
+    tips = np.asarray(probe_tips(jnp.asarray(place(*rows)), PROBE))
+    start = lay(*(tips[:10] + 0.05), *[(0, 0)] * 5, holders=[None] * 10 + [20, 21, 22, 23, 24])
+    before, failed = hands(start, *rows)
+    new = rng.permutation(30)
+    place_of = np.argsort(new)
+    relabelled = start._replace(holder=jnp.asarray(place_of[start.holder], jnp.int32))
+    after, failed_after = hands(relabelled, *rows[new])
+    np.testing.assert_array_equal(failed_after, failed[new])
+    np.testing.assert_array_equal(after.is_held, before.is_held)
+    np.testing.assert_array_equal(after.is_delivered, before.is_delivered)
+    held = np.asarray(before.is_held)
+    np.testing.assert_array_equal(np.asarray(after.holder)[held], place_of[before.holder][held])
+    assert held[:10].sum() > 5 and before.is_delivered.sum() > 0
+
+
+N, K = 4, 3
+PLACES = st.sampled_from([-1.8, -0.9, 0.0, 0.9, 6.6, 7.5, 8.4])  # on the dump, at its edge, and a tip apart
+ROWS = st.tuples(PLACES, PLACES, st.sampled_from([0, 90, 180, 270]))
+STEPS = st.tuples(
+    st.sampled_from([GRIPPER, GRIPPER, WEAK, STICKY]),
+    st.lists(ROWS, min_size=N, max_size=N),
+    st.lists(st.booleans(), min_size=N, max_size=N),
+    st.lists(st.sampled_from([False, False, True]), min_size=K, max_size=K),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(PLACES, PLACES), min_size=K, max_size=K), st.lists(STEPS, min_size=1, max_size=10))
+def test_no_ball_is_lost_or_doubled_whatever_happens(positions, steps):
+    balls = lay(*positions)
+    for gripper, rows, picks, falls in steps:
+        before = balls
+        balls, failed = hands(before, *rows, gripper=gripper, picks=jnp.array(picks), falls=jnp.array(falls))
+        held, delivered = np.asarray(balls.is_held), np.asarray(balls.is_delivered)
+        lying = np.asarray(balls.is_lying)
+        assert (held.astype(int) + delivered + lying == 1).all()
+        holders = np.asarray(balls.holder)[held].tolist()
+        assert len(holders) == len(set(holders)) and all(0 <= h < N for h in holders)
+        has_ball = np.isin(np.arange(N), holders)
+        np.testing.assert_array_equal(loaded(balls, N), has_ball)
+        assert not (failed & has_ball).any()
+        was_held, was_delivered = np.asarray(before.is_held), np.asarray(before.is_delivered)
+        assert (delivered | ~was_delivered).all()  # what is delivered stays
+        assert (was_held | ~delivered | was_delivered).all()  # by somebody who carried it
+        np.testing.assert_array_equal(np.asarray(balls.position)[~was_held], np.asarray(before.position)[~was_held])
+        assert abs(np.asarray(balls.position)[delivered]).max(initial=0) <= DUMP / 2
+        np.testing.assert_array_equal(balls.holder[was_held & held], before.holder[was_held & held])
+        np.testing.assert_array_equal(balls.carried_steps, before.carried_steps + held)
+        np.testing.assert_array_equal(balls.was_picked, np.asarray(before.was_picked) | held)
+        if gripper is WEAK:
+            assert (was_held | ~held).all()

@@ -1,0 +1,178 @@
+"""The gripper's forces in MJX against the plugins, and batches of them."""
+
+import dataclasses
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+from mujoco import mjx
+
+import iswarm_mj.gripper.plugin as plugin
+from iswarm_mj.gripper.laws.detachment import release_voltage
+from iswarm_mj.gripper.mjx_forces import (
+    ON_PLATE,
+    ON_PROBE,
+    gripper_force,
+    gripper_forces,
+    mjx_compatible,
+    resize,
+    step,
+)
+from iswarm_mj.utils.errors import UserError
+
+BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
+FIELDS = (
+    "geom_size",
+    "geom_rbound",
+    "geom_aabb",
+    "body_mass",
+    "body_subtreemass",
+    "body_inertia",
+    "body_invweight0",
+    "dof_invweight0",
+)
+
+
+def bench(radius=20.0):
+    spec = mujoco.MjSpec.from_file(str(BENCH))
+    spec.geom("ball").size[0] = radius
+    spec.body("ball").pos[2] = radius
+    return spec
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Model with plugins, the forces it declares, and MJX's model and data."""
+    spec = bench()
+    model = spec.compile()
+    portable = mjx_compatible(spec)
+    return model, gripper_forces(model), mjx.put_model(portable, impl="jax"), mjx.make_data(portable, impl="jax")
+
+
+def random_state(random, model, data):
+    """Put the ball near the plate, the probe near the ball."""
+    mujoco.mj_resetData(model, data)
+    radius = model.geom("ball").size[0]
+    data.joint("ball").qpos = [*random.normal(0, 4, 2), radius + random.uniform(-0.5, 4), *random.normal(size=4)]
+    data.joint("probe_x").qpos = random.normal(0, 8)
+    data.joint("probe_z").qpos = 2 * radius - 45 + random.uniform(-0.5, 8)
+    data.actuator("voltage").ctrl = random.uniform(-60, 60)
+    data.plugin_state[plugin.state_index(model, "electrostatic", "potential")] = random.integers(2)
+
+
+def in_mjx(dx, data):
+    return dx.replace(qpos=jnp.asarray(data.qpos), qvel=jnp.asarray(data.qvel), ctrl=jnp.asarray(data.ctrl))
+
+
+def state(model, data, instance, field):
+    return data.plugin_state[plugin.state_index(model, instance, field)]
+
+
+def test_attributes_are_those_of_the_file(world):
+    model, forces, _, _ = world
+    np.testing.assert_allclose(forces.work, [14.7, 1.41], rtol=1e-6)
+    np.testing.assert_allclose(forces.humidity, 10)
+    np.testing.assert_allclose([forces.contact_gap, forces.off_voltage], [0.2, 1], rtol=1e-6)
+    names = [[model.geom(i).name for i in pair] for pair in forces.pairs]
+    assert names == [["ball", "plate"], ["ball", "probe"]]
+
+
+def test_forces_equal_the_plugins_at_random_states(world):
+    model, forces, mx, dx = world
+    data, random = mujoco.MjData(model), np.random.default_rng(4)
+    evaluate = jax.jit(gripper_force)
+    for _ in range(100):
+        random_state(random, model, data)
+        potential = state(model, data, "electrostatic", "potential")
+        mujoco.mj_forward(model, data)
+        force = evaluate(forces, mx, in_mjx(dx, data), potential)
+        largest = np.abs(data.qfrc_passive).max()
+        np.testing.assert_allclose(force.generalized, data.qfrc_passive, atol=1e-4 * largest)
+        assert force.electrostatic == pytest.approx(state(model, data, "electrostatic", "force"), rel=1e-4, abs=1e-6)
+        mujoco.mj_step(model, data)
+        assert force.potential == state(model, data, "electrostatic", "potential")
+
+
+def test_everything_can_be_batched(world):
+    model, forces, mx, dx = world
+    random, datas, batch = np.random.default_rng(5), [], []
+    for radius in random.uniform(15, 25, 12):
+        spec = bench(radius)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        random_state(random, model, data)
+        humidity, works = random.uniform(0, 100), random.uniform(1, 20, 2)
+        for work, instance in zip(works, ("adhesion_plate", "adhesion_probe"), strict=True):
+            data.plugin_state[plugin.state_index(model, instance, "work")] = work
+            data.plugin_state[plugin.state_index(model, instance, "humidity")] = humidity
+        batch.append([radius, works, humidity, data.qpos, data.ctrl, state(model, data, "electrostatic", "potential")])
+        mujoco.mj_forward(model, data)
+        datas.append(data.qfrc_passive)
+
+    @jax.jit
+    @jax.vmap
+    def evaluate(radius, work, humidity, qpos, ctrl, potential):
+        mine = dataclasses.replace(forces, work=work, humidity=jnp.full(2, humidity))
+        sized = resize(forces, mx, radius)
+        return gripper_force(mine, sized, dx.replace(qpos=qpos, ctrl=ctrl), potential).generalized
+
+    result = evaluate(*(jnp.asarray(np.array(column)) for column in zip(*batch, strict=True)))
+    for ours, plugins in zip(result, datas, strict=True):
+        np.testing.assert_allclose(ours, plugins, atol=1e-4 * np.abs(plugins).max())
+
+
+@pytest.mark.parametrize("radius", [15, 25])
+def test_a_resized_model_is_the_one_compiled_at_that_size(world, radius):
+    _, forces, mx, _ = world
+    sized, compiled = resize(forces, mx, jnp.float32(radius)), mjx_compatible(bench(radius))
+    ball, dofs = forces.joints[forces.ball][0].body, slice(0, 6)
+    for name in FIELDS:
+        ours, theirs = np.asarray(getattr(sized, name)), getattr(compiled, name)
+        theirs = theirs.reshape(ours.shape)
+        part = {"geom": forces.ball, "body": ball, "dof_": dofs}[name[:4]]
+        np.testing.assert_allclose(ours[part], theirs[part], rtol=1e-5, err_msg=name)
+
+
+def test_the_force_can_be_differentiated(world):
+    _, forces, mx, dx = world
+
+    def lift(voltage):
+        return gripper_force(forces, mx, dx.replace(ctrl=dx.ctrl.at[2].set(voltage)), ON_PLATE).electrostatic
+
+    assert float(jax.grad(jax.jit(lift))(20.0)) == pytest.approx(float(2 * lift(20.0) / 20), rel=1e-4)
+
+
+def fall(forces, mx, dx, voltage, n_steps):
+    """Gap to the plate after hanging 5 um above it at voltages (B,)."""
+
+    def run(volt):
+        start = dx.replace(qpos=dx.qpos.at[2].set(25 + 2e-4), ctrl=dx.ctrl.at[2].set(volt))
+        hang = jax.lax.fori_loop(0, n_steps, lambda _, c: step(forces, mx, *c), (start, jnp.float32(ON_PROBE)))
+        return hang[0].qpos[2] - 20
+
+    return jax.jit(jax.vmap(run))(voltage)
+
+
+def test_a_ball_held_in_mjx_is_released_at_the_laws_voltage(world):
+    _, forces, mx, dx = world
+    gap = fall(forces, mx, dx, release_voltage(20e-6) * jnp.array([0.98, 0.99, 1.01, 1.02]), 300)
+    np.testing.assert_array_less(4.9, gap[:2])
+    np.testing.assert_array_less(gap[2:], 0.1)
+
+
+@pytest.mark.slow
+def test_warp_takes_the_same_steps(world):
+    pytest.importorskip("warp")
+    _, forces, mx, dx = world
+    portable = mjx_compatible(bench())
+    warp = mjx.put_model(portable, impl="warp"), mjx.make_data(portable, impl="warp", naconmax=16, njmax=20)
+    voltage = release_voltage(20e-6) * jnp.array([0.98, 1.02])
+    np.testing.assert_allclose(fall(forces, *warp, voltage, 50), fall(forces, mx, dx, voltage, 50), atol=1e-3)
+
+
+def test_a_model_without_the_plugin_is_refused():
+    with pytest.raises(UserError, match=r"0 plugin instances of iswarm\.electrostatic; give it exactly one"):
+        gripper_forces(mjx_compatible(bench()))

@@ -1,0 +1,237 @@
+"""What is on the figures, read from their axes."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from helpers_trace import SCRIPT, bench_trace
+
+from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.output import plot_trials as grasp_figures
+from iswarm_mj.output import plot_voltages as voltage_figures
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.plot_trials import draw_figures, draw_force_curve, draw_trace
+
+RADII = (15e-6, 20e-6, 25e-6)
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """Axes by the name of the file that they went to."""
+    axes = {}
+
+    @contextmanager
+    def kept(path, **more):
+        with figure(path, **more) as drawn:
+            axes[path.name] = drawn
+            yield drawn
+
+    for module in (grasp_figures, voltage_figures):
+        monkeypatch.setattr(module, "figure", kept)
+    return axes
+
+
+def make_row(experiment="grasp", **changes):
+    row = {
+        "experiment": experiment, "radius": 20e-6, "relative_humidity": 10.0, "repeat": 0, "seed": 0,
+        "work_tool_object": 1.41e-3, "work_object_substrate": 14.7e-3, "gap": 0.0, "voltage": 25.0,
+        "limit_voltage": 80.0, "step_voltage": 0.25, "melted": False, "flight_time": None, "landing_speed": None,
+        "landed": None, "quasi_static_voltage": 25.0, "faulty": False, "engine": "mujoco", "impl": "c",
+    }  # fmt: skip
+    if experiment == "release":
+        row |= {"gap": 5e-6, "voltage": 42.0, "flight_time": 0.18e-3, "landing_speed": 0.14, "landed": True}
+    if experiment == "no_contact":
+        row |= {"gap": 1e-6, "voltage": None, "limit_voltage": 50.0}
+    return row | changes
+
+
+def make_rows(experiment, humidities=(10.0,)):
+    """Two repeats at each radius, whose mean is 26 V, 27 V, ... with the radius."""
+    return [
+        make_row(experiment, radius=radius, relative_humidity=percent, repeat=repeat, voltage=26.0 + i + 2 * repeat - 1)
+        for percent in humidities
+        for i, radius in enumerate(RADII)
+        for repeat in (0, 1)
+    ]
+
+
+def line(axes, label):
+    """Points (n, 2) of the first line with a label."""
+    return next(line.get_xydata() for line in axes.lines if line.get_label() == label)
+
+
+def labels(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def caption(axes):
+    return axes.get_legend().get_title().get_text()
+
+
+def bands(axes):
+    """Limits of the shaded bands."""
+    return [(p.get_y(), p.get_y() + p.get_height()) for p in axes.patches]
+
+
+def test_grasp_at_10_percent(tmp_path, shown):
+    paths = draw_figures(make_rows("grasp"), {}, tmp_path)
+    assert paths == [tmp_path / "grasp_voltage.png"]
+    assert paths[0].stat().st_size > 10_000 and (tmp_path / "grasp_voltage.svg").stat().st_size > 10_000
+    (axes,) = shown["grasp_voltage"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("radius of the ball [µm]", "grasp voltage [V]")
+    trials = line(axes, "each trial")
+    np.testing.assert_allclose(trials[:, 0], [15, 15, 20, 20, 25, 25])
+    np.testing.assert_allclose(trials[:, 1], [25, 27, 26, 28, 27, 29])
+    np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(15, 26), (20, 27), (25, 28)])
+    assert bands(axes) == [(20, 30)] and "paper, 10 % RH: 20 to 30 V" in labels(axes)
+    low, high = axes.get_ylim()
+    assert 0 <= low < 20 and high > 30
+
+
+def test_what_was_fitted_is_told(tmp_path, shown):
+    rows = make_rows("grasp") + make_rows("release") + [make_row("no_contact")]
+    draw_figures(rows, {}, tmp_path)
+    told = {name: caption(axes[0]) for name, axes in shown.items()}
+    assert told.keys() == {"grasp_voltage", "release_voltage", "no_contact"}
+    assert all("Fitted: " in text for text in told.values())
+    assert "Not fitted: that the radius" in told["grasp_voltage"] and "radius" in told["release_voltage"]
+
+
+def test_force_laws(tmp_path, shown):
+    """Of the calibration, and of another one that the settings tell."""
+    rows = make_rows("grasp") + make_rows("release")
+    draw_figures(rows, {}, tmp_path)
+    other = {"calibration": {"WORK_TOOL_OBJECT": 2e-3, "CONTACT_GAP": 0.3e-6}}
+    laws = {name: line(axes[0], "force laws, no dynamics") for name, axes in shown.items()}
+    radius = laws["grasp_voltage"][:, 0] * 1e-6
+    assert radius[0] == pytest.approx(15e-6) and radius[-1] == pytest.approx(25e-6)
+    np.testing.assert_allclose(laws["grasp_voltage"][:, 1], grasp_voltage(radius))
+    np.testing.assert_allclose(laws["release_voltage"][:, 1], release_voltage(radius))
+    draw_figures(rows, other, tmp_path)
+    laws = {name: line(axes[0], "force laws, no dynamics")[:, 1] for name, axes in shown.items()}
+    np.testing.assert_allclose(laws["grasp_voltage"], grasp_voltage(radius, 2e-3, gap=0.3e-6))
+    np.testing.assert_allclose(laws["release_voltage"], release_voltage(radius, 2e-3))
+
+
+def test_humidities(tmp_path, shown):
+    paths = draw_figures(make_rows("grasp", (10.0, 30.0, 50.0)), {}, tmp_path)
+    assert [path.stem for path in paths] == ["grasp_voltage", "grasp_voltage_humidity"]
+    (alone,), (axes,) = shown["grasp_voltage"], shown["grasp_voltage_humidity"]
+    assert len(line(alone, "each trial")) == 6 and "30 % RH, mean" not in labels(alone)
+    assert {"10 % RH, mean", "30 % RH, mean", "50 % RH, mean"} <= set(labels(axes))
+    dashed = [drawn.get_ydata() for drawn in axes.lines if drawn.get_linestyle() == "--"]
+    assert len(dashed) == 3 and dashed[0].max() < dashed[1].min() and dashed[1].max() < dashed[2].min()
+    np.testing.assert_allclose(dashed[2][0], grasp_voltage(15e-6, 1.41e-3 * 11 / 7, 14.7e-3 * 11 / 7))
+
+
+def test_humid_trials_alone_get_no_band(tmp_path, shown):
+    paths = draw_figures(make_rows("grasp", (30.0,)), {}, tmp_path)
+    assert [path.stem for path in paths] == ["grasp_voltage_humidity"]
+    (axes,) = shown["grasp_voltage_humidity"]
+    assert bands(axes) == [] and axes.get_title() == "Grasp voltage at 30 % RH"
+
+
+def test_release(tmp_path, shown):
+    rows = [make_row("release", voltage=voltage) for voltage in (41.0, 43.0)]
+    rows.append(make_row("release", voltage=45.0, landed=False, flight_time=None, landing_speed=None))
+    draw_figures(rows, {}, tmp_path)
+    (axes,) = shown["release_voltage"]
+    assert bands(axes) == [(37, 47)] and axes.get_title() == "Release voltage at 10 % RH, gap 5 µm"
+    np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 43)])
+    assert "2 of 3 released balls landed; medians: flight 0.18 ms, landing at 0.14 m/s." in caption(axes)
+
+
+def test_release_at_other_gaps_has_figures_of_its_own(tmp_path, shown):
+    rows = [make_row("release"), make_row("release", gap=10e-6, voltage=60.0)]
+    paths = draw_figures(rows, {}, tmp_path)
+    assert [path.stem for path in paths] == ["release_voltage", "release_voltage_10um"]
+    (axes,) = shown["release_voltage_10um"]
+    assert bands(axes) == []
+    np.testing.assert_allclose(line(axes, "force laws, no dynamics")[0, 1], release_voltage(19.6e-6, gap=10e-6))
+
+
+def test_voltages_that_were_not_found(tmp_path, shown):
+    """They stand at the limit, and a mean without them would be too low."""
+    rows = [make_row(), make_row(repeat=1, voltage=None), make_row(radius=25e-6, voltage=None)]
+    draw_figures(rows, {}, tmp_path)
+    (axes,) = shown["grasp_voltage"]
+    np.testing.assert_allclose(line(axes, "not up to this voltage"), [(20, 80), (25, 80)])
+    np.testing.assert_allclose(line(axes, "each trial"), [(20, 25)])
+    assert "10 % RH, mean" not in labels(axes)
+
+
+def test_melted_and_faulty_trials(tmp_path, shown):
+    rows = [make_row(), make_row(voltage=75.0, melted=True), make_row(voltage=1e9, faulty=True)]
+    draw_figures(rows, {}, tmp_path)
+    (axes,) = shown["grasp_voltage"]
+    np.testing.assert_allclose(line(axes, "melted"), [(20, 75)])
+    assert line(axes, "each trial")[:, 1].max() == 75
+    assert "1 faulty" in caption(axes)
+
+
+def test_attempts_without_contact(tmp_path, shown):
+    rows = [make_row("no_contact", gap=gap, radius=radius) for gap in (1e-6, 3e-6) for radius in RADII]
+    rows.append(make_row("no_contact", gap=0.3e-6, voltage=40.0))
+    draw_figures(rows, {}, tmp_path)
+    (axes,) = shown["no_contact"]
+    assert bands(axes) == [(0, 50)] and axes.get_ylim()[0] == 0
+    np.testing.assert_allclose(line(axes, "lifted (1)"), [(0.3, 40)])
+    np.testing.assert_allclose(line(axes, "not lifted up to here (6)"), [(1, 50)] * 3 + [(3, 50)] * 3)
+    law = line(axes, "force laws, 10 % RH")
+    gap = law[50, 0] * 1e-6
+    expected = min(grasp_voltage(radius, 0.0, gap=gap) for radius in np.linspace(15e-6, 25e-6, 41))
+    assert law[50, 1] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("experiment", ["grasp", "release", "no_contact"])
+@pytest.mark.parametrize("changes", [{"voltage": None}, {"faulty": True}, {"voltage": None, "landed": None}])
+def test_nothing_to_show_is_shown(tmp_path, shown, experiment, changes):
+    (path,) = draw_figures([make_row(experiment, **changes)], {}, tmp_path)
+    assert path.exists() and ("1 faulty" in caption(shown[path.stem][0])) == ("faulty" in changes)
+
+
+def test_no_rows(tmp_path):
+    assert draw_figures([], {}, tmp_path) == [] and list(tmp_path.iterdir()) == []
+
+
+def make_curves(voltages=(0.0, 40.0), directions=("approach", "retract"), radii=(20e-6,)):
+    return [
+        {"gap": gap, "voltage": voltage, "direction": direction, "radius": radius, "electrostatic": voltage * 1e-8,
+         "adhesion": 1.8e-7 * (gap < 1e-8), "total": voltage * 1e-8 + 1.8e-7 * (gap < 1e-8)}
+        for voltage in voltages for direction in directions for radius in radii for gap in (0.0, 1e-8, 1e-6)
+    ]  # fmt: skip
+
+
+def test_force_curve(tmp_path, shown):
+    path = draw_force_curve(make_curves(), {"relative_humidity": 30.0}, tmp_path)
+    assert path == tmp_path / "force_curve.png" and path.exists()
+    near, parts = shown["force_curve"]
+    assert labels(near) == ["0 V, approach", "0 V, retract", "40 V, approach", "40 V, retract"]
+    assert "at 30 % RH" in near.get_title() and caption(near) == "R = 20 µm"
+    np.testing.assert_allclose(line(near, "40 V, retract"), [(0, 580), (10, 400), (1000, 400)])
+    assert [one.get_linestyle() for one in near.lines[:4]] == ["-", "--", "-", "--"]
+    np.testing.assert_allclose(line(parts, "electrostatic, 40 V"), [(0, 400), (0.01, 400), (1, 400)])
+    np.testing.assert_allclose(line(parts, "adhesion"), [(0, 180), (0.01, 0), (1, 0)])
+    assert set(labels(parts)) == {"electrostatic, 40 V", "adhesion"}
+
+
+@pytest.mark.parametrize("directions", [("approach",), ("retract",)])
+def test_force_curves_of_several_radii(tmp_path, shown, directions):
+    draw_force_curve(make_curves((40.0,), directions, RADII), {}, tmp_path)
+    near, _ = shown["force_curve"]
+    assert labels(near) == [f"40 V, {directions[0]}"] and caption(near) == "R = 15 to 25 µm"
+    assert [one.get_label() for one in near.lines].count(labels(near)[0]) == 3
+
+
+def test_trace(tmp_path, shown):
+    trace = bench_trace()
+    path = draw_trace(trace, tmp_path / "trial")
+    assert path == tmp_path / "trial.png" and path.exists() and (tmp_path / "trial.svg").exists()
+    voltage, gaps, forces = shown["trial"]
+    np.testing.assert_allclose(voltage.lines[0].get_xydata()[-1], (trace.time[-1] * 1e3, trace.voltage[-1]))
+    assert line(gaps, "tool to ball")[0, 1] == pytest.approx(5, abs=0.01)
+    assert line(forces, "adhesion to the plate")[0, 1] == pytest.approx(2 * np.pi * 20 * 14.7, rel=1e-3)
+    assert line(forces, "electrostatic, positive to the tool")[:, 1].min() < -100
+    assert [text.get_text() for text in voltage.texts] == [name for name, *_ in SCRIPT]
+    shaded = [p.get_x() for p in gaps.patches]
+    np.testing.assert_allclose(shaded, [0, 1.5, 2.8], atol=0.005)

@@ -1,0 +1,187 @@
+"""The recording of a real trial, read back."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers_rrd import read
+from helpers_trace import RADIUS, bench_trace
+from rerun.chunk import RrdReader
+
+from iswarm_mj import __version__
+from iswarm_mj.gripper.bench.trace import thinned
+from iswarm_mj.output import rerun_trial as record_grasp
+from iswarm_mj.output.rerun_trial import record_trace, rotated
+from iswarm_mj.utils.errors import SimulationFault, UserError
+
+SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
+
+
+def moving(path):
+    """Entity -> (seconds, {column: rows}), in the order of time."""
+    rows = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        for row in chunk.to_record_batch().to_pylist():
+            if "sim_time" in row:
+                rows.setdefault(chunk.entity_path, []).append(row)
+    found = {}
+    for entity, group in rows.items():
+        group.sort(key=lambda row: row["sim_time"])
+        columns = {name: [row[name] for row in group] for name in group[0]}
+        found[entity] = np.array([time.total_seconds() for time in columns["sim_time"]]), columns
+    return found
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A file, and what moves in it."""
+    path = tmp_path_factory.mktemp("record") / "trial.rrd"
+    record_trace(path, bench_trace(), SETTINGS)
+    return path, moving(path)
+
+
+def test_all_samples_are_there(recorded):
+    trace = bench_trace()
+    for entity, (seconds, _) in recorded[1].items():
+        if not entity.startswith("/states"):
+            np.testing.assert_allclose(seconds, trace.time, atol=1e-6, err_msg=entity)
+
+
+@pytest.mark.parametrize(
+    ("entity", "field", "unit"),
+    [
+        ("voltage/voltage", "voltage", 1.0),
+        ("gaps/tool", "gap_tool", 1e6),
+        ("gaps/plate", "gap_plate", 1e6),
+        ("attraction/electrostatic", "electrostatic", 1e9),
+        ("attraction/tool", "adhesion_tool", 1e9),
+        ("attraction/plate", "adhesion_plate", 1e9),
+        ("contact/tool", "contact_tool", 1e9),
+        ("contact/plate", "contact_plate", 1e9),
+    ],
+)
+def test_time_series(recorded, entity, field, unit):
+    _, columns = recorded[1][f"/series/{entity}"]
+    values = np.concatenate(columns["Scalars:scalars"])
+    assert np.ptp(values) > 0
+    np.testing.assert_allclose(values, getattr(bench_trace(), field) * unit, rtol=1e-12)
+
+
+def test_bodies_stand_where_they_stood(recorded):
+    trace = bench_trace()
+    ball = np.array(recorded[1]["/world/ball"][1]["Points3D:positions"])[:, 0]
+    np.testing.assert_allclose(ball, trace.ball * 1e6, atol=1e-4)
+    probe = np.array(recorded[1]["/world/probe"][1]["Cylinders3D:centers"])[:, 0]
+    np.testing.assert_allclose(probe - [0, 0, 50], trace.probe * 1e6, atol=1e-4)
+    shadow = np.array(recorded[1]["/world/shadow"][1]["Cylinders3D:centers"])[:, 0]
+    np.testing.assert_allclose(shadow, np.column_stack([ball[:, :2], np.zeros(len(ball))]), atol=1e-6)
+
+
+def test_shapes_have_their_sizes(recorded):
+    by_entity = {
+        chunk.entity_path: chunk.to_record_batch().to_pylist()[0]
+        for chunk in RrdReader(recorded[0]).stream().to_chunks()
+        if "sim_time" not in chunk.to_record_batch().schema.names
+    }
+    assert by_entity["/world/ball"]["Points3D:radii"] == [20.0]
+    assert by_entity["/world/probe"]["Cylinders3D:radii"] == [13.0]
+
+
+def test_arrows_are_the_forces_on_the_ball(recorded):
+    """Upwards to the tool, downwards to the plate; as long as the square root of the force says."""
+    trace = bench_trace()
+    arrows = np.array(recorded[1]["/world/forces"][1]["Arrows3D:vectors"])
+    assert not arrows[..., :2].any()
+    up = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
+    np.testing.assert_allclose(np.sign(arrows[..., 2]) * (arrows[..., 2] / 20) ** 2 * 4e-6, up, rtol=1e-5, atol=1e-15)
+
+
+def test_states_change_when_they_change(recorded):
+    trace = bench_trace()
+    seconds, columns = recorded[1]["/states/phase"]
+    assert [row[0] for row in columns["StateChange:state"]] == list(trace.phases)
+    np.testing.assert_allclose(seconds, [0, 0.5e-3, 1.5e-3, 2.5e-3, 2.8e-3, 5.3e-3], atol=5e-6)
+    places = [row[0] for row in recorded[1]["/states/ball"][1]["StateChange:state"]]
+    wanted = ["on the plate", "between tool and plate", "at the tool", "free", "on the plate"]
+    assert [place for place, before in zip(places, ["", *places], strict=False) if place != before] == places
+    assert places == wanted
+    potentials = [row[0] for row in recorded[1]["/states/potential"][1]["StateChange:state"]]
+    assert potentials == ["plate's", "probe's", "plate's"]
+
+
+def test_the_mark_turns_with_the_ball():
+    half = np.sqrt(0.5)
+    quarter_turns = np.array([[1, 0, 0, 0], [half, 0, 0, half], [half, half, 0, 0]])
+    turned = rotated(quarter_turns, np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(turned, [[1, 2, 3], [-2, 1, 3], [1, -3, 2]], atol=1e-12)
+
+
+def test_the_mark_is_on_the_ball(recorded):
+    ball = np.array(recorded[1]["/world/ball"][1]["Points3D:positions"])
+    mark = np.array(recorded[1]["/world/ball_mark"][1]["Points3D:positions"])
+    np.testing.assert_allclose(np.linalg.norm(mark - ball, axis=-1), RADIUS * 1e6, rtol=2e-3)
+
+
+def test_settings_and_version(recorded):
+    still = read(recorded[0])
+    kept = still["/__properties/config"]
+    assert kept["version"] == [__version__] and kept["seed"] == [3] and kept["protocol.step_voltage"] == [0.25]
+    text = still["/settings"]["TextDocument:text"][0]
+    assert "| seed | 3 |" in text and "| note | a/b |" in text and __version__ in text
+
+
+def test_the_file_is_whole_and_has_a_layout(recorded):
+    path, _ = recorded
+    assert len(RrdReader(path).blueprints()) == 1
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True, capture_output=True)
+    assert [file.name for file in path.parent.iterdir()] == ["trial.rrd"]
+
+
+def test_long_traces_are_thinned_and_written_in_blocks(tmp_path, monkeypatch):
+    monkeypatch.setattr(record_grasp, "SAMPLES", 300)
+    monkeypatch.setattr(record_grasp, "_BLOCK", 64)
+    record_trace(tmp_path / "trial.rrd", bench_trace(), {})
+    few = thinned(bench_trace(), 300)
+    seconds, columns = moving(tmp_path / "trial.rrd")["/series/gaps/plate"]
+    np.testing.assert_allclose(seconds, few.time, atol=1e-6)
+    np.testing.assert_allclose(np.concatenate(columns["Scalars:scalars"]), few.gap_plate * 1e6)
+
+
+def test_a_fault_leaves_the_old_file(tmp_path):
+    path, trace = tmp_path / "trial.rrd", bench_trace()
+    path.write_text("old")
+    force = trace.electrostatic.copy()
+    force[7] = np.nan
+    with pytest.raises(SimulationFault, match=r"Sample 7 .*electrostatic"):
+        record_trace(path, trace._replace(electrostatic=force), {})
+    with pytest.raises(ValueError, match="increase"):
+        record_trace(path, trace._replace(time=np.zeros_like(trace.time)), {})
+    assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_write_that_breaks_off_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "trial.rrd"
+    path.write_text("old")
+
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(record_grasp, "_states", full)
+    with pytest.raises(UserError, match="No space left"):
+        record_trace(path, bench_trace(), {})
+    assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_switched_off_by_the_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv("RERUN", "0")
+    with pytest.raises(UserError, match=r"RERUN=0.*unset"):
+        record_trace(tmp_path / "trial.rrd", bench_trace(), {})
+    assert not list(tmp_path.iterdir())
+
+
+def test_unwritable_places(tmp_path):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "trial.rrd", tmp_path / "missing" / "trial.rrd"):
+        with pytest.raises(UserError, match="cannot be written"):
+            record_trace(path, bench_trace(), {})

@@ -1,0 +1,109 @@
+"""Videos of runs: what ffmpeg makes of known pictures, robots between two steps, and clear errors."""
+
+import subprocess
+import sys
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from iswarm_mj.commands.main import main
+from iswarm_mj.output.video import RATE, between, encode, write_video
+from iswarm_mj.utils.errors import UserError
+
+
+def decoded(path, size):
+    """Frames (T, height, width, 3) and the description of a video."""
+    reader = imageio_ffmpeg.read_frames(str(path))
+    about = next(reader)
+    frames = [np.frombuffer(frame, np.uint8).reshape(size[1], size[0], 3) for frame in reader]
+    return np.array(frames), about
+
+
+def test_pictures_come_back(tmp_path):
+    """A bright square that moves by 20 pixels a frame is found where it was, in H.264 that all players know."""
+    size, out = (160, 96), tmp_path / "a.mp4"
+
+    def pictures():
+        for k in range(6):
+            picture = np.full((size[1], size[0], 3), 40, np.uint8)
+            picture[30:60, 10 + 20 * k : 40 + 20 * k] = (230, 60, 50)
+            yield picture
+
+    encode(pictures(), out, size)
+    frames, about = decoded(out, size)
+    assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE
+    assert len(frames) == 6
+    for k, frame in enumerate(frames.astype(float)):
+        bright = frame[..., 0] > 150
+        rows, columns = np.nonzero(bright)
+        assert abs(rows.mean() - 44.5) < 1 and abs(columns.mean() - (24.5 + 20 * k)) < 1
+        assert frame[bright].mean(axis=0) == pytest.approx((230, 60, 50), abs=15)
+    data = out.read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat"), "the index comes first, so that it plays while it loads"
+
+
+def test_robots_go_straight_between_two_steps():
+    values = np.array([[[0.0, 2.0]], [[1.0, 4.0]], [[5.0, 4.0]]])
+    assert between(values, 0, 0.0).tolist() == [[0, 2]]
+    assert between(values, 0, 0.25).tolist() == [[0.25, 2.5]]
+    assert between(values, 2, 0.0).tolist() == [[5, 4]]
+
+
+def test_a_directory_without_a_run_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"no result.json with trajectory.npz can be read"):
+        write_video(tmp_path, tmp_path / "a.mp4")
+
+
+@pytest.mark.parametrize(
+    "flags, said",
+    [
+        (["--width", "641"], "--width was 641; it must be an even number"),
+        (["--frames-per-step", "0"], "--frames-per-step was 0; it must be between 1 and 24"),
+        (["--out", "a.avi"], r"--out was a.avi; it must be a name ending in .mp4"),
+    ],
+)
+def test_bad_flags_end_with_a_sentence(flags, said, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["video", "nowhere", *flags])
+    assert stop.value.code == 2 and said in capsys.readouterr().err
+
+
+def has_egl():
+    code = "import mujoco; mujoco.GLContext(8, 8).make_current()"
+    return subprocess.run([sys.executable, "-c", code], env={"MUJOCO_GL": "egl"}, capture_output=True).returncode == 0
+
+
+@pytest.mark.skipif(sys.platform == "linux" and not has_egl(), reason="no off-screen OpenGL")
+def test_a_run_is_filmed(small, tmp_path):
+    """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
+    import json
+    from dataclasses import asdict
+
+    from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+
+    (tmp_path / RESULT).write_text(json.dumps({"config": asdict(small)}))
+    pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
+    np.savez(
+        tmp_path / TRAJECTORY, step=np.arange(3), pose=pose, is_loaded=np.array([[False], [False], [True]]),
+        scene_is_scout=np.array([False]), scene_ball_radius=np.array([2e-5]), delivered=np.zeros(3, int),
+        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
+    )  # fmt: skip
+    out, size = tmp_path / "a.mp4", (640, 480)
+    code = "import sys; from iswarm_mj.commands.main import main; main(sys.argv[1:])"
+    flags = ["--camera", "above", "--width", "640", "--height", "480", "--title", "one robot", "--out", str(out)]
+    done = subprocess.run([sys.executable, "-c", code, "video", str(tmp_path), *flags], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    frames = decoded(out, size)[0].astype(int)
+    assert len(frames) == 5
+    upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
+
+    def columns(frame, channel):
+        others = [c for c in (0, 1, 2) if c != channel]
+        return np.nonzero((frame[..., channel] > 1.5 * frame[..., others].max(axis=-1)) & (frame[..., channel] > 70))[1]
+
+    reds = [columns(frame, 0) for frame in upper[:4]]
+    assert all(len(found) > 4 for found in reds)
+    assert np.diff([found.mean() for found in reds]) == pytest.approx([reds[1].mean() - reds[0].mean()] * 3, abs=2)
+    assert reds[2].mean() == pytest.approx(320, abs=3)
+    assert len(columns(upper[4], 2)) > 4 and len(columns(upper[4], 0)) <= 2

@@ -1,0 +1,136 @@
+"""One exchange of messages: what arrives, how often, and how exactly the distance is measured."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from helpers_sensing import remember, turned
+
+from iswarm_mj.config import OpticsConfig
+from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.messages import Message, pack, unpack
+
+MAX_RANGE = 138.6
+CLEAN = OpticsConfig(error_distance_measure=0.0, error_in_communication=0.0, p_communication_break=0.0)
+N = 25_000  # robots, so 1e5 messages
+
+
+def clean_but(**errors):
+    return OpticsConfig(**{"error_distance_measure": 0.0, "error_in_communication": 0.0,
+                           "p_communication_break": 0.0} | errors)  # fmt: skip
+
+
+def contents(n, seed=0):
+    """What n robots say."""
+    rng = np.random.default_rng(seed)
+
+    def memory():
+        return remember(rng.uniform(-90, 90, (n, 2)), rng.integers(0, 17, n), rng.random(n) < 0.8)
+
+    return Message(jnp.zeros(n, jnp.int32), jnp.asarray(rng.random(n) < 0.5), memory(), memory())
+
+
+def wires(n, seed=0):
+    """Random sender, LED, validity and distance for each side of n robots."""
+    rng = np.random.default_rng([seed, 1])
+    shape = (n, 4)
+    return rng.integers(0, n, shape), rng.integers(0, 4, shape), rng.random(shape) < 0.7, rng.uniform(2, 9.9, shape)
+
+
+def send(optics, content, wiring, seed=0):
+    return exchange(
+        optics, optics.independent_bit_errors, MAX_RANGE, content, *map(jnp.asarray, wiring), jax.random.key(seed)
+    )
+
+
+def test_without_noise_everything_arrives_as_packed():
+    content, (sender, led, valid, distance) = contents(50), wires(50)
+    message, arrived, measured = send(CLEAN, content, (sender, led, valid, distance))
+    np.testing.assert_array_equal(arrived, valid)
+    np.testing.assert_allclose(measured, distance, rtol=1e-6)
+    spoken = jax.tree.map(lambda a: a[sender], content)._replace(led=jnp.asarray(led))
+    expected, _ = unpack(pack(spoken, MAX_RANGE), MAX_RANGE)
+    jax.tree.map(np.testing.assert_array_equal, message, expected)
+    np.testing.assert_array_equal(message.led, led)
+    np.testing.assert_array_equal(message.priority, np.asarray(content.priority)[sender])
+
+
+def lost(optics, seed=1):
+    """Share of the messages that do not arrive, of 1e5."""
+    everyone = (np.zeros((N, 4), int), np.zeros((N, 4), int), np.ones((N, 4), bool), np.full((N, 4), 5.0))
+    _, arrived, _ = send(optics, contents(2), everyone, seed)
+    return 1 - np.asarray(arrived).mean()
+
+
+def close(share, expected):
+    return abs(share - expected) < 4.5 * np.sqrt(expected * (1 - expected) / (4 * N))
+
+
+def test_one_link_in_ten_breaks():
+    assert close(lost(clean_but(p_communication_break=0.1)), 0.1)
+    assert lost(clean_but(p_communication_break=1.0)) == 1
+    assert lost(CLEAN) == 0
+
+
+def test_one_message_in_ten_is_damaged_and_found_out():
+    assert close(lost(clean_but(error_in_communication=0.1)), 0.1)
+
+
+def test_two_wrong_bits_pass_for_a_message():
+    """With independent bits 0.5 % of the messages arrive with two wrong ones."""
+    error, n = 0.1, 4 * N
+    optics = clean_but(error_in_communication=error, independent_bit_errors=True)
+    everyone = (np.zeros((N, 4), int), np.zeros((N, 4), int), np.ones((N, 4), bool), np.full((N, 4), 5.0))
+    content = contents(2)
+    message, arrived, _ = send(optics, content, everyone)
+    spoken = unpack(pack(jax.tree.map(lambda a: a[0], content), MAX_RANGE), MAX_RANGE)[0]
+    wrong = jax.tree.map(lambda got, said: np.asarray(got != said).reshape(N, 4, -1).any(axis=2), message, spoken)
+    rate = 1 - (1 - error) ** (1 / 32)
+    one_wrong = 32 * rate * (1 - rate) ** 31
+    assert close(1 - np.asarray(arrived).mean(), one_wrong)
+    undetected = (np.any(jax.tree.leaves(wrong), axis=0) & np.asarray(arrived)).mean()
+    two_wrong = error - one_wrong
+    assert 0.8 * two_wrong < undetected < two_wrong + 4.5 * np.sqrt(two_wrong / n)  # some damage makes no difference
+
+
+def test_breaks_and_damage_are_independent():
+    together = lost(clean_but(p_communication_break=0.1, error_in_communication=0.1))
+    damaged = lost(clean_but(error_in_communication=0.1), seed=2)
+    assert abs(together - (1 - 0.9 * (1 - damaged))) < 0.005
+
+
+def test_distances_are_measured_to_ten_percent():
+    wiring = (np.zeros((N, 4), int), np.zeros((N, 4), int), np.ones((N, 4), bool), np.linspace(2, 9.9, 4 * N))
+    sender, led, valid, distance = (a.reshape(N, 4) for a in wiring)
+    _, _, measured = send(clean_but(error_distance_measure=0.1), contents(2), (sender, led, valid, distance))
+    relative = np.asarray(measured) / distance - 1
+    assert abs(relative.mean()) < 4.5 * 0.1 / np.sqrt(4 * N)
+    for part in (relative[: N // 2], relative[N // 2 :]):  # near and far
+        assert abs(part.std() - 0.1) < 4.5 * 0.1 / np.sqrt(4 * N)
+    assert abs(np.corrcoef(relative.T) - np.eye(4)).max() < 0.03
+
+
+def test_no_distance_is_negative():
+    wiring = (np.zeros((50, 4), int), np.zeros((50, 4), int), np.ones((50, 4), bool), np.full((50, 4), 5.0))
+    assert np.asarray(send(clean_but(error_distance_measure=1.0), contents(2), wiring)[2]).min() == 0
+
+
+def test_a_receiver_learns_nothing_but_the_32_bits():
+    """Memories that differ by less than a quantum are the same to all who listen."""
+    n, rng = 50, np.random.default_rng(4)
+    bearing, steps, hop = rng.integers(0, 32, (2, n)), rng.integers(3, 31, (2, n)), rng.integers(0, 15, (2, n))
+
+    def content(nudge):
+        def memory(i):
+            angle = (bearing[i] + nudge * rng.uniform(-0.45, 0.45, n)) * (2 * np.pi / 32)
+            length = (steps[i] + nudge * rng.uniform(-0.45, 0.45, n)) * (MAX_RANGE / 31)
+            return remember(turned(np.stack([length, np.zeros(n)], -1), angle), hop[i])
+
+        return Message(jnp.asarray(rng.integers(0, 4, n)), jnp.ones(n, bool), memory(0), memory(1))
+
+    got = send(OpticsConfig(), content(0), wires(n)), send(OpticsConfig(), content(1), wires(n))
+    jax.tree.map(np.testing.assert_array_equal, *got)
+
+
+def test_other_keys_are_other_noise():
+    one, other = (send(OpticsConfig(), contents(50), wires(50), seed) for seed in (0, 1))
+    assert (np.asarray(one[1]) != np.asarray(other[1])).any() and not np.array_equal(one[2], other[2])

@@ -1,0 +1,212 @@
+"""Who hears whom: hand-worked worlds, and crowds against a reference that tries every pair."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
+
+from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
+from iswarm_mj.sensors.links import find_links
+from iswarm_mj.sensors.neighbours import find_neighbours
+from iswarm_mj.simulation import step as swarm
+
+OPTICS = OpticsConfig()
+BLIND = OpticsConfig(line_of_sight=False)
+
+
+@cache
+def arena(n_robots):
+    return compile_arena(SwarmConfig(), n_robots, np.array([20e-6]))
+
+
+def engine_at(poses):
+    """Physics engine with robots at (B, N, 3)."""
+    engine = MujocoBatchEngine(arena(poses.shape[1]), len(poses), 1)
+    engine.reset(poses, np.zeros((len(poses), 1, 3)))
+    return engine
+
+
+def by_geometry(poses, optics=OPTICS):
+    return find_links(poses, optics, squares_in_the_way(poses))
+
+
+def by_rays(poses, optics=OPTICS):
+    return swarm.see(SwarmConfig(optics=optics), engine_at(poses), poses, np.ones(poses.shape[:2], bool))[0]
+
+
+both_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays])
+
+
+def heard(links, world=0):
+    """{(receiver, side): (sender, LED)} of a world."""
+    receiver, side = np.nonzero(links.valid[world])
+    sender, led = (a[world, receiver, side].tolist() for a in (links.sender, links.led))
+    return dict(zip(zip(receiver.tolist(), side.tolist(), strict=True), zip(sender, led, strict=True), strict=True))
+
+
+def same(one, other):
+    """Assert that two sets of links agree."""
+    for name, a, b in zip(one._fields, one, other, strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+def facing(degrees, distance):
+    """Row of a robot at this bearing from the origin that looks back there."""
+    a = np.radians(degrees)
+    return distance * np.cos(a), distance * np.sin(a), degrees + 180
+
+
+DARK = 45  # heading of a robot on the x axis that shines past those before and behind it
+
+
+@both_sights
+def test_nearest_of_two_on_one_photodiode(sight):
+    poses = place((0, 0, 0), facing(-16, 7.3), facing(26, 5.6))[None]
+    links = sight(poses)
+    assert heard(links)[0, 0] == (2, 0)
+    assert links.distance[0, 0, 0] == pytest.approx(5.6) and links.bearing[0, 0, 0] == 0
+    assert heard(sight(poses[:, :2]))[0, 0] == (1, 0)
+
+
+@both_sights
+def test_one_sender_on_each_photodiode(sight):
+    links = sight(place((0, 0, 0), facing(10, 5), facing(80, 6), facing(190, 7), facing(-95, 8))[None])
+    assert {k: v for k, v in heard(links).items() if k[0] == 0} == {(0, s): (s + 1, 0) for s in range(4)}
+    np.testing.assert_allclose(links.distance[0, 0], [5, 6, 7, 8])
+    np.testing.assert_allclose(links.bearing[0, 0], np.arange(4) * np.pi / 2)
+
+
+@both_sights
+def test_a_robot_between_two_cuts_their_link(sight):
+    poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
+    assert (0, 0) not in heard(sight(poses))
+    assert (1, 0) not in heard(sight(poses))
+    poses[0, 2, 1] = -5.0
+    assert heard(sight(poses))[0, 0] == (1, 0)
+
+
+@both_sights
+def test_without_line_of_sight_nobody_is_in_the_way(sight):
+    assert heard(sight(place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None], BLIND))[0, 0] == (1, 0)
+
+
+@both_sights
+@pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
+def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
+    """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
+    links = sight(place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None], OpticsConfig(photodiode_aperture=30))
+    assert ((0, 0) in heard(links)) is not cuts
+
+
+@both_sights
+def test_the_next_behind_a_hidden_one_is_heard_if_it_is_clear(sight):
+    poses = place((0, 0, 0), (6, 0, 180), facing(40, 8), (3, 0, DARK))[None]
+    assert heard(sight(poses))[0, 0] == (2, 0)
+    poses[0, 2, 2] += np.radians(45)  # shines past
+    assert (0, 0) not in heard(sight(poses))
+
+
+def test_rays_are_cast_only_where_circles_leave_it_open():
+    def reaches(*pairs):
+        assert not len(pairs[0])
+        return np.zeros(0, bool)
+
+    for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
+        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], OPTICS, reaches)
+        assert ((0, 0) in heard(links)) is hears
+
+
+@both_sights
+def test_a_robot_alone_hears_nobody(sight):
+    links = sight(np.zeros((1, 1, 3)))
+    assert links.valid.shape == (1, 1, 4) and not links.valid.any()
+    assert not sight(place((0, 0, 0), (RADIUS + 0.01, 0, 180))[None]).valid.any()
+    assert sight(place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]).valid.sum() == 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 9), (0.8, 12)])
+def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
+    poses = crowd(np.random.default_rng([seed, edge, int(10 * density)]), density, edge)[:81]
+    engine = engine_at(poses[None])
+
+    def ray(world, origin, target, receiver, sender):
+        share, hit = engine.cast_rays(world, origin, target - origin, receiver)
+        return (hit == sender) | (share >= 1.0)
+
+    asked = []
+
+    def counted(*pairs):
+        asked.append(len(pairs[0]))
+        return ray(*pairs)
+
+    links = find_links(poses[None], OPTICS, counted)
+    for reaches in (ray, squares_in_the_way(poses[None])):
+        sender, led, passed_over = all_links(poses, reaches)
+        np.testing.assert_array_equal(np.where(links.valid[0], links.sender[0], -1), sender)
+        np.testing.assert_array_equal(np.where(links.valid[0], links.led[0], -1), led)
+    assert links.valid.sum() > 80
+    if (density, edge) != (0.8, 9):  # there the nearest is next door, with nobody in between
+        assert passed_over > 0 and sum(asked) > 0
+
+
+def test_relabelled_robots_have_relabelled_links():
+    rng = np.random.default_rng(8)
+    poses = crowd(rng, 0.5)
+    new = rng.permutation(len(poses))  # robot new[i] becomes robot i
+    before, after = by_geometry(poses[None]), by_geometry(poses[new][None])
+    np.testing.assert_array_equal(after.valid[0], before.valid[0, new])
+    valid = after.valid[0]
+    np.testing.assert_array_equal(new[after.sender[0]][valid], before.sender[0, new][valid])
+    for name in ("led", "bearing", "distance"):
+        np.testing.assert_array_equal(getattr(after, name)[0], getattr(before, name)[0, new])
+
+
+@pytest.mark.parametrize("mode", ["sector", "power"])
+def test_worlds_do_not_hear_each_other(mode):
+    optics = OpticsConfig(mode=mode)
+    rng = np.random.default_rng(9)
+    poses = np.stack([crowd(rng, density, edge=5) for density in (0.8, 0.3, 0.5)])
+    together = by_rays(poses, optics)
+    assert together.valid.any(axis=(1, 2)).all()
+    for world in range(3):
+        alone = by_rays(poses[world][None], optics)
+        for name, a, b in zip(alone._fields, alone, together, strict=True):
+            np.testing.assert_array_equal(a[0], b[world], err_msg=name)
+
+
+def test_both_sights_agree_on_received_power():
+    optics = OpticsConfig(mode="power")
+    poses = crowd(np.random.default_rng(10), 0.5, edge=6)[None]
+    same(by_geometry(poses, optics), by_rays(poses, optics))
+
+
+def test_who_shines_brightest_is_heard_not_who_is_nearest():
+    poses = place((0, 0, 0), facing(20, 6.0), facing(-20, 6.2))[None]
+    poses[0, 1, 2] += np.radians(40)
+    optics = OpticsConfig(mode="power")
+    assert heard(by_geometry(poses, optics))[0, 0] == (2, 0)
+    poses[0, 1, 2] -= np.radians(40)
+    assert heard(by_geometry(poses, optics))[0, 0] == (1, 0)
+
+
+def test_neighbours_are_all_pairs_within_the_radius_by_robot():
+    rng = np.random.default_rng(11)
+    xy, radius = rng.uniform(0, 20, (2, 30, 2)), 6.0
+    around = find_neighbours(xy, radius)
+    offset = xy[:, None] - xy[:, :, None]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    world, i, j = np.nonzero((distance <= radius) & ~np.eye(30, dtype=bool))
+    np.testing.assert_array_equal(around.robot, world * 30 + i)
+    order = np.lexsort((around.other, around.robot))
+    np.testing.assert_array_equal(around.other[order], world * 30 + j)
+    np.testing.assert_allclose(np.stack([around.dx, around.dy], -1)[order], offset[world, i, j])
+    np.testing.assert_allclose(around.distance[order], distance[world, i, j])
+    np.testing.assert_array_equal(around.robot[around.reverse], around.other)
+    np.testing.assert_array_equal(around.other[around.reverse], around.robot)
+    counts = np.bincount(around.robot, minlength=60)
+    np.testing.assert_array_equal(np.diff(around.first), counts)
+    assert counts.sum() > 0

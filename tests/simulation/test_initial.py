@@ -1,0 +1,114 @@
+"""How a run begins: cells, robots, balls, works of adhesion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.simulation import initial as layout
+from iswarm_mj.simulation.run_mujoco import RunSettings, draw_start
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
+
+PAPER = ArenaConfig()
+
+
+def generator(seed=0):
+    return np.random.default_rng(seed)
+
+
+def test_free_cells_of_the_paper():
+    """49^2 cells less the 5^2 of the dump."""
+    cells = layout.free_cells(PAPER)
+    assert len(cells) == 2376
+    assert len(np.unique(cells.round(6), axis=0)) == 2376
+    assert np.abs(cells).max() == pytest.approx(24 * RD)
+    assert np.abs(cells).max(axis=1).min() == pytest.approx(3 * RD)
+
+
+@pytest.mark.parametrize("density, n_robots", [(0.118, 280), (0.132, 314), (0.05, 119), (1.0, 2376), (1e-9, 1)])
+def test_number_of_robots(density, n_robots):
+    assert layout.robots_for(PAPER, density) == n_robots
+
+
+@pytest.mark.parametrize("density", [0.0, -0.1, 1.01, np.nan, np.inf])
+def test_density_has_limits(density):
+    with pytest.raises(UserError, match=r"--density was .* above 0 and at most 1"):
+        layout.robots_for(PAPER, density)
+
+
+@pytest.mark.parametrize("n_robots", [0, -3, 2377])
+def test_there_is_room_for_so_many(n_robots):
+    with pytest.raises(UserError, match=rf"--robots was {n_robots};.* 1 to 2376"):
+        layout.place_robots(PAPER, n_robots, generator())
+
+
+@pytest.mark.parametrize("arena", [PAPER, ArenaConfig(size=10.7, dump_size=2.2, dust_area_size=2, dust_area_offset=4)])
+def test_robots_start_apart_outside_the_dump(arena):
+    n_robots = len(layout.free_cells(arena))
+    poses = layout.place_robots(arena, n_robots, generator())
+    gap = np.abs(poses[:, None, :2] - poses[None, :, :2]).max(axis=-1) + 1e9 * np.eye(n_robots)
+    assert gap.min() == pytest.approx(RD)
+    assert np.abs(poses[:, :2]).max(axis=1).min() > arena.dump_size / 2 * RD
+    assert np.abs(poses[:, :2]).max() + RD / 2 <= arena.size / 2 * RD + 1e-9
+
+
+def test_start_poses_are_spread_evenly():
+    """Each quadrant and each quarter of the headings gets its share: 600 of 2400 within 6 standard deviations."""
+    poses = np.concatenate([layout.place_robots(PAPER, 240, generator(seed)) for seed in range(10)])
+    west, south, yaw = poses[:, 0] < 0, poses[:, 1] < 0, poses[:, 2]
+    shares = np.bincount(2 * west + south, minlength=4), np.histogram(yaw, 4, (-np.pi, np.pi))[0]
+    assert np.abs(np.array(shares) - 600).max() < 130
+    assert np.sum(shares) == 4800
+    one, other = (layout.place_robots(PAPER, 240, generator(seed)) for seed in (0, 1))
+    assert len(np.unique(np.concatenate([one, other])[:, :2].round(6), axis=0)) > 400
+
+
+def test_balls_lie_in_their_areas():
+    at = layout.place_balls(replace(PAPER, n_dust=2001), generator()) / RD
+    west = at[:, 0] < 0
+    assert (west.sum(), (~west).sum()) == (1000, 1001)
+    inside = np.column_stack([np.abs(at[:, 0]) - 16, at[:, 1]])
+    assert np.abs(inside).max() <= 3.0
+    assert np.abs(np.quantile(inside, [0.25, 0.75], axis=0) - [[-1.5, -1.5], [1.5, 1.5]]).max() < 0.3
+
+
+def test_radii_fill_their_range():
+    radii = layout.draw_radii(replace(PAPER, n_dust=2000), generator())
+    assert 15e-6 <= radii.min() < 15.1e-6 and 24.9e-6 < radii.max() <= 25e-6
+    assert radii.mean() == pytest.approx(20e-6, rel=0.02)
+
+
+@pytest.mark.parametrize("humidity", [10.0, 60.0])
+def test_works_are_log_normal(humidity):
+    gripper = GripperConfig(relative_humidity=humidity)
+    drawn = layout.draw_works(gripper, 20_000, generator())
+    for work, median, spread in zip(drawn, (1.41e-3, 14.7e-3), (0.12, 0.16), strict=True):
+        assert np.median(work) == pytest.approx(median * float(humidity_factor(humidity)), rel=0.01)
+        assert work.std() / work.mean() == pytest.approx(spread, rel=0.03)
+        logs = np.log(work)
+        assert np.mean((logs - logs.mean()) ** 3) / logs.std() ** 3 == pytest.approx(0.0, abs=0.06)
+    assert abs(np.corrcoef(*drawn)[0, 1]) < 0.03
+
+
+def test_seeds_and_worlds(small):
+    """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
+
+    def values(seed, world):
+        poses, balls, _ = draw_start(small, RunSettings(30, 1, seed=seed), world)
+        return [poses, balls.position, balls.work_tool_object, balls.work_object_substrate, balls.radius]
+
+    first = values(3, 0)
+    for value, again, world, seed in zip(first, values(3, 0), values(3, 1), values(4, 0), strict=True):
+        np.testing.assert_array_equal(value, again)
+        assert not np.array_equal(value, seed)
+        assert np.array_equal(value, world) == (value is first[-1])
+
+
+def test_nothing_is_held_at_the_start(small):
+    _, balls, _ = draw_start(small, RunSettings(30, 1), 0)
+    assert balls.position.shape == (24, 2)
+    for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):
+        assert nothing.shape == (24,) and not nothing.any()

@@ -1,0 +1,59 @@
+"""The paper's fitness and measures, by hand."""
+
+import numpy as np
+import pytest
+
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.metrics import Measures, fitness, measure
+
+
+def score(delivered, picked, collisions=0, finished_at=None, n_robots=280):
+    return fitness(Measures(delivered, picked, collisions, None, finished_at), n_robots, 72, 800)
+
+
+@pytest.mark.parametrize(
+    "delivered, picked, finished_at, points",
+    [
+        (0, 0, None, 0),
+        (0, 1, None, 20),
+        (1, 1, None, 40),
+        (10, 15, None, 500),
+        (71, 72, None, 2860),  # the most without all
+        (72, 72, 250, 8380),
+        (72, 72, 800, 2880),
+        (66, 70, 250, 2720),  # stopped early: not all, so no points for the time left
+    ],
+)
+def test_points(delivered, picked, finished_at, points):
+    assert score(delivered, picked, 0, finished_at) == points
+
+
+def test_collisions_cost_by_their_share():
+    assert score(1, 1, collisions=280) == pytest.approx(40 - 0.05)
+    assert score(1, 1, collisions=280, n_robots=140) == pytest.approx(40 - 0.1)
+    assert score(0, 0, collisions=5600) == pytest.approx(-1.0)
+
+
+def batch():
+    """Two worlds of five balls."""
+    shape = (2, 5)
+    return Balls(
+        position=np.zeros((*shape, 2)),
+        radius=np.ones(shape),
+        work_tool_object=np.ones(shape),
+        work_object_substrate=np.ones(shape),
+        is_held=np.array([[0, 0, 1, 0, 0], [0] * 5], bool),
+        is_delivered=np.array([[1, 1, 0, 0, 0], [0] * 5], bool),
+        holder=np.zeros(shape, int),
+        was_picked=np.array([[1, 1, 1, 1, 0], [0, 1, 0, 0, 0]], bool),
+        carried_steps=np.array([[10, 15, 99, 98, 0], [0, 7, 0, 0, 0]]),
+    )
+
+
+def test_measures_of_a_world():
+    """Only delivered balls count for the carriage time."""
+    assert measure(batch(), 0, 17, 33) == Measures(2, 4, 17, 12.5, 33)
+
+
+def test_no_carriage_time_before_the_first_delivery():
+    assert measure(batch(), 1, 0, None) == Measures(0, 1, 0, None, None)

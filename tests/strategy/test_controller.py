@@ -1,0 +1,438 @@
+"""The strategy: what robots do with what they sense, and that they know no more than that."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
+
+from iswarm_mj.config import DriveConfig, GripperConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.simulation.step import SwarmState, decide
+from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.controller import (
+    Command,
+    Mind,
+    act,
+    approach,
+    avoid,
+    choose,
+    disappointed,
+    init,
+    learn,
+    may_pick,
+    priority_flag,
+    rules_of,
+    steer,
+)
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.units import RD
+
+CONFIG = SwarmConfig()
+RULES = rules_of(PRESETS["type1"])
+STEP = 0.5 * RD
+PROBE = 0.9
+
+DROPPING = SwarmConfig(gripper=GripperConfig(drop_rate=0.2))
+MANY = 20_000  # robots, for statistics; `act` is compiled for them
+N_ROBOTS, N_BALLS = 24, 13  # of the worlds that `decided` is compiled for
+
+act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
+avoid_here, choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (avoid, choose, steer))
+learn_here = jax.jit(learn)
+STRATEGY = VectorStrategy(RULES, 0, DROPPING, PROBE)
+decide_here = jax.jit(decide, static_argnums=(0, 1))
+
+
+def minds(n, scouts=False, dust=None, dump=None):
+    """Minds of n robots with these vectors, the same for each, or none."""
+
+    def memory(vector):
+        return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
+
+    return Mind(memory(dust), memory(dump), jnp.full(n, scouts))
+
+
+def wish(mind, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
+    n = len(mind.is_scout)
+    seen = senses_nothing(n)._replace(is_loaded=jnp.full(n, loaded))
+    return choose_here(config, rules, mind, seen, jnp.full(n, whim), jnp.full(n, wander))
+
+
+def genes(**values):
+    return rules_of(Genome(**values))
+
+
+# Where to go
+
+
+def test_empty_robots_go_to_dust_and_loaded_ones_to_the_dump():
+    mind = minds(1, dust=[0, 6], dump=[-8, 0])
+    for loaded, direction, length in ((False, [0, 1], 6), (True, [-1, 0], 8)):
+        wanted, limit, follows = wish(mind, loaded)
+        assert follows[0] and limit[0] == pytest.approx(length)
+        np.testing.assert_allclose(wanted[0], direction, atol=1e-6)
+
+
+def test_the_other_vector_is_no_use():
+    assert not wish(minds(1, dump=[-8, 0]), loaded=False)[2][0]
+    assert not wish(minds(1, dust=[0, 6]), loaded=True)[2][0]
+
+
+@pytest.mark.parametrize("loaded", [False, True])
+def test_scouts_never_follow(loaded):
+    always = genes(weight_find_dust=1.0, weight_find_dump=1.0)
+    wanted, limit, follows = wish(minds(1, scouts=True, dust=[0, 6], dump=[-8, 0]), loaded, 0.0, 0.75, always)
+    assert not follows[0] and math.isinf(limit[0])
+    np.testing.assert_allclose(wanted[0], [math.cos(math.radians(15)), math.sin(math.radians(15))], atol=1e-6)
+
+
+@pytest.mark.parametrize(("loaded", "gene"), [(False, "weight_find_dust"), (True, "weight_find_dump")])
+def test_weights_are_probabilities(loaded, gene):
+    mind = minds(1, dust=[0, 6], dump=[-8, 0])
+    other = {"weight_find_dust": 0.5, "weight_find_dump": 0.5}
+    for weight, whim, follows in (
+        (1.0, 0.0, True), (1.0, 0.999999, True), (0.0, 0.0, False), (0.0, 0.9, False), (0.3, 0.29, True),
+        (0.3, 0.31, False),
+    ):  # fmt: skip
+        assert bool(wish(mind, loaded, whim, rules=genes(**other | {gene: weight}))[2][0]) is follows
+
+
+def test_random_moves_turn_within_30_degrees():
+    for wander, degrees in ((0.0, -30), (0.25, -15), (0.5, 0), (1.0, 30)):
+        wanted, _, _ = wish(minds(1), wander=wander)
+        assert math.degrees(math.atan2(wanted[0, 1], wanted[0, 0])) == pytest.approx(degrees, abs=1e-3)
+
+
+def test_a_vector_shorter_than_half_a_step_is_not_followed():
+    assert wish(minds(1, dust=[0.51 * STEP, 0]))[2][0]
+    assert not wish(minds(1, dust=[0.49 * STEP, 0]))[2][0]
+
+
+def test_a_step_does_not_overshoot_the_target():
+    mind = minds(1, dust=[0.7 * STEP, 0])
+    wanted, limit, _ = wish(mind)
+    assert steer_here(CONFIG, wanted, limit, jnp.zeros(1, bool)).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
+
+
+# How to get there
+
+
+@pytest.mark.parametrize(
+    ("degrees", "length", "turn", "pace"),
+    [
+        (0, 1.0, 0, 1.0),
+        (60, 1.0, 60, 1.0),
+        (-60, 9.0, -60, 1.0),
+        (45, 0.4, 45, 0.4),  # pushes nearly cancel
+        (0, 0.0, 0, 0.0),
+        (120, 1.0, 90, math.cos(math.radians(30))),  # the turn is not yet complete
+        (-179, 1.0, -90, math.cos(math.radians(89))),
+    ],
+)
+def test_turn_then_walk(degrees, length, turn, pace):
+    direction = turned(np.array([[length, 0.0]]), math.radians(degrees))
+    command = steer_here(CONFIG, jnp.asarray(direction), jnp.array([jnp.inf]), jnp.ones(1, bool))
+    assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
+    assert command.forward[0] == pytest.approx(pace * STEP, abs=1e-5)
+
+
+def test_turns_are_limited_as_configured():
+    slow = SwarmConfig(drive=DriveConfig(max_turn=20))
+    for direction, turn in (([0.0, 1.0], 20), ([-1.0, -0.1], -20), ([1.0, 0.1], math.degrees(math.atan(0.1)))):
+        command = steer_here(slow, jnp.array([direction]), jnp.array([jnp.inf]), jnp.ones(1, bool))
+        assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
+
+
+@pytest.mark.parametrize(("side", "away"), [(0, [-2, 0]), (1, [0, -2]), (2, [2, 0]), (3, [0, 2])])
+def test_walls_repel_those_who_follow_nothing(side, away):
+    seen = senses_nothing(2)
+    seen = seen._replace(sees_wall=seen.sees_wall.at[:, side].set(True))
+    push = avoid_here(CONFIG, RULES, seen, jnp.array([False, True]))
+    np.testing.assert_allclose(push, [away, [0, 0]], atol=1e-6)
+
+
+# At a ball
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_tip_comes_to_the_ball(seed):
+    """Robots that move as they are told have the ball under the tip after at most four steps."""
+    n, rng = 40, np.random.default_rng(seed)
+    yaw, xy = rng.uniform(-3, 3, n), rng.uniform(-20, 20, (n, 2))
+    ball = xy + turned(np.column_stack([0.75 * RD * np.sqrt(rng.random(n)), np.zeros(n)]), rng.uniform(-3, 3, n))
+    idle = Command(jnp.zeros(n), jnp.zeros(n))
+    for _ in range(4):
+        there = turned(ball - xy, -yaw)
+        seen = senses_nothing(n)._replace(at_dust=jnp.ones(n, bool), ball_vector=jnp.asarray(there, jnp.float32))
+        command = approach_here(CONFIG, PROBE, jnp.ones(n, bool), seen, idle)
+        assert np.abs(command.turn).max() <= np.pi / 2 + 1e-6 and np.abs(command.forward).max() <= STEP + 1e-6
+        yaw = yaw + np.asarray(command.turn, float)
+        xy = xy + turned(np.column_stack([command.forward, np.zeros(n)]), yaw)
+    tip = xy + turned(np.array([PROBE, 0.0]), yaw)
+    assert np.hypot(*(tip - ball).T).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "approaches"),
+    [
+        ({}, True),
+        ({"at_dust": False}, False),
+        ({"is_loaded": True}, False),
+        ({"grasp_failed": True}, False),
+    ],
+)
+def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
+    seen = senses_nothing(1)._replace(at_dust=jnp.array([True]), ball_vector=jnp.array([[0.0, 1.5]]))
+    seen = seen._replace(**{name: jnp.array([value]) for name, value in change.items()})
+    command = Command(jnp.array([0.1]), jnp.array([1.2]))
+    got = approach_here(CONFIG, PROBE, jnp.array([True]), seen, command)
+    expected = (math.pi / 2, 1.5 - PROBE) if approaches else (0.1, 1.2)
+    np.testing.assert_allclose(np.ravel(got), expected, rtol=1e-5)
+    np.testing.assert_allclose(np.ravel(approach_here(CONFIG, PROBE, jnp.array([False]), seen, command)), (0.1, 1.2))
+
+
+def test_scouts_pick_only_if_they_may():
+    mind = init(4, 2)
+    np.testing.assert_array_equal(may_pick(CONFIG, mind), [False, False, True, True])
+    assert may_pick(SwarmConfig(strategy=StrategyConfig(scouts_pick=True)), mind).all()
+
+
+def test_who_sends_the_priority_flag():
+    mind, loaded = init(4, 2), jnp.array([False, True, False, True])
+    for scouts, carriers, flags in (
+        (False, True, [0, 1, 0, 1]),
+        (True, False, [1, 1, 0, 0]),
+        (True, True, [1, 1, 0, 1]),
+        (False, False, [0, 0, 0, 0]),
+    ):
+        rules = genes(priority_signal_scouts=scouts, priority_signal_loaded=carriers)
+        np.testing.assert_array_equal(priority_flag(rules, mind, loaded), np.array(flags, bool))
+
+
+# What to remember
+
+
+def hears(n, side, vector, hop):
+    """Each robot hears a neighbour 5 mm away on `side`, by its front LED, that knows a way to dust."""
+    seen = senses_nothing(n)
+    return seen._replace(
+        is_heard=seen.is_heard.at[:, side].set(True),
+        dust=remember(np.broadcast_to(vector, (n, 4, 2)), hop),
+    )
+
+
+def test_learning_is_forgetting_then_listening_then_feeling():
+    seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(at_dust=jnp.array([False, False, True]))
+    before = minds(3, dust=[1.0, 1.0])  # hop count 0: what is heard is older
+    mind = learn_here(RULES, before, seen, jnp.array([False, True, True]), jnp.zeros((3, 8)))
+    np.testing.assert_allclose(mind.dust.vector, [[1, 1], [5, -2], [0, 0]], atol=1e-5)
+    np.testing.assert_array_equal(mind.dust.hop, [0, 4, 0])
+    assert mind.dust.known.all() and not mind.dump.known.any()
+
+
+def test_silent_sides_teach_nothing():
+    seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(is_heard=jnp.zeros((3, 4), bool))
+    mind = learn_here(RULES, minds(3), seen, jnp.zeros(3, bool), jnp.zeros((3, 8)))
+    assert not mind.dust.known.any()
+
+
+def test_robots_forget_both_vectors_at_the_evolved_rate():
+    n = MANY
+    mind, _ = act_here(CONFIG, PROBE, RULES, minds(n, dust=[60, 0], dump=[0, 60]), senses_nothing(n), jax.random.key(1))
+    np.testing.assert_array_equal(mind.dust.known, mind.dump.known)
+    share = 1 - np.asarray(mind.dust.known).mean()
+    assert abs(share - 0.29) < 4.5 * math.sqrt(0.29 * 0.71 / n)
+
+
+def remembers(config, vector, **senses):
+    """Whether robots still know their ways to dust and to the dump after a step."""
+    seen = senses_nothing(MANY)._replace(**{name: jnp.full(MANY, value) for name, value in senses.items()})
+    never = genes(p_vector_forget=0.0)
+    mind, _ = act_here(config, PROBE, never, minds(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
+    dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (mind.dust, mind.dump))
+    return dust, dump
+
+
+def test_a_vector_that_led_to_nothing_is_forgotten():
+    patient = SwarmConfig(strategy=StrategyConfig(forget_on_arrival=False))
+    near, far, yes, no = [0.4 * STEP, 0.0], [0.6 * STEP, 0.0], {True}, {False}
+    assert remembers(CONFIG, near) == (no, no)
+    assert remembers(CONFIG, far) == (yes, yes)
+    assert remembers(patient, near) == (yes, yes)
+    assert remembers(CONFIG, near, at_dust=True) == (yes, no)
+    assert remembers(CONFIG, near, on_dump=True) == (no, yes)
+
+
+def test_disappointment_empties_the_memory():
+    memory = disappointed(CONFIG, remember([[0.1, 0.0], [0.1, 0.0], [9.0, 0.0]]), jnp.array([False, True, False]))
+    np.testing.assert_array_equal(memory.known, [False, True, True])
+    np.testing.assert_allclose(memory.vector, [[0, 0], [0.1, 0], [9, 0]])
+
+
+def test_the_memory_moves_with_the_command():
+    follow = genes(p_vector_forget=0.0, weight_find_dust=1.0)
+    mind, seen = minds(MANY, dust=[4.0, 4.0]), senses_nothing(MANY)
+    after, command = act_here(CONFIG, PROBE, follow, mind, seen, jax.random.key(0))
+    np.testing.assert_allclose(command.turn, math.pi / 4, rtol=1e-6)
+    np.testing.assert_allclose(command.forward, STEP, rtol=1e-6)
+    np.testing.assert_allclose(after.dust.vector[0], [4 * math.sqrt(2) - STEP, 0], atol=1e-5)
+
+
+# Nobody knows more than it senses
+
+
+def crowded(n, rng):
+    """Random minds and observations of n robots."""
+
+    def some(share, *shape):
+        return jnp.asarray(rng.random((n, *shape)) < share)
+
+    def memory(*shape):
+        return remember(rng.uniform(-30, 30, (n, *shape, 2)), rng.integers(0, 12, (n, *shape)), some(0.7, *shape))
+
+    seen = senses_nothing(n)._replace(
+        is_heard=some(0.7, 4), distance=jnp.asarray(rng.uniform(2, 9.9, (n, 4)), jnp.float32),
+        led=jnp.asarray(rng.integers(0, 4, (n, 4))), priority=some(0.3, 4), dust=memory(4), dump=memory(4),
+        sees_wall=some(0.2, 4), at_dust=some(0.3), ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),
+        on_dump=some(0.2), is_loaded=some(0.4), grasp_failed=some(0.2),
+    )  # fmt: skip
+    return Mind(memory(), memory(), some(0.2)), seen
+
+
+def test_relabelled_robots_do_the_same():
+    n, rng = 64, np.random.default_rng(2)
+    mind, seen = crowded(n, rng)
+    draw = jnp.asarray(rng.random((n, 12)), jnp.float32)
+
+    @jax.jit
+    def step(mind, seen, draw):
+        mind = learn(RULES, mind, seen, draw[:, 0] < 0.29, draw[:, 4:])
+        wanted, limit, follows = choose(CONFIG, RULES, mind, seen, draw[:, 1], draw[:, 2])
+        command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, draw[:, 3] < 0.5)
+        return mind, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, mind), seen, command)
+
+    new = rng.permutation(n)
+    after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (mind, seen, draw)))
+    expected = jax.tree.map(lambda a: np.asarray(a)[new], step(mind, seen, draw))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), after, expected)
+    assert 5 < np.asarray(expected[1]).sum() < n - 5
+
+
+def test_a_robot_does_not_know_what_others_sense():
+    rng = np.random.default_rng(3)
+    one, other = crowded(MANY, rng), crowded(MANY, rng)
+    mixed = jax.tree.map(lambda a, b: np.concatenate([a[:1], b[1:]]), *jax.tree.map(np.asarray, (one, other)))
+    alone, among = (act_here(CONFIG, PROBE, RULES, *who, jax.random.key(0)) for who in (one, mixed))
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(np.asarray(a)[0], np.asarray(b)[0]), alone, among)
+    assert (np.asarray(alone[1].turn)[1:] != np.asarray(among[1].turn)[1:]).any()
+
+
+def world(rng, centre, spread):
+    """A random world's poses, state and links; most balls lie near robots and some are held."""
+    n = N_ROBOTS
+    poses = np.column_stack([centre + rng.uniform(-spread, spread, (n, 2)), rng.uniform(-3, 3, n)])
+    mind, seen = crowded(n, rng)
+    lying = poses[:8, :2] + rng.uniform(-1.2, 1.2, (8, 2))
+    under = poses[8:10, :2] + turned(np.array([[PROBE, 0.05]] * 2), poses[8:10, 2])  # within the tool's reach
+    mind = mind._replace(is_scout=mind.is_scout.at[8:10].set(False))
+    balls = lay(*lying, *under, *[(0.0, 0.0)] * 3, holders=[None] * 10 + [20, 21, 22])
+    links = Links(
+        sender=rng.integers(0, n, (n, 4)), valid=np.asarray(seen.is_heard), led=np.asarray(seen.led),
+        bearing=np.asarray(seen.bearing), distance=np.asarray(seen.distance),
+    )  # fmt: skip
+    return poses, SwarmState(mind, balls, jnp.ones(N_ROBOTS, bool)), links, np.asarray(seen.sees_wall)
+
+
+def decided(poses, state, links, sees_wall, seed=5):
+    return decide_here(DROPPING, (PROBE, 0.0), conditions_of(DROPPING), STRATEGY, state,
+                       jnp.asarray(poses, jnp.float32), links, sees_wall, 3, jax.random.key(seed))  # fmt: skip
+
+
+def moved(poses, state, angle, shift=(0.0, 0.0)):
+    """The same world, turned about the origin and shifted."""
+    poses = np.column_stack([turned(poses[:, :2], angle) + shift, poses[:, 2] + angle])
+    position = jnp.asarray(turned(np.asarray(state.balls.position, float), angle) + shift, jnp.float32)
+    return poses, state._replace(balls=state.balls._replace(position=position))
+
+
+def alike(one, other):
+    """Assert that minds, commands and hands are the same."""
+    (state, command, priority), (state2, command2, priority2) = one, other
+    np.testing.assert_allclose(wrapped(command.turn - command2.turn), 0, atol=2e-4)
+    np.testing.assert_allclose(command.forward, command2.forward, atol=2e-4)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2), state.mind, state2.mind)
+    np.testing.assert_array_equal(priority, priority2)
+    for name in ("is_held", "is_delivered", "holder"):
+        np.testing.assert_array_equal(getattr(state.balls, name), getattr(state2.balls, name))
+
+
+@pytest.mark.parametrize(("angle", "shift"), [(0.0, (5.0, -9.0)), (0.7, (0.0, 0.0)), (-2.0, (8.0, 11.0))])
+def test_far_from_the_dump_nobody_knows_where_it_is(angle, shift):
+    poses, state, links, sees_wall = world(np.random.default_rng(6), np.array([40.0, 0.0]), 12)
+    before = decided(poses, state, links, sees_wall)
+    alike(before, decided(*moved(poses, state, angle, shift), links, sees_wall))
+    assert before[0].balls.is_held[8:10].all()
+
+
+def test_near_the_dump_quarter_turns_change_nothing():
+    poses, state, links, sees_wall = world(np.random.default_rng(7), np.zeros(2), 12)
+    before = decided(poses, state, links, sees_wall)
+    for quarters in (1, 2, 3):
+        alike(before, decided(*moved(poses, state, quarters * np.pi / 2), links, sees_wall))
+    elsewhere = decided(*moved(poses, state, 0.0, (40.0, 0.0)), links, sees_wall)
+    assert (np.asarray(before[1].turn) != np.asarray(elsewhere[1].turn)).any()  # the dump is felt
+
+
+def silent_world(rows, balls, holders):
+    """Robots without links or memories, filled up with idle ones and balls far away."""
+    spare = [(x, 55, 0) for x in range(-60, -60 + 5 * (N_ROBOTS - len(rows)), 5)]
+    rest = N_BALLS - len(balls)
+    shape = N_ROBOTS, 4
+    links = Links(
+        np.zeros(shape, int), np.zeros(shape, bool), np.zeros(shape, np.int32), *[np.zeros(shape, np.float32)] * 2
+    )
+    balls = lay(*balls, *[(0.0, -60.0)] * rest, holders=[*holders, *[None] * rest])
+    return (
+        place(*rows, *spare),
+        SwarmState(minds(N_ROBOTS), balls, jnp.ones(N_ROBOTS, bool)),
+        links,
+        np.zeros(shape, bool),
+    )
+
+
+def test_the_dump_and_dust_are_learnt_by_standing_there():
+    after, _, _ = decided(*silent_world([(0, 0, 30), (30, 0, 0), (60, 0, 0)], [(30.5, 0.1)], [None]))
+    np.testing.assert_array_equal(after.mind.dump.known, np.arange(N_ROBOTS) == 0)
+    np.testing.assert_array_equal(after.mind.dust.known, np.arange(N_ROBOTS) == 1)
+
+
+def test_carried_balls_fall_at_the_configured_rate():
+    rows = [(40, 8 * i - 50, 29 * i) for i in range(N_BALLS)]
+    here = silent_world(rows, np.zeros((N_BALLS, 2)), list(range(N_BALLS)))
+    tips = here[0][:N_BALLS, :2] + turned(np.array([PROBE, 0.0]), here[0][:N_BALLS, 2])
+    fallen, seeds = 0, 150
+    for seed in range(seeds):
+        after, _, priority = decided(*here, seed)
+        fallen += (~np.asarray(after.balls.is_held)).sum()
+        np.testing.assert_array_equal(priority, np.arange(N_ROBOTS) < N_BALLS)  # said while they still held them
+        np.testing.assert_allclose(after.balls.position, tips, atol=1e-4)
+    expected = 0.2 * N_BALLS * seeds
+    assert abs(fallen - expected) < 4.5 * math.sqrt(expected * 0.8)
+
+
+def test_workers_and_scouts_at_the_start():
+    mind = controller.init(10, 3)
+    np.testing.assert_array_equal(mind.is_scout, np.arange(10) < 3)
+    assert not mind.dust.known.any() and not mind.dump.known.any()
+
+
+def test_a_robot_pushed_straight_back_chooses_its_side():
+    direction = jnp.array([[-1.0, 1e-9], [-1.0, -1e-9], [-1.0, 0.0], [-1.0, 0.1], [-1.0, -0.1]])
+    limit = jnp.full(5, jnp.inf)
+    for leftwards, sides in ((True, [1, 1, 1, 1, -1]), (False, [-1, -1, -1, 1, -1])):
+        turn = steer(CONFIG, direction, limit, jnp.full(5, leftwards)).turn
+        np.testing.assert_array_equal(np.sign(turn), sides)

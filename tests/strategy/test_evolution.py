@@ -1,0 +1,227 @@
+"""The paper's evolution: rates measured over many draws, against the binomial and uniform distributions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from iswarm_mj.strategy.evolution import (
+    IS_BOOLEAN,
+    NAMES,
+    Operators,
+    chances,
+    cross_over,
+    mutate,
+    next_generation,
+    random_population,
+    random_vector,
+    ranges,
+    to_genome,
+    to_vector,
+)
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.utils.errors import UserError
+
+PAPER = Operators()
+STILL = Operators(dependent_rate=0.0, independent_rate=0.0, crossover_rate=0.0)
+REAL = ~IS_BOOLEAN
+DRAWS = 20_000
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def near(count, n, p):
+    """Whether a count of n trials agrees with a probability, within five standard deviations."""
+    return np.all(np.abs(np.asarray(count) - n * p) <= 5 * np.sqrt(n * p * (1 - p)))
+
+
+def test_the_defaults_are_the_papers():
+    named = ("elite", "dependent_rate", "span", "independent_rate", "crossover_rate", "intermediate_share")
+    assert [getattr(PAPER, name) for name in named] == [2, 0.5, 0.05, 0.05, 0.2, 0.5]
+    assert round(PAPER.density_max * 2376) == 785  # "the biggest swarm that was tested"
+
+
+@pytest.mark.parametrize("genome", [*PRESETS.values(), Genome(use_hop_count=False, priority_signal_scouts=True)])
+def test_vectors_are_genomes(genome):
+    assert to_genome(to_vector(genome)) == genome
+    assert [NAMES[i] for i in np.flatnonzero(IS_BOOLEAN)] == [
+        "use_hop_count",
+        "priority_signal_scouts",
+        "priority_signal_loaded",
+    ]
+
+
+def test_random_values_are_even():
+    low, high = ranges(PAPER)
+    values = np.array([random_vector(PAPER, r) for r in [rng(1)] for _ in range(DRAWS)])
+    for i in np.flatnonzero(REAL):
+        assert stats.kstest(values[:, i], stats.uniform(low[i], high[i] - low[i]).cdf).pvalue > 1e-3
+    assert near(values[:, IS_BOOLEAN].sum(axis=0), DRAWS, 0.5)
+    assert abs(np.corrcoef(values.T) - np.eye(len(NAMES))).max() < 0.04
+
+
+class TestMutation:
+    MIDDLE = np.where(IS_BOOLEAN, 1.0, sum(ranges(PAPER)) / 2)
+
+    def mutants(self, operators, vector=MIDDLE, seed=0):
+        generator = rng(seed)
+        return np.array([mutate(operators, vector, generator) for _ in range(DRAWS)])
+
+    def test_dependent_mutation(self):
+        """Half of the values change, evenly within 0.05; half of the Booleans turn over; each by itself."""
+        mutants = self.mutants(replace(PAPER, independent_rate=0.0))
+        changed = mutants != self.MIDDLE
+        assert near(changed.sum(axis=0), DRAWS, 0.5)
+        assert abs(np.corrcoef(changed.T) - np.eye(len(NAMES))).max() < 0.04
+        for i in np.flatnonzero(REAL):
+            steps = (mutants - self.MIDDLE)[changed[:, i], i]
+            assert stats.kstest(steps, stats.uniform(-0.05, 0.1).cdf).pvalue > 1e-3
+
+    def test_a_relative_span(self):
+        mutants = self.mutants(replace(PAPER, independent_rate=0.0, relative_span=True))
+        share = (mutants / self.MIDDLE - 1)[:, REAL]
+        np.testing.assert_allclose(np.abs(share).max(axis=0), 0.05, rtol=0.01)
+
+    def test_independent_mutation(self):
+        """One value in twenty is drawn anew from its range; half of such Booleans change."""
+        mutants = self.mutants(replace(PAPER, dependent_rate=0.0))
+        changed = mutants != self.MIDDLE
+        assert near(changed.sum(axis=0)[REAL], DRAWS, 0.05) and near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, 0.025)
+        low, high = ranges(PAPER)
+        for i in np.flatnonzero(REAL):
+            drawn = mutants[changed[:, i], i]
+            assert stats.kstest(drawn, stats.uniform(low[i], high[i] - low[i]).cdf).pvalue > 1e-3
+
+    def test_both(self):
+        """A value stays if neither happens; an independent mutation hides a dependent one."""
+        changed = self.mutants(PAPER) != self.MIDDLE
+        assert near(changed.sum(axis=0)[REAL], DRAWS, 1 - 0.5 * 0.95)
+        assert near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, 0.5 * 0.95 + 0.05 / 2)
+
+    @pytest.mark.parametrize("edge", [0, 1])
+    def test_values_stay_in_their_ranges(self, edge):
+        low, high = ranges(PAPER)
+        start = np.where(IS_BOOLEAN, 0.0, (low, high)[edge])
+        mutants = self.mutants(PAPER, start)
+        assert (mutants >= low).all() and (mutants <= high).all()
+        at_edge = (mutants == start)[:, REAL].sum(axis=0)
+        assert near(at_edge, DRAWS, 0.95 * (0.5 + 0.25))  # half of the steps lead out, and end at the edge
+
+    def test_none(self):
+        assert (self.mutants(STILL) == self.MIDDLE).all()
+
+
+class TestCrossover:
+    ONE = np.where(IS_BOOLEAN, 1.0, 0.1)
+    OTHER = np.where(IS_BOOLEAN, 0.0, 0.3)
+
+    def children(self, operators=PAPER):
+        generator = rng(2)
+        values, kinds = zip(
+            *(cross_over(operators, self.ONE, self.OTHER, generator) for _ in range(DRAWS)), strict=True
+        )
+        return np.array(values), np.array(kinds)
+
+    def test_half_are_averages_and_half_are_mixed(self):
+        values, kinds = self.children()
+        average = kinds == "intermediate"
+        assert near(average.sum(), DRAWS, 0.5) and set(kinds) == {"intermediate", "discrete"}
+        np.testing.assert_allclose(values[average][:, REAL], 0.2)
+        mixed = values[~average] == self.ONE
+        assert ((values[~average] == self.OTHER) ^ mixed).all()
+        assert near(mixed.sum(axis=0), len(mixed), 0.5)
+        assert abs(np.corrcoef(mixed.T) - np.eye(len(NAMES))).max() < 0.06
+
+    def test_booleans_come_from_either_parent(self):
+        values, kinds = self.children()
+        booleans = values[kinds == "intermediate"][:, IS_BOOLEAN]
+        assert set(np.unique(booleans)) == {0.0, 1.0} and near(booleans.sum(axis=0), len(booleans), 0.5)
+
+    def test_equal_parents_have_equal_children(self):
+        for share in (0.0, 1.0):
+            child, _ = cross_over(replace(PAPER, intermediate_share=share), self.ONE, self.ONE, rng())
+            np.testing.assert_array_equal(child, self.ONE)
+
+
+POPULATION = [Genome(p_vector_forget=i / 10) for i in range(10)]
+
+
+class TestSelection:
+    def parents(self, operators, fitness):
+        generator, found = rng(3), []
+        for _ in range(DRAWS // 8):
+            found += next_generation(operators, POPULATION, fitness, generator)[operators.elite :]
+        return found
+
+    def test_chances_are_shares_of_the_fitness(self):
+        fitness = [0, 100, 200, 300, 400, 500, 600, 700, 800, 900]
+        children = self.parents(STILL, fitness)
+        assert all(c.genome == POPULATION[c.parents[0]] and c.origin == "mutation" for c in children)
+        counts = np.bincount([c.parents[0] for c in children], minlength=10)
+        assert counts[0] == 0
+        assert stats.chisquare(counts[1:], np.array(fitness[1:]) / 4500 * len(children)).pvalue > 1e-3
+
+    def test_both_parents_are_drawn_alike(self):
+        fitness = np.arange(1.0, 11.0)
+        children = [c for c in self.parents(replace(STILL, crossover_rate=0.2), fitness) if c.origin != "mutation"]
+        assert near(len(children), DRAWS, 0.2)
+        pairs = np.zeros((10, 10))
+        np.add.at(pairs, tuple(np.array([c.parents for c in children]).T), 1)
+        expected = np.outer(fitness, fitness) / 55**2 * len(children)
+        assert stats.chisquare(pairs.ravel(), expected.ravel()).pvalue > 1e-3
+        kinds = [c.origin for c in children]
+        assert near(kinds.count("intermediate"), len(kinds), 0.5)
+
+    def test_fitness_below_zero_counts_as_zero(self):
+        np.testing.assert_allclose(chances([-50, 0, 30, 10]), [0, 0, 0.75, 0.25])
+        np.testing.assert_allclose(chances([-50, 0, -30, -10]), 0.25)
+        np.testing.assert_allclose(chances([0.0]), 1.0)
+
+    def test_the_elite_passes_unchanged(self):
+        fitness = [1, 5, 3, 9, 2, 9, 4, 0, 7, 6]
+        wild = Operators(dependent_rate=1.0, independent_rate=1.0, crossover_rate=1.0)
+        for generator in map(rng, range(50)):
+            best, second, *others = next_generation(wild, POPULATION, fitness, generator)
+            assert (best, second) == ((POPULATION[3], "elite", (3,)), (POPULATION[5], "elite", (5,)))
+            assert len(others) == 8 and not any(o.origin == "elite" or o.genome in POPULATION for o in others)
+
+
+def test_a_seed_tells_all():
+    def generations(seed):
+        generator = rng(seed)
+        population = random_population(PAPER, 10, generator)
+        return [population, next_generation(PAPER, [i.genome for i in population], range(10), generator)]
+
+    assert generations(5) == generations(5) != generations(6)
+    assert {i.origin for i in generations(5)[0]} == {"random"}
+
+
+def test_booleans_turn_over_as_often_as_in_the_paper():
+    """484 of its 1200 swarms did not use hop counts, though those who did were several times as fit."""
+    counts = []
+    for generator in map(rng, range(20)):
+        population, without = [i.genome for i in random_population(PAPER, 10, generator)], 0
+        for _ in range(120):
+            without += sum(not genome.use_hop_count for genome in population)
+            fitness = [7000 if genome.use_hop_count else 1500 for genome in population]
+            population = [i.genome for i in next_generation(PAPER, population, fitness, generator)]
+        counts.append(without)
+    assert abs(np.mean(counts) - 484) < 20
+
+
+@pytest.mark.parametrize(
+    "values, message",
+    [
+        ({"elite": -1}, r"--operators\.elite was -1; it must be 0 or more"),
+        ({"span": 1.5}, r"--operators\.span was 1\.5"),
+        ({"dependent_rate": float("nan")}, r"--operators\.dependent-rate was nan"),
+        ({"density_min": 0.0}, r"--operators\.density-min was 0\.0; it must be above 0"),
+        ({"density_min": 0.4}, r"--operators\.density-max was 0\.3304; it must be between density-min and 1"),
+    ],
+)
+def test_what_cannot_be_is_refused(values, message):
+    with pytest.raises(UserError, match=message):
+        Operators(**values)

@@ -1,0 +1,103 @@
+"""Table 2's values, and what a genome file may hold."""
+
+import json
+from dataclasses import astuple, fields, replace
+from pathlib import Path
+
+import pytest
+
+from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome, overridden
+from iswarm_mj.utils.errors import UserError
+
+TABLE_2 = {
+    "density_of_robots": (0.118, 0.132),
+    "fraction_scouts": (0.08, 0.27),
+    "p_vector_forget": (0.29, 0.14),
+    "use_hop_count": (True, True),
+    "priority_coll_avoid_dist": (0.40, 0.41),
+    "empty_coll_avoid_dist": (0.65, 0.77),
+    "loaded_coll_avoid_dist": (0.25, 0.27),
+    "priority_signal_scouts": (False, False),
+    "priority_signal_loaded": (True, True),
+    "weight_find_dust": (0.83, 0.82),
+    "weight_find_dump": (0.94, 1.00),
+}
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "genome.json"
+        path.write_text(text if isinstance(text, str) else json.dumps(text))
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize("column, name", [(0, "type1"), (1, "type2")])
+def test_presets_are_table_2(column, name):
+    assert [f.name for f in fields(Genome)] == list(TABLE_2)
+    assert astuple(load_genome(name)) == tuple(row[column] for row in TABLE_2.values())
+
+
+def test_defaults_are_type_1():
+    assert Genome() == PRESETS["type1"] != PRESETS["type2"]
+
+
+def test_a_file_may_hold_all_or_some(write):
+    assert load_genome(write({name: row[1] for name, row in TABLE_2.items()})) == PRESETS["type2"]
+    some = load_genome(write({"p_vector_forget": 0, "use_hop_count": False}))
+    assert some == replace(PRESETS["type1"], p_vector_forget=0, use_hop_count=False)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("{", r"not readable JSON.*write one object such as"),
+        ("", r"not readable JSON"),
+        ("[1, 2]", r"holds a list; write one JSON object"),
+        ("3", r"holds a int"),
+        ('{"p_forget": 0.1}', r"names 'p_forget'; allowed names are density_of_robots, "),
+        ('{"p_vector_forget": 1.2}', r"p_vector_forget was 1\.2; it lies within 0 to 1"),
+        ('{"p_vector_forget": -0.1}', r"p_vector_forget was -0\.1"),
+        ('{"p_vector_forget": NaN}', r"p_vector_forget was nan"),
+        ('{"p_vector_forget": 1e999}', r"p_vector_forget was inf"),
+        ('{"p_vector_forget": "0.1"}', r"p_vector_forget was '0\.1'"),
+        ('{"p_vector_forget": null}', r"p_vector_forget was None"),
+        ('{"p_vector_forget": true}', r"p_vector_forget was True"),
+        ('{"use_hop_count": 1}', r"use_hop_count was 1; it is true or false"),
+        ('{"use_hop_count": "false"}', r"use_hop_count was 'false'"),
+    ],
+)
+def test_broken_files(write, text, message):
+    path = write(text)
+    with pytest.raises(UserError, match=message) as caught:
+        load_genome(path)
+    assert path in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_bytes_that_are_no_text(tmp_path):
+    path = tmp_path / "genome.json"
+    path.write_bytes(b"\xff\xfe\x00{}")
+    with pytest.raises(UserError, match="not readable JSON"):
+        load_genome(str(path))
+
+
+@pytest.mark.parametrize("name", ["type3", "missing.json", "", "."])
+def test_unknown_names(name):
+    with pytest.raises(UserError, match=r"presets type1, type2, evolved or the path of a JSON file"):
+        load_genome(name)
+
+
+def test_overrides():
+    values = {"fraction_scouts": 0.5, "use_hop_count": False, "weight_find_dust": None}
+    assert overridden(PRESETS["type2"], values) == replace(PRESETS["type2"], fraction_scouts=0.5, use_hop_count=False)
+    with pytest.raises(UserError, match="fraction_scouts was nan"):
+        overridden(Genome(), {"fraction_scouts": float("nan")})
+
+
+def test_the_evolved_preset_is_what_the_search_found():
+    """To the digits that Table 2 has."""
+    found = load_genome(str(Path(__file__).parents[2] / "results" / "evolve-paper" / "best.json"))
+    for mine, theirs in zip(astuple(PRESETS["evolved"]), astuple(found), strict=True):
+        assert type(mine) is type(theirs) and mine == pytest.approx(theirs, abs=1e-3)

@@ -1,0 +1,246 @@
+"""Updates one after the other: the same as robot by robot, and how far news comes in a step."""
+
+from dataclasses import replace
+from functools import cache, partial
+from types import SimpleNamespace
+from unittest import mock
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import crowd, lay, place, remember
+
+from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.links import Links, find_links
+from iswarm_mj.simulation import step as swarm
+from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings, worlds_of_seed
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.controller import Mind, Observation, rules_of
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.signatures import observation_shapes
+from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.errors import UserError
+
+NO_NOISE = OpticsConfig(error_distance_measure=0, error_in_communication=0, p_communication_break=0)
+IN_TURN = StrategyConfig(update_order="sequential")
+PROBE = (0.9, 0.0)
+
+
+def links_of(poses, optics):
+    """Links of one world whose robots hide nobody."""
+    links = find_links(poses[None], replace(optics, line_of_sight=False), lambda *_: None)
+    return Links(*(jnp.asarray(values[0]) for values in links))
+
+
+def in_order(order):
+    """Turns of robots that come in this order."""
+    turns = np.zeros(len(order), np.float32)
+    turns[np.asarray(order)] = np.arange(len(order)) / len(order)
+    return turns
+
+
+N, GAP = 9, 8.0
+
+
+@cache
+def chain(update_order):
+    """A step (state, turns) -> state of N robots in a row, and the state before.
+
+    Each hears the next; the first is on the dump. There is no noise; nobody forgets, or moves to speak of.
+    """
+    strategy, drive = StrategyConfig(update_order=update_order), DriveConfig(step_length=1e-6, max_turn=1e-6)
+    config = SwarmConfig(optics=NO_NOISE, strategy=strategy, drive=drive)
+    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config, PROBE[0])
+    poses = place(*[(k * GAP, 0, 0) for k in range(N)])
+    links, poses = links_of(poses, config.optics), jnp.asarray(poses, jnp.float32)
+
+    @jax.jit
+    def step(state, turns):
+        with mock.patch.object(swarm, "draw_turns", lambda key, n: turns):
+            return swarm.decide(config, PROBE, conditions_of(config), strategy, state, poses, links,
+                                jnp.zeros((N, 4), bool), 0, jax.random.key(3))[0]  # fmt: skip
+
+    return step, swarm.SwarmState(strategy.init(N, None), lay((0.0, 60.0)), jnp.ones(N, bool))
+
+
+def mind_after(update_order, turns, n_steps=1):
+    """What the robots of the chain know after some steps with the same turns."""
+    step, state = chain(update_order)
+    for _ in range(n_steps):
+        state = step(state, turns)
+    return state.mind
+
+
+class TestChain:
+    def test_at_once_news_comes_one_robot_further_in_each_step(self):
+        for n_steps in (1, 2, 5):
+            dump = mind_after("synchronous", np.zeros(N), n_steps).dump
+            assert dump.known.tolist() == [k < n_steps for k in range(N)]
+            assert dump.hop.tolist() == [k if k < n_steps else 0 for k in range(N)]
+
+    def test_in_the_order_of_the_chain_it_comes_to_its_end(self):
+        """Hop counts and vectors are those of the way; each hop adds half a quantum of the range at most."""
+        dump = mind_after("sequential", in_order(range(N))).dump
+        assert dump.known.all() and dump.hop.tolist() == list(range(N))
+        way = -GAP * np.arange(N)
+        quantum = 49 * np.sqrt(8) / 31
+        assert (abs(dump.vector[:, 0] - way) <= (quantum / 2 + 1e-3) * np.arange(N) + 1e-4).all()
+        assert abs(dump.vector[:, 1]).max() < 1e-3
+
+    def test_in_part_of_the_order(self):
+        """Robots 1 to 3 come in order after 0, robot 4 before them: news stops there."""
+        dump = mind_after("sequential", in_order([4, 0, 1, 2, 3, 8, 7, 6, 5])).dump
+        assert dump.known.tolist() == [True] * 4 + [False] * 5
+
+    @pytest.mark.parametrize("turns", [in_order(range(N)[::-1]), np.zeros(N, np.float32)])
+    def test_against_the_order_or_all_in_one_turn_is_at_once(self, turns):
+        one, other = (mind_after(order, turns, 3) for order in ("synchronous", "sequential"))
+        jax.tree.map(np.testing.assert_array_equal, one, other)
+
+
+def swarm_that_hears(n_seed):
+    """A crowd with vectors, some of it loaded, some dead; and what its robots sense before news of this step."""
+    config = SwarmConfig(optics=OpticsConfig(independent_bit_errors=True), strategy=IN_TURN)
+    rng = np.random.default_rng(n_seed)
+    poses = crowd(rng, 0.35, edge=7)
+    n = len(poses)
+
+    def memory():
+        return remember(rng.uniform(-60, 60, (n, 2)), rng.integers(0, 12, n), rng.random(n) < 0.3)
+
+    mind = Mind(memory(), memory(), jnp.asarray(rng.random(n) < 0.1))
+    links, key = links_of(poses, config.optics), jax.random.key(n_seed)
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, PROBE[0])
+    was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
+
+    def passage(mind, loaded):
+        return exchange(conditions_of(config), True, 138.6, strategy.say(mind, loaded), links.sender, links.led,
+                        links.valid, links.distance, key)  # fmt: skip
+
+    message, is_heard, distance = passage(mind, was_loaded)
+    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n))
+    seen = nothing._replace(
+        is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
+        dust=message.dust, dump=message.dump, is_loaded=is_loaded, at_dust=jnp.asarray(rng.random(n) < 0.1),
+        on_dump=jnp.asarray(rng.random(n) < 0.1),
+    )  # fmt: skip
+    return strategy, mind, links, seen, was_loaded, jax.jit(passage), key
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_all_at_once_is_one_by_one(seed):
+    """Sweeps give what robots hear if one after the other hears, and speaks from then on of what it has learned."""
+    strategy, mind, links, seen, was_loaded, passage, key = swarm_that_hears(seed)
+    n = len(was_loaded)
+    turns = draw_turns(jax.random.key(100 + seed), n)
+    listen = jax.jit(strategy.listen)
+    at_once = jax.jit(heard_in_turn, static_argnums=3)(
+        seen, turns, links.sender, lambda seen: passage(strategy.listen(mind, seen, key), seen.is_loaded)[0]
+    )
+    now, loaded, heard = mind, was_loaded, seen
+    for robot in np.argsort(turns):
+        message = passage(now, loaded)[0]
+
+        def own(new, old, robot=robot):
+            return old.at[robot].set(new[robot])
+
+        messages = Observation(**{**heard._asdict(), **message._asdict()})
+        heard = jax.tree.map(own, messages, heard)
+        now = jax.tree.map(own, listen(mind, heard, key), now)
+        loaded = loaded.at[robot].set(seen.is_loaded[robot])
+    for name in Observation._fields:
+        for mine, its in zip(*(jax.tree.leaves(getattr(s, name)) for s in (at_once, heard)), strict=True):
+            where = np.asarray(seen.is_heard)
+            if mine.shape[:2] == where.shape:  # what is not heard means nothing
+                mine, its = np.asarray(mine)[where], np.asarray(its)[where]
+            np.testing.assert_array_equal(mine, its, err_msg=name)
+    news = (np.asarray(at_once.dump.hop != seen.dump.hop) & np.asarray(seen.is_heard)).sum()
+    assert news > 10 and (np.asarray(at_once.priority != seen.priority) & np.asarray(seen.is_heard)).any()
+
+
+def test_what_robots_remember_is_what_they_told_the_others():
+    """`act`, which comes last, learns what `listen` said, and then only moves it."""
+    strategy, mind, _, seen, _, _, key = swarm_that_hears(0)
+    listened, (moved, command) = strategy.listen(mind, seen, key), strategy.act(mind, seen, key)
+    for one, other in ((listened.dust, moved.dust), (listened.dump, moved.dump)):
+        expected = controller.after_motion(one, command.turn, command.forward)
+        jax.tree.map(np.testing.assert_array_equal, expected, other)
+
+
+def test_the_order_is_new_in_each_step_and_even():
+    turns = np.array([draw_turns(jax.random.key(k), 50) for k in range(400)])
+    earlier = (turns[:, :, None] < turns[:, None, :]).mean(axis=0)[~np.eye(50, dtype=bool)]
+    assert abs(earlier - 0.5).max() < 5 * 0.5 / np.sqrt(400)
+
+
+def primitives(jaxpr):
+    """Names of all that a program does."""
+    found = set()
+    for equation in jaxpr.eqns:
+        found.add(equation.primitive.name)
+        for parameter in jax.tree.leaves(list(equation.params.values()), is_leaf=lambda p: hasattr(p, "eqns")):
+            inner = getattr(parameter, "jaxpr", parameter)
+            found |= primitives(inner) if hasattr(inner, "eqns") else set()
+    return found
+
+
+def test_by_default_nothing_is_repeated():
+    """Updates at once are what they were: no loop in the program, no random number more."""
+    config = SwarmConfig()
+    n, texts = 6, {}
+    for order in ("synchronous", "sequential"):
+        config = SwarmConfig(strategy=StrategyConfig(update_order=order))
+        strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(1), config, PROBE[0])
+        state = swarm.SwarmState(strategy.init(n, None), lay((0.0, 60.0)), jnp.ones(n, bool))
+        poses = place(*[(k * 8.0, 0, 0) for k in range(n)])
+        texts[order] = primitives(jax.make_jaxpr(partial(swarm.decide, config, PROBE, conditions_of(config), strategy))(
+            state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jnp.zeros((n, 4), bool), 0,
+            jax.random.key(0),
+        ).jaxpr)  # fmt: skip
+    assert "while" in texts["sequential"] and "while" not in texts["synchronous"]
+    assert SwarmConfig() == SwarmConfig(strategy=StrategyConfig(update_order="synchronous"))
+
+
+def known_after(config, n_steps, places=None):
+    """Poses, and how many robots know of the dump."""
+    run = Run(config, PRESETS["type1"], RunSettings(30, n_steps, n_threads=1, n_places=places))
+    while not run.is_over:
+        view = run.advance()
+    return view.poses, np.asarray(view.state.mind.dump.known).sum()
+
+
+class TestRuns:
+    def test_news_spreads_faster(self, small):
+        at_once, in_turn = (known_after(config, 4)[1] for config in (small, replace(small, strategy=IN_TURN)))
+        assert in_turn > at_once > 0
+
+    def test_empty_places_change_nothing(self, small):
+        config = replace(small, strategy=IN_TURN)
+        np.testing.assert_array_equal(known_after(config, 12)[0], known_after(config, 12, 40)[0])
+
+    @pytest.mark.slow
+    def test_batches_do_the_same(self, small):
+        """The first steps of MJX are those of MuJoCo C, for the first of two worlds."""
+        config, world = replace(small, strategy=IN_TURN), World(PRESETS["type1"], 30)
+        batch = BatchRun(config, worlds_of_seed(world, 2), BatchSettings(4, chunk=4), devices=jax.devices("cpu")[:1])
+        batch.advance()
+        poses, known = known_after(config, 4)
+        off = np.abs(np.asarray(batch.arrays()[1].bodies.poses)[:1] - poses)[..., :2].max(axis=-1)
+        assert np.median(off) < 1e-3 and off.max() < 0.5
+        assert abs(np.asarray(batch.swarm_state().mind.dump.known)[0].sum() - known) <= 1
+
+
+def test_a_strategy_that_cannot_pass_on_news_is_refused():
+    config = SwarmConfig(strategy=IN_TURN)
+    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE[0])
+    deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "say", "picks", "act")})
+    state = swarm.SwarmState(deaf.init(2, None), lay((0.0, 60.0)), jnp.ones(2, bool))
+    poses = place((0, 0, 0), (8, 0, 0))
+    arguments = (state, jnp.asarray(poses), links_of(poses, config.optics), jnp.zeros((2, 4), bool), 0)
+    with pytest.raises(UserError, match=r"^--strategy\.update-order was sequential, but SimpleNamespace has no method"):
+        jax.jit(partial(swarm.decide, config, PROBE, conditions_of(config), deaf))(*arguments, jax.random.key(0))

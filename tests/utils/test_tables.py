@@ -1,0 +1,66 @@
+"""Tables and figures: what is written is read back, and what cannot be read is refused in a sentence."""
+
+import json
+
+import pyarrow.parquet
+import pytest
+
+from iswarm_mj import __version__
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.tables import read_table, write_table
+
+ROWS = [{"name": "a", "value": 1.5, "count": 3}, {"name": "b", "value": None, "count": -1}]
+
+
+def test_a_table_comes_back_with_its_settings(tmp_path):
+    write_table(tmp_path / "t.parquet", ROWS, {"seed": 4, "config": {"x": [1, 2]}})
+    rows, settings = read_table(tmp_path / "t.parquet")
+    assert rows == ROWS
+    assert settings == {"version": __version__, "seed": 4, "config": {"x": [1, 2]}}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["t.parquet"]
+
+
+def test_the_same_table_is_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        write_table(tmp_path / f"{name}.parquet", ROWS, {"seed": 4})
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_csv_beside_it(tmp_path):
+    write_table(tmp_path / "t.parquet", ROWS, {}, csv=True)
+    assert (tmp_path / "t.csv").read_text().splitlines() == ['"name","value","count"', '"a",1.5,3', '"b",,-1']
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PAR1 nothing PAR1"])
+def test_what_is_no_table_is_refused(tmp_path, content):
+    path = tmp_path / "t.parquet"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(UserError, match="not a readable table"):
+        read_table(path)
+
+
+def test_a_foreign_parquet_file_is_refused(tmp_path):
+    import pyarrow as pa
+
+    pyarrow.parquet.write_table(pa.table({"x": [1]}), tmp_path / "t.parquet")
+    with pytest.raises(UserError, match="not a readable table"):
+        read_table(tmp_path / "t.parquet")
+
+
+def test_a_figure_is_png_and_svg_and_repeats(tmp_path):
+    for name in ("a", "b"):
+        with figure(tmp_path / name, columns=2) as (left, right):
+            left.plot([1, 2], [3, 4])
+            right.set_xlabel("x")
+    for suffix in (".png", ".svg"):
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_metadata_is_json(tmp_path):
+    write_table(tmp_path / "t.parquet", ROWS, {"seed": 4})
+    metadata = pyarrow.parquet.read_schema(tmp_path / "t.parquet").metadata
+    assert json.loads(metadata[b"iswarm_mj"])["seed"] == 4
