@@ -1,13 +1,110 @@
-"""Errors that a user can mend: one sentence, no traceback."""
+"""Errors whose message is enough: the command line prints it without a traceback."""
+
+from collections.abc import Iterable
+from enum import IntFlag
+from typing import Any
+
+MAX_LISTED = 10
+"""Robots that a message lists at most."""
 
 
 class UserError(Exception):
-    """Something given from outside is not acceptable.
+    """Bad input.
 
-    The message is one sentence that says what was given, what is allowed and how to mend it.
-    The command line prints it and exits with code 2.
+    The message is one sentence that states what must hold, what was given, and the remedy. The command line prints
+    it and exits with code 2.
     """
 
 
+class ConfigError(UserError):
+    """A setting has a value that is not allowed.
+
+    Settings are called by their names in Python, as `arena.size`; `iswarm_mj.commands` turns these into flags. Within
+    `constraint` and `remedy` they stand in backticks.
+    """
+
+    def __init__(self, field: str, value: Any, constraint: str, remedy: str | None = None):
+        """Describe what is wrong.
+
+        Args:
+            field: the setting's name, with a dot between group and field, as `arena.size` or `n_robots`.
+            value: its value.
+            constraint: what must hold, to be read after "must be", as "between 10 and 150 rd".
+            remedy: what the user can do, as an imperative, where the constraint does not say it.
+        """
+        super().__init__(field, value, constraint, remedy)
+        self.field, self.value, self.constraint, self.remedy = field, value, constraint, remedy
+
+    def __str__(self) -> str:
+        got = repr(self.value) if isinstance(self.value, str) else self.value
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{self.field} must be {self.constraint} (got {got}){remedy}"
+
+
+class FaultKind(IntFlag):
+    """Why a world cannot go on; bits, since several reasons may hold at once."""
+
+    TOO_MANY_PAIRS = 1
+    TOO_MANY_CONTACTS = 2
+    POSE_NOT_FINITE = 4
+    OUTSIDE = 8
+    COMMAND_NOT_FINITE = 16
+    SOLVER_FAILED = 32
+
+
+_FACTS = {
+    FaultKind.TOO_MANY_PAIRS: "buffer of robot pairs full",
+    FaultKind.TOO_MANY_CONTACTS: "contact buffer full",
+    FaultKind.POSE_NOT_FINITE: "the pose of {robots} is not finite",
+    FaultKind.OUTSIDE: "{robots} left the arena",
+    FaultKind.COMMAND_NOT_FINITE: "the command of {robots} is not finite",
+    FaultKind.SOLVER_FAILED: "the contact solver failed",
+}
+_REMEDIES = {
+    FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS: "increase `contact_capacity`",
+    FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.SOLVER_FAILED: (
+        "increase `drive.walk_substeps` and `drive.turn_substeps`, or use fewer robots"
+    ),
+    FaultKind.COMMAND_NOT_FINITE: "make the strategy return finite numbers",
+}
+
+
 class SimulationFault(RuntimeError):
-    """A run cannot go on; the message names the step, the world and the robots."""
+    """A run cannot go on: a fault of a world, or anything else that `detail` describes."""
+
+    def __init__(
+        self,
+        detail: str = "",
+        *,
+        step: int | None = None,
+        world: int | None = None,
+        robots: Iterable[int] = (),
+        kind: FaultKind | int = 0,
+    ):
+        """Describe what went wrong, and where.
+
+        Args:
+            detail: text for what the other fields do not say, or the whole message where there is no `kind`.
+            step: control step, counted from 1.
+            world: index of the world.
+            robots: indices of the robots concerned.
+            kind: one or several kinds of fault.
+        """
+        super().__init__(detail)
+        self.detail, self.step, self.world = detail, step, world
+        self.robots, self.kind = tuple(int(robot) for robot in robots), FaultKind(kind)
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{name} {at}" for name, at in (("step", self.step), ("world", self.world)) if at is not None)
+        facts = " and ".join(text.format(robots=self._robots()) for kind, text in _FACTS.items() if kind & self.kind)
+        remedies = [text for kinds, text in _REMEDIES.items() if kinds & self.kind]
+        text = "; ".join(filter(None, [facts, *remedies, self.detail]))
+        return f"{place}: {text}" if place else text
+
+    def _robots(self) -> str:
+        """Return "robot 5", or "robots 5, 6 and 3 more"."""
+        if not self.robots:
+            return "a robot"
+        more = len(self.robots) - MAX_LISTED
+        listed = ", ".join(map(str, self.robots[:MAX_LISTED])) + (f" and {more} more" if more > 0 else "")
+        return f"robot{'s' * (len(self.robots) > 1)} {listed}"

@@ -1,0 +1,68 @@
+"""Messages of the errors, their fields, and that both survive a pickle (workers send them)."""
+
+import pickle
+
+import pytest
+
+from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (("arena.size", 7, "between 10 and 150 rd"), "arena.size must be between 10 and 150 rd (got 7)"),
+        (("engine", "xyz", "mujoco or mjx"), "engine must be mujoco or mjx (got 'xyz')"),
+        (("worlds", 0, "at least 1", "use one"), "worlds must be at least 1 (got 0); use one"),
+    ],
+)
+def test_a_setting_that_is_not_allowed(arguments, message):
+    error = ConfigError(*arguments)
+    assert isinstance(error, UserError) and str(error) == message
+    assert (error.field, error.value, error.constraint) == arguments[:3]
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == message and again.field == arguments[0]
+
+
+SUBSTEPS = "increase `drive.walk_substeps` and `drive.turn_substeps`, or use fewer robots"
+
+
+@pytest.mark.parametrize(
+    "fields, message",
+    [
+        (
+            {"step": 12, "world": 3, "robots": [5], "kind": FaultKind.OUTSIDE},
+            f"step 12, world 3: robot 5 left the arena; {SUBSTEPS}",
+        ),
+        (
+            {"step": 1, "world": 0, "kind": FaultKind.TOO_MANY_CONTACTS},
+            "step 1, world 0: contact buffer full; increase `contact_capacity`",
+        ),
+        (
+            {"step": 1, "kind": 3, "detail": "2 worlds more"},
+            "step 1: buffer of robot pairs full and contact buffer full; increase `contact_capacity`; 2 worlds more",
+        ),
+        (
+            {"world": 2, "robots": range(12), "kind": FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE},
+            "world 2: the pose of robots 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more is not finite and robots 0, 1, 2, 3, "
+            f"4, 5, 6, 7, 8, 9 and 2 more left the arena; {SUBSTEPS}",
+        ),
+        (
+            {"step": 4, "robots": [0, 1], "kind": FaultKind.COMMAND_NOT_FINITE},
+            "step 4: the command of robots 0, 1 is not finite; make the strategy return finite numbers",
+        ),
+        (
+            {"step": 4, "kind": FaultKind.SOLVER_FAILED, "detail": "why"},
+            f"step 4: the contact solver failed; {SUBSTEPS}; why",
+        ),
+        ({"detail": "a worker died"}, "a worker died"),
+    ],
+)
+def test_a_world_that_cannot_go_on(fields, message):
+    fault = SimulationFault(**fields)
+    assert str(fault) == message
+    again = pickle.loads(pickle.dumps(fault))
+    assert vars(again) == vars(fault) and str(again) == message
+
+
+def test_every_kind_has_a_text():
+    assert len({str(SimulationFault(kind=kind)) for kind in FaultKind}) == len(FaultKind) == 6
