@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 import iswarm_mj.gripper.plugin as plugin
-from iswarm_mj.gripper.bench.trace import Trace
+from iswarm_mj.gripper.bench.trial_trace import Trace
 
 BENCH = Path(__file__).parents[1] / "models" / "bench.xml"
 SCRIPT = (

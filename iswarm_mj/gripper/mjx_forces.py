@@ -23,7 +23,7 @@ from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.native.forces import NN, UM
+from iswarm_mj.gripper.native.callbacks import NN, UM
 from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError

@@ -31,8 +31,9 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.gripper.native.abi import register
-from iswarm_mj.gripper.native.callbacks import ACTUATOR, CYLINDER, GEOM, NUMBER, PLANE, SPHERE
-from iswarm_mj.gripper.native.forces import adhesion_compute, electrostatic_callbacks, life_cycle
+from iswarm_mj.gripper.native.attributes import ACTUATOR, GEOM, NUMBER
+from iswarm_mj.gripper.native.callbacks import adhesion_compute, electrostatic_callbacks, life_cycle
+from iswarm_mj.gripper.native.fields import CYLINDER, PLANE, SPHERE
 from iswarm_mj.utils.errors import UserError
 
 ADHESION = "iswarm.adhesion"

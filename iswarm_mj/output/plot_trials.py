@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 
-from iswarm_mj.gripper.bench.trace import Trace
+from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.gripper.reference import PAPER_HUMIDITY
 from iswarm_mj.output.plot_style import figure

@@ -10,7 +10,7 @@ import pyarrow as pa
 import rerun as rr
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.trace import Trace, thinned
+from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.rerun_trial_view import NN, UM
 from iswarm_mj.utils.errors import SimulationFault, UserError

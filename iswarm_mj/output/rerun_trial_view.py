@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from iswarm_mj.gripper.bench.trace import Trace
+from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.output.rerun_swarm_view import flatten
 
 UM, NN = 1e6, 1e9

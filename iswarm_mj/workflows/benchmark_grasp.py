@@ -9,10 +9,12 @@ import numpy as np
 from mujoco.batch import Batch
 
 from iswarm_mj.engines.mujoco.timers import without_timers
-from iswarm_mj.gripper.bench.experiment import hang, release, staircase
 from iswarm_mj.gripper.bench.model import bench_spec, layout, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.trials import bench_maker, draw
+from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.run_trials import bench_maker
+from iswarm_mj.gripper.bench.staircase import hang, staircase
+from iswarm_mj.gripper.bench.trial import draw
 from iswarm_mj.utils.profiling import hardware
 
 BENCHES, STEPS, LAPS = 64, 500, 9

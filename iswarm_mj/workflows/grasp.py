@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.force_curve import force_curve
-from iswarm_mj.gripper.bench.geometry import Trial
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.trace_trial import trace_trial
-from iswarm_mj.gripper.bench.trials import Outcomes, draw, run_trials
+from iswarm_mj.gripper.bench.run_trials import Outcomes, run_trials
+from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, melts, release_voltage
 from iswarm_mj.gripper.laws.humidity import humid_work

@@ -8,14 +8,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.gripper.bench.base import speed_at_zero
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.experiment import hang, release, rung, staircase, touch
-from iswarm_mj.gripper.bench.geometry import Trial, speed_at_zero
+from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.model import bench_spec
 from iswarm_mj.gripper.bench.protocol import Protocol, smooth
-from iswarm_mj.gripper.bench.trace_trial import trace_trial
-from iswarm_mj.gripper.bench.trials import draw, run_trials
+from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.staircase import hang, rung, staircase, touch
+from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import boundary_elements as bem
 from iswarm_mj.gripper.laws.detachment import (
     CONTACT_GAP,
@@ -252,15 +253,3 @@ def test_paths_are_smooth():
     assert acceleration[[2, -3]] == pytest.approx(0, abs=0.05)
     time = Protocol().carry_time(5e-6)
     assert acceleration.max() * 5e-6 / time**2 == pytest.approx(Protocol().acceleration, rel=1e-3)
-
-
-def test_timers_come_back():
-    import mujoco
-
-    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
-    data = mujoco.MjData(model)
-    with without_timers():
-        mujoco.mj_step(model, data)
-    assert data.timer[0].duration == 0
-    mujoco.mj_step(model, data)
-    assert data.timer[0].duration > 0

@@ -1,8 +1,6 @@
 """Electrostatic forces against exact sums, limits, symmetries and the table of another solver."""
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import jax
@@ -215,12 +213,3 @@ def test_models_by_name():
     assert pick_force(30.0, 5e-6, R, 13e-6, model="asymptotic") == asymptotic_force(30.0, 5e-6, R)
     with pytest.raises(UserError, match="'exact' is unknown; give"):
         pick_force(30.0, 5e-6, R, 13e-6, model="exact")
-
-
-def test_importing_the_laws_imports_no_engine():
-    code = (
-        "import sys; from iswarm_mj.gripper import detachment, humidity, maugis;"
-        "print([m for m in ('jax', 'mujoco', 'scipy', 'rerun') if m in sys.modules])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"

@@ -7,9 +7,9 @@ of the bands. Not fitted: that the radius does not matter, that a landed ball st
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.bench.geometry import Trial
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.trials import draw, run_trials
+from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.workflows.grasp import GraspSettings, cases, table
 

@@ -10,7 +10,7 @@ from helpers_trace import RADIUS, bench_trace
 from rerun.chunk import RrdReader
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.trace import thinned
+from iswarm_mj.gripper.bench.trial_trace import thinned
 from iswarm_mj.output import rerun_trial as record_grasp
 from iswarm_mj.output.rerun_trial import record_trace, rotated
 from iswarm_mj.utils.errors import SimulationFault, UserError

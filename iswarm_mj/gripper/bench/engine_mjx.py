@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.engines.mjx.api import mjx, put_model
-from iswarm_mj.gripper.bench.geometry import Trial, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import MS, NN, UM, Layout, bench_spec, layout, start
 from iswarm_mj.gripper.bench.protocol import smooth
+from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.mjx_forces import ON_PROBE, GripperForces, gripper_force, gripper_forces, mjx_compatible, resize
 from iswarm_mj.utils.arrays import Array
 

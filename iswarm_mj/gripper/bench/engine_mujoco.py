@@ -9,9 +9,10 @@ from mujoco.batch import Batch
 
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.geometry import Trial, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import MS, UM, bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import smooth
+from iswarm_mj.gripper.bench.trial import Trial
 
 BLOCK = 64
 """Physics steps of one call."""

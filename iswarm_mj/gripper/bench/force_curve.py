@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.geometry import Trial
+from iswarm_mj.gripper.bench.engine_tracing import TraceBench
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.trace_trial import TraceBench
+from iswarm_mj.gripper.bench.trial import Trial
 
 SLOWDOWN = 4.0
 """A curve is run this many times as slowly as a trial."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.geometry import Trial
+from iswarm_mj.gripper.bench.trial import Trial
 
 UM, MS, NN = 1e-6, 1e-3, 1e-9
 """Units of the bench: length [m], time [s], force [N]."""

@@ -39,7 +39,7 @@ def probe_factor(task: str, gap_ratio: Array, probe_ratio: Array) -> Array:
     xp = array_module(gap_ratio, probe_ratio)
     row, row_weights = _locate(xp, "gap over sphere radius", gap_ratio, GAP_EXPONENTS)
     column, column_weights = _locate(xp, "probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
-    coefficients = xp.asarray(_coefficients(task), dtype=row_weights.dtype)
+    coefficients = xp.asarray(spline_coefficients(task), dtype=row_weights.dtype)
     patch = coefficients[row[..., :, None], column[..., None, :]]
     return xp.exp(xp.sum(patch * row_weights[..., :, None] * column_weights[..., None, :], axis=(-2, -1)))
 
@@ -63,7 +63,7 @@ def _locate(xp, name: str, ratio: Array, exponents: np.ndarray) -> tuple[Array, 
 
 
 @cache
-def _coefficients(task: str) -> np.ndarray:
+def spline_coefficients(task: str) -> np.ndarray:
     """Coefficients of the bicubic spline through ln f, one more on each side than the table has rows."""
     text = files("iswarm_mj.gripper.laws").joinpath(FILE).read_text(encoding="utf-8")
     column = {"release": 2, "pick": 3}[task]

@@ -1,188 +1,172 @@
-"""MuJoCo's model and data as Numba sees them: fields, attributes of plugins, gaps between geoms, forces on bodies."""
+"""The gripper's forces as callbacks that Numba compiles: no Python runs in a physics step.
 
-from typing import Any, NamedTuple
+A plugin instance keeps its whole state in MuJoCo's `plugin_state`: its attributes as numbers, then its results.
+Nothing else is shared, so threads, copies and reloaded states work. The laws are those of `gripper.laws`, compiled
+from the same source or read from the same tables. Units: um, ug, ms, nN, V; the laws take SI.
+"""
+
+import inspect
+import math
+import zlib
+from typing import Any
 
 import mujoco
 import numba
 import numpy as np
-from llvmlite import binding
 from numba import types
-from numba.extending import intrinsic
 
-from iswarm_mj.engines.mujoco.library import function_address
-from iswarm_mj.gripper.native.abi import pointer_indices
+from iswarm_mj.gripper.laws import adhesion, electrostatics
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.native import attraction, attributes, fields, spline
+from iswarm_mj.gripper.native.attraction import attract, gap_to
+from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
+from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
+from iswarm_mj.gripper.native.spline import probe_factor, spline_tables
 
-compiled = numba.njit(error_model="numpy")
+UM = 1e-6
+"""Length unit [m]."""
+NN = 1e-9
+"""Force unit [N]; the work of adhesion is in nN/um = mJ/m^2, the Hamaker constant in nN um = 1e-15 J."""
 
-NUMBER, GEOM, ACTUATOR = range(3)
-"""Kinds of attributes."""
-_GEOM, _ACTUATOR = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_ACTUATOR)
-PLANE, SPHERE, CYLINDER = (
-    int(shape) for shape in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER)
-)
+_dmt = compiled(adhesion.dmt_pull_off)
+_van_der_waals = compiled(adhesion.van_der_waals_force)
+_asymptotic = compiled(electrostatics.asymptotic_force)
 
-Struct = types.CPointer(types.int64)
-"""mjModel or mjData; all that is read of them are pointers."""
-
-for _name in ("mj_getPluginConfig", "mj_name2id", "mju_error"):
-    binding.add_symbol(_name, function_address(_name))
-# Strings are passed as addresses.
-_getPluginConfig = types.ExternalFunction("mj_getPluginConfig", types.int64(Struct, types.int32, types.int64))
-_name2id = types.ExternalFunction("mj_name2id", types.int32(Struct, types.int32, types.int64))
-_error = types.ExternalFunction("mju_error", types.void(types.int64))
-_strtod = types.ExternalFunction("strtod", types.float64(types.int64, types.int64))
-
-
-class Fields(NamedTuple):
-    """Arrays of mjModel (ints, then `geom_size`) and of mjData."""
-
-    plugin_stateadr: Any
-    geom_type: Any
-    geom_bodyid: Any
-    body_parentid: Any
-    body_rootid: Any
-    body_dofnum: Any
-    body_dofadr: Any
-    dof_parentid: Any
-    geom_size: Any
-    plugin_state: Any
-    ctrl: Any
-    geom_xpos: Any
-    geom_xmat: Any
-    subtree_com: Any
-    cdof: Any
-    qfrc_passive: Any
+_nstate = types.int32(Struct, types.int32)
+_init = types.int32(Struct, Struct, types.int32)
+_reset = types.void(Struct, types.CPointer(types.float64), types.intp, types.int32)
+_compute = types.void(Struct, Struct, types.int32, types.int32)
+_advance = types.void(Struct, Struct, types.int32)
 
 
-def places() -> np.ndarray:
-    """Places (16,) of the `Fields` in mjModel and mjData, counted in pointers."""
-    return np.concatenate(
-        [pointer_indices("mjModel", Fields._fields[:9]), pointer_indices("mjData", Fields._fields[9:])]
-    )
+def _offsets() -> np.ndarray:
+    """Offsets of the fields, and a checksum of whatever else the compiled code depends on.
 
-
-def _pointer_to(item: Any) -> Any:
-    @intrinsic
-    def cast(_typing, _address):
-        def generate(context, builder, signature, args):
-            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(item)(types.int64), generate
-
-    return cast
-
-
-_doubles, _ints, _characters = (_pointer_to(item) for item in (types.float64, types.int32, types.uint8))
-
-
-@compiled
-def fields(m, d, at):
-    """Fields of a model and its data, by their `places`."""
-    return Fields(
-        _ints(m[at[0]]), _ints(m[at[1]]), _ints(m[at[2]]), _ints(m[at[3]]), _ints(m[at[4]]), _ints(m[at[5]]),
-        _ints(m[at[6]]), _ints(m[at[7]]), _doubles(m[at[8]]), _doubles(d[at[9]]), _doubles(d[at[10]]),
-        _doubles(d[at[11]]), _doubles(d[at[12]]), _doubles(d[at[13]]), _doubles(d[at[14]]), _doubles(d[at[15]]),
-    )  # fmt: skip
-
-
-@compiled
-def _attribute(m, at, text, kind, low, high, default):
-    """Value of an attribute given as text, or nan: a number within limits, or the id of a geom or an actuator.
-
-    Of a geom the limits are the types it may have.
+    Numba caches compiled code on disk, and the arrays that a callback encloses are part of the key.
     """
-    if _characters(text)[0] == 0:
-        return default
-    if kind == NUMBER:
-        end = np.zeros(1, np.int64)
-        value = _strtod(text, end.ctypes.data)
-        return value if _characters(end[0])[0] == 0 and low <= value <= high else np.nan
-    if kind == ACTUATOR:
-        found = _name2id(m, _ACTUATOR, text)
-        return float(found) if found >= 0 else np.nan
-    found = _name2id(m, _GEOM, text)
-    if found < 0:
-        return np.nan
-    shape = _ints(m[at[1]])[found]
-    return float(found) if shape in (low, high) else np.nan
+    modules = (adhesion, electrostatics, attraction, attributes, fields, spline)
+    text = "".join([mujoco.__version__, *(inspect.getsource(module) for module in modules)])
+    return np.append(pointer_offsets(), zlib.crc32(text.encode()))
 
 
-@compiled
-def read_attributes(m, at, instance, names, table, state):
-    """Write a plugin instance's attributes to its state, as `table` (n, 4) of kind, low, high, default tells.
+def _callback(signature: Any) -> Any:
+    """Decorator that compiles a C function; without a writable cache it is compiled at each import."""
+
+    def compile_it(function):
+        try:
+            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+        except RuntimeError:
+            return numba.cfunc(signature, error_model="numpy")(function)
+
+    return compile_it
+
+
+def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[str, Any]:
+    """Callbacks that read and check an instance's attributes.
+
+    Args:
+        texts: (3, n, 256) uint8, of each attribute its name and what an error says before and after the text given.
+        table: (n, 4) kind, low, high and default of each attribute.
+        start: (k,) what the state holds behind the attributes after a reset.
 
     Returns:
-        Index of the first that is not acceptable, or -1.
+        Callbacks "nstate", "init", "reset".
     """
-    for i in range(len(table)):
-        text = _getPluginConfig(m, instance, names[i].ctypes.data)
-        value = _attribute(m, at, text, table[i, 0], table[i, 1], table[i, 2], table[i, 3])
-        if np.isnan(value):
-            return i
-        state[i] = value
-    return -1
+    offsets, n = _offsets(), len(table)
+    size = n + len(start)
+
+    @_callback(_nstate)
+    def nstate(_m, _instance):
+        return size
+
+    @_callback(_init)
+    def init(m, _d, instance):
+        bad = read_attributes(m, offsets, instance, texts[0], table, np.empty(n))
+        if bad < 0:
+            return 0
+        raise_error(m, instance, texts[0, bad], texts[1, bad], texts[2, bad])
+        return -1
+
+    @_callback(_reset)
+    def reset(m, state, _data, instance):
+        read_attributes(m, offsets, instance, texts[0], table, state)
+        for i in range(n, size):
+            state[i] = start[i - n]
+
+    return {"nstate": nstate, "init": init, "reset": reset}
 
 
-@compiled
-def complain(m, instance, name, before, after):
-    """Raise MuJoCo's error with a sentence around the text that was given; does not return."""
-    message = np.zeros(1024, np.uint8)
-    n = 0
-    given = _getPluginConfig(m, instance, name.ctypes.data)
-    for part in (np.int64(before.ctypes.data), np.int64(given), np.int64(after.ctypes.data)):
-        text = _characters(part)
-        i = 0
-        while text[i] != 0 and n < len(message) - 1:
-            message[n] = 95 if text[i] == 37 else text[i]  # the message is a format: no %
-            n, i = n + 1, i + 1
-    _error(message.ctypes.data)
+def adhesion_compute() -> Any:
+    """Callback of the pull-off force, 2 pi R W h(RH) in contact and van der Waals attraction out of it.
+
+    The state is ball, surface, work, humidity, hamaker, gap, force. Out of contact the distance z of the surfaces is
+    the gap plus z0 = sqrt(A / (12 pi W)), at which A R / (6 z^2) is the pull-off force.
+    """
+    offsets, factors = _offsets(), humidity_factor(np.arange(101.0))
+
+    @_callback(_compute)
+    def compute(m, d, instance, _capability):
+        f = read_fields(m, d, offsets)
+        s = f.plugin_stateadr[instance]
+        ball, surface = int(f.plugin_state[s]), int(f.plugin_state[s + 1])
+        percent = min(max(f.plugin_state[s + 3], 0.0), 100.0)
+        low = min(int(percent), 99)
+        factor = factors[low] + (percent - low) * (factors[low + 1] - factors[low])
+        work = f.plugin_state[s + 2] * factor * NN / UM
+        hamaker = f.plugin_state[s + 4] * NN * UM
+        gap, nx, ny, nz = gap_to(f, ball, surface)
+        radius = f.geom_size[3 * ball] * UM
+        force = 0.0
+        if gap <= 0:
+            force = _dmt(radius, work)
+        elif hamaker > 0 and work > 0:
+            force = _van_der_waals(hamaker, radius, gap * UM + math.sqrt(hamaker / (12 * math.pi * work)))
+        f.plugin_state[s + 5] = gap
+        f.plugin_state[s + 6] = force / NN
+        if force > 0:
+            attract(f, ball, surface, gap, nx, ny, nz, force / NN)
+
+    return compute
 
 
-@compiled
-def gap_to(f, ball, surface):
-    """Gap from a plane or cylinder to a ball [um], and the unit vector that points along it to the ball."""
-    b, s, r = 3 * ball, 3 * surface, 9 * surface
-    x, y, z = f.geom_xpos[b], f.geom_xpos[b + 1], f.geom_xpos[b + 2]
-    x, y, z = x - f.geom_xpos[s], y - f.geom_xpos[s + 1], z - f.geom_xpos[s + 2]
-    ux, uy, uz = f.geom_xmat[r + 2], f.geom_xmat[r + 5], f.geom_xmat[r + 8]
-    along = x * ux + y * uy + z * uz
-    radius = f.geom_size[b]
-    if f.geom_type[surface] == PLANE:
-        return along - radius, ux, uy, uz
-    # What is left of the vector beyond the cylinder's half length and radius.
-    x, y, z = x - along * ux, y - along * uy, z - along * uz
-    aside = np.sqrt(x * x + y * y + z * z)
-    beyond = along - min(max(along, -f.geom_size[s + 1]), f.geom_size[s + 1])
-    share = 1 - f.geom_size[s] / aside if aside > f.geom_size[s] else 0.0
-    x, y, z = share * x + beyond * ux, share * y + beyond * uy, share * z + beyond * uz
-    distance = np.sqrt(x * x + y * y + z * z)
-    scale = 1 / distance if distance > 0 else 0.0
-    return distance - radius, scale * x, scale * y, scale * z
+def electrostatic_callbacks() -> dict[str, Any]:
+    """Callbacks of the force of a voltage on the ball, and of the electrode that gives the ball its potential.
 
+    The state is ball, probe, plate, voltage, contact_gap, off_voltage, potential, probe_gap, plate_gap, force.
+    """
+    offsets, (splines, axes) = _offsets(), spline_tables()
 
-@compiled
-def attract(f, ball, surface, gap, nx, ny, nz, force):
-    """Pull a ball and a surface together, each at the middle of the gap between them."""
-    b = 3 * ball
-    reach = f.geom_size[b] + gap / 2
-    px, py, pz = f.geom_xpos[b] - reach * nx, f.geom_xpos[b + 1] - reach * ny, f.geom_xpos[b + 2] - reach * nz
-    _push(f, f.geom_bodyid[ball], px, py, pz, -force * nx, -force * ny, -force * nz)
-    _push(f, f.geom_bodyid[surface], px, py, pz, force * nx, force * ny, force * nz)
+    @_callback(_compute)
+    def compute(m, d, instance, _capability):
+        f = read_fields(m, d, offsets)
+        s = f.plugin_stateadr[instance]
+        ball, probe, plate = int(f.plugin_state[s]), int(f.plugin_state[s + 1]), int(f.plugin_state[s + 2])
+        voltage = f.ctrl[int(f.plugin_state[s + 3])]
+        probe_gap, px, py, pz = gap_to(f, ball, probe)
+        plate_gap, nx, ny, nz = gap_to(f, ball, plate)
+        release = f.plugin_state[s + 6] > 0.5 and plate_gap > 0
+        force = 0.0
+        if voltage != 0:
+            radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
+            gap = max(plate_gap if release else probe_gap, f.plugin_state[s + 4])
+            shape = probe_factor(int(release), gap / radius, probe_radius / radius, splines, axes)
+            force = shape * _asymptotic(voltage, gap * UM, radius * UM) / NN
+            if release:
+                attract(f, ball, plate, plate_gap, nx, ny, nz, force)
+            else:
+                attract(f, ball, probe, probe_gap, px, py, pz, force)
+        f.plugin_state[s + 7] = probe_gap
+        f.plugin_state[s + 8] = plate_gap
+        f.plugin_state[s + 9] = -force if release else force
 
+    @_callback(_advance)
+    def advance(m, d, instance):
+        f = read_fields(m, d, offsets)
+        s = f.plugin_stateadr[instance]
+        touches = f.plugin_state[s + 7] <= f.plugin_state[s + 4]
+        if f.plugin_state[s + 8] <= 0:
+            f.plugin_state[s + 6] = 0.0
+        elif touches and abs(f.ctrl[int(f.plugin_state[s + 3])]) <= f.plugin_state[s + 5]:
+            f.plugin_state[s + 6] = 1.0
 
-@compiled
-def _push(f, body, px, py, pz, fx, fy, fz):
-    """Add a force at a point to the generalised forces of the joints that move a body."""
-    while body > 0 and f.body_dofnum[body] == 0:
-        body = f.body_parentid[body]
-    if body == 0:
-        return
-    c = 3 * f.body_rootid[body]
-    rx, ry, rz = px - f.subtree_com[c], py - f.subtree_com[c + 1], pz - f.subtree_com[c + 2]
-    tx, ty, tz = ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx
-    dof = f.body_dofadr[body] + f.body_dofnum[body] - 1
-    while dof >= 0:
-        a = 6 * dof
-        turn = f.cdof[a] * tx + f.cdof[a + 1] * ty + f.cdof[a + 2] * tz
-        f.qfrc_passive[dof] += turn + f.cdof[a + 3] * fx + f.cdof[a + 4] * fy + f.cdof[a + 5] * fz
-        dof = f.dof_parentid[dof]
+    return {"compute": compute, "advance": advance}

@@ -1,28 +1,10 @@
-"""What an engine offers to the experiments: B benches, each with a ball and a tool that can be moved."""
+"""The interface of the bench's engines: B benches, each with a ball and a tool that can be moved."""
 
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS
 from iswarm_mj.utils.arrays import array_module
-
-
-class Trial(NamedTuple):
-    """One ball on the bench and its surroundings. SI units."""
-
-    radius: float
-    """[m]"""
-    work_tool_object: float
-    """W_TO of this trial at 10 % RH [J/m^2]."""
-    work_object_substrate: float
-    """W_OS of this trial at 10 % RH [J/m^2]."""
-    relative_humidity: float = 10.0
-    """[%]"""
-    contact_gap: float = CONTACT_GAP
-    """Effective electrical gap of a touching tool [m]."""
-    probe_radius: float = PROBE_RADIUS
-    """[m]"""
 
 
 class Watch(NamedTuple):

@@ -6,11 +6,13 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.experiment import hang, no_contact, release, rung, touch
-from iswarm_mj.gripper.bench.geometry import Trial, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import MS, NN, UM, bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import Protocol, smooth
-from iswarm_mj.gripper.bench.trace import Trace
+from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.staircase import hang, rung, touch
+from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.bench.trial_trace import Trace
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _FORCES = (
@@ -130,11 +132,4 @@ def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: fl
     if watch.gap_plate[0] > protocol.away:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap)
-    return bench.trace()
-
-
-def trace_attempt(trial: Trial, protocol: Protocol, gap: float) -> Trace:
-    """Trace of an attempt without contact, at a gap [m]."""
-    bench = TraceBench(trial, protocol.start_gap)
-    no_contact(bench, protocol, gap, 1)
     return bench.trace()

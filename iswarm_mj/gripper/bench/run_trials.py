@@ -1,4 +1,4 @@
-"""Trials of the gripper by the hundred: who is drawn, in which engine they run, what comes out."""
+"""Batches of trials, in any engine."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -6,17 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.experiment import Attempt, Grasp, Release, hang, no_contact, release, staircase
-from iswarm_mj.gripper.bench.geometry import Bench, Trial
+from iswarm_mj.gripper.bench.base import Bench
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.laws.detachment import (
-    RELEASE_GAP,
-    VARIATION_OBJECT_SUBSTRATE,
-    VARIATION_TOOL_OBJECT,
-    WORK_OBJECT_SUBSTRATE,
-    WORK_TOOL_OBJECT,
-    scattered_work,
-)
+from iswarm_mj.gripper.bench.ramps import Attempt, Release, no_contact, release
+from iswarm_mj.gripper.bench.staircase import Grasp, hang, staircase
+from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.utils.errors import UserError
 
 LARGEST_BATCH = {"mujoco": 1024, "mjx": 16384}
@@ -35,25 +30,6 @@ class Outcomes(NamedTuple):
     """[s]"""
     steps: int
     """Physics steps of all trials together."""
-
-
-def draw(seed: int, radius: float, relative_humidity: float, repeat: int) -> Trial:
-    """Trial with works of adhesion scattered by a draw that depends on these arguments alone.
-
-    Args:
-        seed: of all draws.
-        radius: of the ball [m].
-        relative_humidity: [%].
-        repeat: which of the trials at this radius and humidity.
-    """
-    identity = [seed, round(radius * 1e12), round(relative_humidity * 1e6), repeat]
-    tool, substrate = np.random.default_rng(identity).standard_normal(2)
-    return Trial(
-        radius,
-        float(scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, tool)),
-        float(scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, substrate)),
-        relative_humidity,
-    )
 
 
 def run_trials(

@@ -3,7 +3,7 @@
 import numpy as np
 from helpers_trace import bench_trace
 
-from iswarm_mj.gripper.bench.trace import Trace, thinned
+from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 
 
 def straight(count):

@@ -1,0 +1,48 @@
+"""Bicubic spline of the probe table as functions that Numba compiles."""
+
+import math
+
+import numpy as np
+
+from iswarm_mj.gripper.laws import probe_table
+from iswarm_mj.gripper.native.fields import compiled
+
+
+def spline_tables() -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (2, rows + 2, columns + 2) of the splines to pick and to release, and their two axes (2, 3)."""
+    splines = np.stack([probe_table.spline_coefficients(task) for task in ("pick", "release")])
+    exponents = (probe_table.GAP_EXPONENTS, probe_table.PROBE_EXPONENTS)
+    return splines, np.array([[e[0], e[1] - e[0], len(e)] for e in exponents])
+
+
+@compiled
+def _locate(ratio, axis):
+    """Cell of a ratio on a logarithmic axis (first, step, number of knots) of the table, and its place in it."""
+    place = (math.log2(ratio) - axis[0]) / axis[1]
+    place = min(max(place, 0.0), axis[2] - 1)
+    cell = int(min(place, axis[2] - 2))
+    return cell, place - cell
+
+
+@compiled
+def _weights(t):
+    """Weights of a uniform cubic spline's four coefficients, times 6."""
+    u = 1 - t
+    return u * u * u, 4 + t * t * (3 * t - 6), 4 + u * u * (3 * u - 6), t * t * t
+
+
+@compiled
+def probe_factor(task, gap_ratio, probe_ratio, splines, axes):
+    """Shape factor of `probe_table.probe_factor`, clamped to the table's edge; `task` is 0 to pick, 1 to release."""
+    row, t = _locate(gap_ratio, axes[0])
+    column, u = _locate(probe_ratio, axes[1])
+    across, total = _weights(u), 0.0
+    for i, weight in enumerate(_weights(t)):
+        line = splines[task, row + i]
+        total += weight * (
+            across[0] * line[column]
+            + across[1] * line[column + 1]
+            + across[2] * line[column + 2]
+            + across[3] * line[column + 3]
+        )
+    return math.exp(total / 36)
