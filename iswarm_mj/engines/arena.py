@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import SIDES, Point, Robot
 from iswarm_mj.utils.units import mm_from_m, mm_from_rd
 
 
@@ -26,12 +28,20 @@ class ArenaModel(NamedTuple):
     """(N, 3) addresses of x, y, yaw in qpos, and in qvel."""
     mocap: np.ndarray
     """(K,) mocap ids of the balls."""
-    probe: np.ndarray
-    """(2,) the probe's tip ahead of and beside a robot's centre [mm]."""
-    tip_height: float
-    """Height of the probe's tip above the floor [mm]."""
     servo_gain: np.ndarray
     """(3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
+    robot: Robot
+    """Geometry and mass of a robot."""
+
+    @property
+    def probe(self) -> np.ndarray:
+        """(2,) the probe's tip ahead of and beside a robot's centre [mm]."""
+        return np.array(self.robot.probe_tip)
+
+    @property
+    def tip_height(self) -> float:
+        """Height of the probe's tip above the floor [mm]."""
+        return self.robot.tip_height
 
 
 def models_directory() -> Path:
@@ -40,7 +50,62 @@ def models_directory() -> Path:
     return next(p for p in (package / "models", package.parent / "models") if p.is_dir())
 
 
-def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool) -> mujoco.MjSpec:
+def read_robot(path: Path | None = None) -> Robot:
+    """Read a robot's geometry and mass from its MJCF file.
+
+    The sites of LEDs and photodiodes stand a little off the hull; light starts and ends on the hull's surface, where
+    their optical axes cross it.
+
+    Args:
+        path: an MJCF file with the bodies, geoms and sites of `models/robot.xml`, by default that file.
+
+    Raises:
+        UserError: the hull does not stand on the floor with the robot's origin at its centre, or an LED or a
+            photodiode does not look straight out of its side.
+    """
+    path = _robot_file(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    hull, body, tip = model.geom("hull"), model.body("robot"), model.site("probe_tip")
+    half_edges = tuple(hull.size.tolist())
+    if hull.pos.any() or body.pos.tolist() != [0.0, 0.0, half_edges[2]]:
+        raise UserError(
+            f"the hull in {path} must stand on the floor with its centre at the robot's origin (got body at "
+            f"{body.pos}, hull at {hull.pos} in it, half height {half_edges[2]}); change their pos."
+        )
+
+    def on_hull(name: str, side: int) -> Point:
+        """Where a site's optical axis leaves the hull."""
+        site, matrix = model.site(name), np.zeros(9)
+        mujoco.mju_quat2Mat(matrix, site.quat)
+        normal, axis = SIDES[side], side % 2
+        along, across = site.pos[axis] * normal[axis], site.pos[1 - axis]
+        looks_outward = np.allclose(matrix[[0, 3, 6]], [*normal, 0.0], atol=1e-6)
+        if not looks_outward or along < half_edges[axis] or abs(across) > half_edges[1 - axis]:
+            raise UserError(
+                f"site {name} in {path} must lie on side {side} of the hull and look along its outward normal "
+                f"{normal} (got pos {site.pos}, x axis {matrix[[0, 3, 6]]}); change its pos or xyaxes."
+            )
+        point = [float(across)] * 2
+        point[axis] = normal[axis] * half_edges[axis]
+        return point[0], point[1]
+
+    top_of_tip = body.pos + tip.pos
+    front, left, back, right = (on_hull(f"led{side}", side) for side in range(len(SIDES)))
+    return Robot(
+        half_edges=half_edges,
+        leds=(front, left, back, right),
+        photodiodes=tuple(
+            (on_hull(f"photodiode{side}a", side), on_hull(f"photodiode{side}b", side)) for side in range(len(SIDES))
+        ),
+        probe_tip=(float(top_of_tip[0]), float(top_of_tip[1])),
+        tip_height=float(top_of_tip[2]),
+        mass=float(body.mass[0]),
+    )
+
+
+def arena_spec(
+    config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool, robot_file: Path | None = None
+) -> mujoco.MjSpec:
     """Compose the arena.
 
     Args:
@@ -48,6 +113,7 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
         n_robots: number of robots, named robot0/ and so on.
         ball_radius: (K,) radii of the balls [m], named ball0/ and so on.
         visual: keep the robots' visible parts; without them the physics is the same and faster.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`.
     """
     directory = models_directory()
     spec = mujoco.MjSpec.from_file(str(directory / "arena.xml"))
@@ -55,12 +121,12 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
     spec.option.timestep = config.drive.timestep
     spec.copy_during_attach = True
     spec.memory = 16 * 2**20 + n_robots * 200 * 2**10
-    robot = mujoco.MjSpec.from_file(str(directory / "robot.xml"))
+    robot = mujoco.MjSpec.from_file(str(_robot_file(robot_file)))
     if not visual:
         robot.delete(robot.body("visual"))
         for unused in [*robot.sites, *robot.meshes]:
             robot.delete(unused)
-    _tune_drive(robot, config.drive.timestep)
+    _tune_drive(robot, read_robot(robot_file), config.drive.timestep)
     robot.option.timestep = spec.option.timestep
     looks = _share_materials(robot, spec)
     for i in range(n_robots):
@@ -75,16 +141,18 @@ def arena_spec(config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visu
 
 
 def compile_arena(
-    config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool = False,
+    config: SwarmConfig,
+    n_robots: int,
+    ball_radius: np.ndarray,
+    visual: bool = False,
     tune: Callable[[mujoco.MjSpec], None] | None = None,
-) -> ArenaModel:  # fmt: skip
+    robot_file: Path | None = None,
+) -> ArenaModel:
     """Compile the arena and find its robots and balls. Arguments as for `arena_spec`; `tune` changes what it made."""
-    spec = arena_spec(config, n_robots, ball_radius, visual)
+    spec = arena_spec(config, n_robots, ball_radius, visual, robot_file)
     if tune is not None:
         tune(spec)
     model = spec.compile()
-    robot = mujoco.MjSpec.from_file(str(models_directory() / "robot.xml"))
-    tip = robot.body("robot").pos + robot.site("probe_tip").pos
     robots = [f"robot{i}/" for i in range(n_robots)]
     qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in robots]
     return ArenaModel(
@@ -94,10 +162,13 @@ def compile_arena(
         walls=np.array([model.geom(f"wall_{side}").id for side in ("east", "north", "west", "south")]),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))]),
-        probe=np.array(tip[:2]),
-        tip_height=float(tip[2]),
         servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
+        robot=read_robot(robot_file),
     )
+
+
+def _robot_file(path: Path | None) -> Path:
+    return models_directory() / "robot.xml" if path is None else path
 
 
 def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
@@ -121,16 +192,14 @@ def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
         spec.camera(camera).pos *= zoom
 
 
-def _tune_drive(robot: mujoco.MjSpec, timestep: float) -> None:
+def _tune_drive(spec: mujoco.MjSpec, robot: Robot, timestep: float) -> None:
     """Make the servos as fast as the time step allows: a target velocity is reached in one step.
 
     The gain is m / timestep, and the yaw inertia / timestep likewise. Damping is explicit (eulerdamp is off), so
     that MuJoCo's contact solver knows what the servo will do; the limit of stability is twice this gain.
     """
-    hull = robot.geom("hull")
-    inertia = hull.mass / 3 * (hull.size[0] ** 2 + hull.size[1] ** 2)
-    for joint, moved in (("x", hull.mass), ("y", hull.mass), ("yaw", inertia)):
-        robot.joint(joint).damping[0] = moved / timestep
+    for joint, moved in (("x", robot.mass), ("y", robot.mass), ("yaw", robot.yaw_inertia)):
+        spec.joint(joint).damping[0] = moved / timestep
 
 
 def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec) -> dict[str, str]:

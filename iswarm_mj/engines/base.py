@@ -4,9 +4,16 @@ from typing import Protocol
 
 import numpy as np
 
+from iswarm_mj.utils.robot import Robot
+
 
 class Engine(Protocol):
     """Rigid-body physics of B worlds with N robots and K balls each. Units: mm, mg, s, rad."""
+
+    @property
+    def robot(self) -> Robot:
+        """Geometry and mass of a robot."""
+        ...
 
     def reset(self, poses: np.ndarray, balls: np.ndarray) -> None:
         """Put the robots at rest at `poses` (B, N, 3) x, y, yaw, and the balls at `balls` (B, K, 3)."""

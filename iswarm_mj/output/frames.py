@@ -8,14 +8,13 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import Frames, Scene
 from iswarm_mj.simulation.run_mujoco import StepView
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 LYING, HELD, DELIVERED = 0, 1, 2
-ROBOT_SIZE = (2e-3, 2e-3, 1e-3)
-"""Edges of a robot [m]."""
 
 
-def scene_of(config: SwarmConfig, start: StepView, world: int) -> Scene:
+def scene_of(config: SwarmConfig, robot: Robot, start: StepView, world: int) -> Scene:
     """What does not change in one world of a run."""
     arena = config.arena
 
@@ -24,7 +23,7 @@ def scene_of(config: SwarmConfig, start: StepView, world: int) -> Scene:
 
     dust = [square(side * arena.dust_area_offset, arena.dust_area_size) for side in (-1, 1)]
     return Scene(
-        robot_size=np.array(ROBOT_SIZE),
+        robot_size=2 * MM * np.array(robot.half_edges),
         is_scout=np.asarray(start.state.mind.is_scout[world]),
         ball_radius=np.asarray(start.state.balls.radius[world]),
         arena_size=arena.size * ROBOT_DIAMETER,

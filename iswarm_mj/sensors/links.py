@@ -13,9 +13,18 @@ import numpy as np
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
-from iswarm_mj.sensors.occlusion import CIRCUMRADIUS, CLEAR, OPEN, judge
-from iswarm_mj.sensors.optics import N_SIDES, Reception, facing_side, into_frame, receive_views, side_centres
+from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Paths, circles, judge
+from iswarm_mj.sensors.optics import (
+    N_SIDES,
+    Reception,
+    facing_side,
+    into_frame,
+    led_positions,
+    receive_views,
+    receiver_positions,
+)
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -49,47 +58,53 @@ class Candidates(NamedTuple):
     reception: Reception
 
 
-def find_candidates(poses: np.ndarray, around: Neighbours, optics: OpticsConfig, sends: np.ndarray) -> Candidates:
+def find_candidates(
+    poses: np.ndarray, around: Neighbours, robot: Robot, optics: OpticsConfig, sends: np.ndarray
+) -> Candidates:
     """Pairs of robots within reach of each other's light.
 
     Args:
         poses: (B N, 3) x, y [mm] and yaw [rad].
         around: pairs of robots near each other.
+        robot: where LEDs and photodiodes sit.
         optics: range, cones and mode.
         sends: (B N,) bool.
     """
     heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
     ahead, left = into_frame(around.dx, around.dy, heading)
     side, back = facing_side(ahead, left), around.reverse
-    reception = receive_views((ahead, left), (ahead[back], left[back]), side, side[back], optics)
+    reception = receive_views((ahead, left), (ahead[back], left[back]), side, side[back], robot, optics)
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & sends[around.other])
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * N_SIDES + reception.side
     order = np.argsort(slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999)
     pick = arrives[order]
-    return Candidates(
-        around.robot[pick], around.other[pick], slot[order], around.distance[pick],
-        Reception(*(values[order] for values in reception)),
-    )  # fmt: skip
+    reception = Reception(*(values[order] for values in reception))
+    return Candidates(around.robot[pick], around.other[pick], slot[order], around.distance[pick], reception)
 
 
-def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit, sends: np.ndarray | None = None) -> Links:
+def find_links(
+    poses: np.ndarray, robot: Robot, optics: OpticsConfig, reaches: LedHit, sends: np.ndarray | None = None
+) -> Links:
     """Links of all robots: for each side the nearest sender in sight.
 
     Args:
         poses: (B, N, 3) x, y [mm] and yaw [rad].
+        robot: its outline, and where LEDs and photodiodes sit.
         optics: range, cones and mode.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
         sends: (B, N) bool, which robots send light, all if not given; the others still stand in the way.
     """
     n_worlds, n_robots = poses.shape[:2]
-    around = find_neighbours(poses[..., :2], mm_from_rd(optics.communication_radius) + CIRCUMRADIUS)
+    farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
+    around = find_neighbours(poses[..., :2], farthest + circles(robot).behind)
     flat = poses.reshape(-1, 3)
     sending = np.ones(len(flat), bool) if sends is None else sends.ravel()
-    found = find_candidates(flat, around, optics, sending)
-    clear = (
-        _in_sight(flat, around, found, n_robots, reaches) if optics.line_of_sight else np.ones(len(found.slot), bool)
-    )
+    found = find_candidates(flat, around, robot, optics, sending)
+    if optics.line_of_sight:
+        clear = _in_sight(flat, around, found, robot, n_robots, reaches)
+    else:
+        clear = np.ones(len(found.slot), bool)
     chosen = np.zeros(len(clear), bool)
     first = _first(clear, found.slot)
     chosen[first[first < len(clear)]] = True
@@ -109,14 +124,14 @@ def find_links(poses: np.ndarray, optics: OpticsConfig, reaches: LedHit, sends: 
     )
 
 
-def _in_sight(poses: np.ndarray, around: Neighbours, found: Candidates, n_robots: int, reaches: LedHit) -> np.ndarray:
+def _in_sight(
+    poses: np.ndarray, around: Neighbours, found: Candidates, robot: Robot, n_robots: int, reaches: LedHit
+) -> np.ndarray:
     """Whether nothing stands between (P,) bool; False also where a nearer candidate of the same side is clear."""
-    sides = side_centres(poses)
-    origin, target = sides[found.receiver, found.reception.side], sides[found.sender, found.reception.led]
-    verdict = judge(
-        found.slot, found.receiver, found.sender, found.distance, origin, target, poses, around.first, around.other,
-        around.distance,
-    )  # fmt: skip
+    origin = receiver_positions(poses, robot)[found.receiver, found.reception.side]
+    target = led_positions(poses, robot)[found.sender, found.reception.led]
+    paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)
+    verdict = judge(paths, poses, around, circles(robot))
     clear = verdict == CLEAR
     ask = np.flatnonzero(verdict == OPEN)
     world, receiver = np.divmod(found.receiver[ask], n_robots)

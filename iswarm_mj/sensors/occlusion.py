@@ -1,57 +1,81 @@
-"""Robots in the way of light: what circles tell before a ray is cast."""
+"""Robots in the way of light: what circles around them can settle before a ray is cast."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from iswarm_mj.sensors.optics import HALF_WIDTH
-
-CIRCUMRADIUS = HALF_WIDTH * 2**0.5 * (1 + 1e-6)
-"""Nothing of a robot is farther from its centre, so it does not touch a path that passes at more [mm]."""
-
-INRADIUS = HALF_WIDTH * (1 - 1e-6)
-"""Everything nearer to a robot's centre is robot, so it cuts a path that passes at less [mm]."""
+from iswarm_mj.sensors.neighbours import Neighbours
+from iswarm_mj.utils.robot import Robot
 
 CUT, CLEAR, OPEN = 0, 1, 2
-"""Verdicts: a robot stands between; none does; only a ray can tell."""
+"""Verdicts: a robot blocks the path; none does; only a ray can tell."""
+
+
+class Circles(NamedTuple):
+    """Radii of circles around a robot's centre, seen from above [mm]."""
+
+    outer: float
+    """Contains the robot, which therefore does not touch a path that passes farther away."""
+    inner: float
+    """Lies inside the robot, which therefore blocks a path that passes closer."""
+    behind: float
+    """A robot that blocks a path is at most this much farther from the receiver than the sender is."""
+
+
+class Paths(NamedTuple):
+    """P straight paths of light, sorted by slot; those of one slot by increasing distance."""
+
+    slot: np.ndarray
+    """(P,) index of the receiving side among all sides of all robots."""
+    receiver: np.ndarray
+    """(P,) index of the receiving robot."""
+    sender: np.ndarray
+    """(P,) index of the sending robot."""
+    distance: np.ndarray
+    """(P,) between their centres [mm]."""
+    origin: np.ndarray
+    """(P, 2) where the path begins, at the receiver [mm]."""
+    target: np.ndarray
+    """(P, 2) where it ends, at the sender [mm]."""
+
+
+def circles(robot: Robot) -> Circles:
+    """Return a robot's circles, with one millionth to spare for rounding."""
+    outer = robot.circumradius * (1 + 1e-6)
+    return Circles(outer, robot.inradius * (1 - 1e-6), outer + robot.optical_offset)
 
 
 @njit(cache=True)
-def judge(
-    slot: np.ndarray, receiver: np.ndarray, sender: np.ndarray, distance: np.ndarray, origin: np.ndarray,
-    target: np.ndarray, poses: np.ndarray, first: np.ndarray, other: np.ndarray, other_distance: np.ndarray,
-) -> np.ndarray:  # fmt: skip
-    """Verdicts (P,) on the straight paths of light of P candidates; after a clear one of its slot, the rest is cut.
+def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles) -> np.ndarray:
+    """Verdicts (P,) on P paths; once a path of a slot is clear, the rest of that slot count as cut.
 
     Args:
-        slot: (P,) sorted; candidates of one slot stand one behind the other, the nearest first.
-        receiver: (P,) index of the receiving robot.
-        sender: (P,) index of the sending robot.
-        distance: (P,) between their centres [mm].
-        origin: (P, 2) where the path begins, at the receiver [mm].
-        target: (P, 2) where it ends, at the sender [mm].
+        paths: from receivers to senders.
         poses: (N, 3) of all robots [mm, mm, rad].
-        first: (N + 1,) where each robot's neighbours begin in the next two.
-        other: (Q,) index of the neighbour; complete as far as light reaches and a circumradius more.
-        other_distance: (Q,) its distance [mm].
+        around: pairs of robots near each other, complete up to `circles.behind` beyond the longest path's distance.
+        circles: around each robot.
     """
-    verdict = np.zeros(len(slot), np.int8)
+    verdict = np.zeros(len(paths.slot), np.int8)
     settled = -1
-    for k in range(len(slot)):
-        if slot[k] == settled:
+    for k in range(len(paths.slot)):
+        if paths.slot[k] == settled:
             continue
-        x, y = target[k, 0] - origin[k, 0], target[k, 1] - origin[k, 1]
+        receiver, x0, y0 = paths.receiver[k], paths.origin[k, 0], paths.origin[k, 1]
+        x, y = paths.target[k, 0] - x0, paths.target[k, 1] - y0
         length = max(np.sqrt(x * x + y * y), 1e-9)
         x, y = x / length, y / length
         nearest = np.inf
-        for q in range(first[receiver[k]], first[receiver[k] + 1]):
-            if other[q] != sender[k] and other_distance[q] <= distance[k] + CIRCUMRADIUS:
-                dx, dy = poses[other[q], 0] - origin[k, 0], poses[other[q], 1] - origin[k, 1]
+        for q in range(around.first[receiver], around.first[receiver + 1]):
+            other = around.other[q]
+            if other != paths.sender[k] and around.distance[q] <= paths.distance[k] + circles.behind:
+                dx, dy = poses[other, 0] - x0, poses[other, 1] - y0
                 ahead = dx * x + dy * y
                 beyond = ahead - min(max(ahead, 0.0), length)
                 nearest = min(nearest, beyond**2 + (dy * x - dx * y) ** 2)
-        if nearest > CIRCUMRADIUS**2:
+        if nearest > circles.outer**2:
             verdict[k] = CLEAR
-            settled = slot[k]
-        elif nearest > INRADIUS**2:
+            settled = paths.slot[k]
+        elif nearest > circles.inner**2:
             verdict[k] = OPEN
     return verdict

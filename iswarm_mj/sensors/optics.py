@@ -1,8 +1,8 @@
 """Beams and photodiodes: what light from one robot does at another (sections 3.1 and 4.3 of the paper).
 
-Each side of a robot carries one LED in its middle and two photodiodes beside it. Sides are numbered 0 front,
-1 left, 2 back, 3 right. The functions act on arrays of pairs, with NumPy and JAX arrays alike; lengths in mm,
-angles in rad. Whether something stands in between is not their concern: see `links`.
+Each side of a robot carries one LED and two photodiodes. Sides are numbered 0 front, 1 left, 2 back, 3 right. The
+functions accept NumPy and JAX arrays of pairs; lengths are in mm, angles in rad. They ignore what stands between two
+robots: see `links`.
 """
 
 import math
@@ -10,10 +10,8 @@ from typing import Any, NamedTuple
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.utils.arrays import array_module
+from iswarm_mj.utils.robot import SIDES, Point, Robot
 from iswarm_mj.utils.units import mm_from_rd
-
-HALF_WIDTH = 1.0
-"""Distance from a robot's centre to each of its sides [mm]."""
 
 N_SIDES = 4
 """Number of LEDs, and of photodiode sectors (Table 1: 4)."""
@@ -52,7 +50,7 @@ def facing_side(ahead: Any, left: Any) -> Any:
     return xp.where(xp.abs(ahead) >= xp.abs(left), 2 * (ahead < 0), 1 + 2 * (left < 0))
 
 
-def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) -> Reception:
+def receive(dx: Any, dy: Any, receiver: Any, sender: Any, robot: Robot, optics: OpticsConfig) -> Reception:
     """Reception of light by pairs of robots.
 
     Args:
@@ -60,14 +58,17 @@ def receive(dx: Any, dy: Any, receiver: Any, sender: Any, optics: OpticsConfig) 
         dy: likewise y.
         receiver: cosine and sine (P,), (P,) of the receiver's yaw.
         sender: cosine and sine of the sender's yaw.
+        robot: where LEDs and photodiodes sit.
         optics: mode, range and cones.
     """
     at_receiver = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
-    return receive_views(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), optics)
+    return receive_views(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), robot, optics)
 
 
-def receive_views(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
+def receive_views(
+    at_receiver: Any, at_sender: Any, side: Any, led: Any, robot: Robot, optics: OpticsConfig
+) -> Reception:
     """As `receive`, for those who know how the pairs see each other.
 
     Args:
@@ -75,10 +76,12 @@ def receive_views(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics:
         at_sender: the receiver's position ahead and to the left of the sender.
         side: (P,) the receiver's side that faces the sender.
         led: (P,) the sender's side that faces the receiver.
+        robot: where LEDs and photodiodes sit.
         optics: mode, range and cones.
     """
-    rule = _receive_in_sector if optics.mode == "sector" else _receive_power
-    return rule(at_receiver, at_sender, side, led, optics)
+    if optics.mode == "sector":
+        return _receive_in_sector(at_receiver, at_sender, side, led, optics)
+    return _receive_power(at_receiver, at_sender, side, led, robot, optics)
 
 
 def _receive_in_sector(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
@@ -98,14 +101,16 @@ def _in_cone(ahead: Any, left: Any, aperture: float) -> Any:
     return xp.minimum(ahead, left) <= xp.maximum(ahead, left) * math.tan(math.radians(aperture / 2))
 
 
-def _receive_power(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
+def _receive_power(
+    at_receiver: Any, at_sender: Any, side: Any, led: Any, robot: Robot, optics: OpticsConfig
+) -> Reception:
     """Reception by a threshold of power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &
-    Barry 1997, Proc. IEEE 85, 265). Light goes from the middle of the sending side to that of the receiving one.
-    Each of a side's two photodiodes accepts cos(angle) about an axis splayed from the side's normal; their powers a
-    and b tell the bearing, tan(bearing) tan(splay) = (a - b) / (a + b). The threshold is such that a sender on both
-    axes is received up to `communication_radius`, from centre to centre.
+    Barry 1997, Proc. IEEE 85, 265). Light travels from the LED of the sending side to the point halfway between the
+    photodiodes of the receiving one. Each of these accepts cos(angle) about an axis splayed from the side's normal;
+    their powers a and b give the bearing, tan(bearing) tan(splay) = (a - b) / (a + b). The threshold is such that a
+    sender on both axes is received up to `communication_radius`, from centre to centre.
     """
     xp = array_module(side)
     along_r, across_r = quarter_turns(at_receiver[0], at_receiver[1], side)
@@ -114,9 +119,12 @@ def _receive_power(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics
     # The sender's normal, seen from the receiving side: the angle between both normals follows from the two views.
     cos = -(along_r * along_s + across_r * across_s) / distance**2
     sin = -(along_r * across_s - across_r * along_s) / distance**2
-    gap_along, gap_across = along_r - HALF_WIDTH + HALF_WIDTH * cos, across_r - HALF_WIDTH * sin
+    out_r, left_r = _on_side(robot.receivers, side)
+    out_s, left_s = _on_side(robot.leds, led)
+    gap_along = along_r - out_r + out_s * cos + left_s * sin
+    gap_across = across_r - left_r - out_s * sin + left_s * cos
     gap = xp.maximum(xp.hypot(gap_along, gap_across), 1e-6)
-    off_axis = (along_s - HALF_WIDTH + HALF_WIDTH * cos) / gap
+    off_axis = (along_s - out_s + out_r * cos - left_r * sin) / gap
     order = -math.log(2) / math.log(math.cos(math.radians(optics.led_beam_aperture / 2)))
     lobe = xp.clip(off_axis, 0.0, 1.0) ** order
     splay = math.radians(optics.photodiode_splay)
@@ -124,14 +132,47 @@ def _receive_power(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics
     b = xp.maximum(gap_along * math.cos(splay) - gap_across * math.sin(splay), 0.0) / gap
     bearing = side * (math.pi / 2) + xp.arctan((a - b) / xp.maximum(a + b, 1e-9) / math.tan(splay))
     gain = lobe * (a + b) / (2 * math.cos(splay))
-    effective = gap / xp.sqrt(xp.maximum(gain, 1e-12)) + 2 * HALF_WIDTH
+    effective = gap / xp.sqrt(xp.maximum(gain, 1e-12)) + (out_r + out_s)
     received = effective < mm_from_rd(optics.communication_radius)
     return Reception(side, led, bearing, xp.where(received, effective, math.inf))
 
 
-def side_centres(poses: Any) -> Any:
-    """World positions (..., 4, 2) of the middles of the sides, where the LEDs sit, of robots at (..., 3) [mm, rad]."""
+def _on_side(points: tuple[Point, ...], side: Any) -> tuple[Any, Any]:
+    """Components of each side's point along the side's outward normal and to its left, for `side` (P,)."""
+    along = tuple(x * normal[0] + y * normal[1] for normal, (x, y) in zip(SIDES, points, strict=True))
+    left = tuple(y * normal[0] - x * normal[1] for normal, (x, y) in zip(SIDES, points, strict=True))
+    return _look_up(along, side), _look_up(left, side)
+
+
+def _look_up(values: tuple[float, ...], side: Any) -> Any:
+    """The value of each of `side` (P,), one number if all sides have the same."""
+    if len(set(values)) == 1:
+        return values[0]
+    return array_module(side).asarray(values)[side]
+
+
+def led_positions(poses: Any, robot: Robot) -> Any:
+    """World positions (..., 4, 2) of the LEDs of robots at `poses` (..., 3) [mm, mm, rad]."""
+    return _on_robots(poses, robot.leds)
+
+
+def receiver_positions(poses: Any, robot: Robot) -> Any:
+    """World positions (..., 4, 2) at which the sides of robots at `poses` (..., 3) [mm, mm, rad] receive light."""
+    return _on_robots(poses, robot.receivers)
+
+
+def outward_normals(poses: Any) -> Any:
+    """Unit vectors (..., 4, 2) along which the sides of robots at `poses` (..., 3) look."""
+    return _turned(poses, SIDES)
+
+
+def _on_robots(poses: Any, points: tuple[Point, ...]) -> Any:
+    return poses[..., None, :2] + _turned(poses, points)
+
+
+def _turned(poses: Any, points: tuple[Point, ...]) -> Any:
+    """Vectors (..., P, 2) in the world from those in the robots' frames."""
     xp = array_module(poses)
-    c, s = HALF_WIDTH * xp.cos(poses[..., 2]), HALF_WIDTH * xp.sin(poses[..., 2])
-    outward = xp.stack([c, s, -s, c, -c, -s, s, -c], axis=-1).reshape(*c.shape, N_SIDES, 2)
-    return poses[..., None, :2] + outward
+    c, s = xp.cos(poses[..., 2, None]), xp.sin(poses[..., 2, None])
+    ahead, left = xp.asarray(points, dtype=poses.dtype).T
+    return xp.stack([c * ahead - s * left, s * ahead + c * left], axis=-1)

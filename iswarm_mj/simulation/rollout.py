@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig, check
-from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.arena import EXACT
 from iswarm_mj.simulation.initial import check_robots, draw_radii
 from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
@@ -108,7 +108,7 @@ def rollout(
 
 def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
     """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
-    probe_reach = float(compile_arena(config, 1, np.zeros(0)).probe[0])
+    probe_reach = read_robot().probe_tip[0]
     return VectorStrategy(rules_of(genome), jnp.asarray(round(genome.fraction_scouts * n_robots)), config, probe_reach)
 
 

@@ -14,7 +14,7 @@ from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.sensors.optics import HALF_WIDTH, side_centres
+from iswarm_mj.sensors.optics import led_positions, outward_normals
 from iswarm_mj.strategy.controller import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
@@ -136,7 +136,7 @@ def see(config: SwarmConfig, engine: Engine, poses: np.ndarray, sends: np.ndarra
         share, hit = engine.cast_rays(world, origin, target - origin, receiver)
         return (hit == sender) | (share >= 1.0)
 
-    return find_links(poses, config.optics, reaches, sends), find_walls(config, engine, poses)
+    return find_links(poses, engine.robot, config.optics, reaches, sends), find_walls(config, engine, poses)
 
 
 def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.ndarray:
@@ -146,8 +146,8 @@ def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.nda
     """
     length = mm_from_rd(config.optics.wall_range)
     edge = mm_from_rd(config.arena.size) / 2
-    leds = side_centres(poses)
-    outward = (leds - poses[..., None, :2]) * (length / HALF_WIDTH)
+    leds = led_positions(poses, engine.robot)
+    outward = outward_normals(poses) * length
     beyond = np.abs(leds + outward).max(axis=-1) > edge
     world, robot, _ = np.nonzero(beyond)
     origin, vector = leds[beyond], outward[beyond]

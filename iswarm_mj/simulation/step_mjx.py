@@ -129,7 +129,11 @@ def drive(
 
     phases = Phase(options.turn_substeps, spin), Phase(options.walk_substeps, walk)
     bodies, motion = advance(arena, model, bodies, phases)
-    return bodies, overlapping(motion.before[0]) | overlapping(motion.before[1]), motion.overflow
+    return (
+        bodies,
+        overlapping(motion.before[0], arena.robot) | overlapping(motion.before[1], arena.robot),
+        motion.overflow,
+    )
 
 
 def _fault(arena: MjxArena, poses: Array, overflow: Array, is_present: Array, step: Array) -> Fault:

@@ -96,7 +96,7 @@ class Recorder:
         from iswarm_mj.output.rerun_swarm import Recording
 
         self._run, self._out = run, out
-        self._scene: Scene = scene_of(run.config, start, world)
+        self._scene: Scene = scene_of(run.config, run.arena.robot, start, world)
         self._buffer = FrameBuffer(world)
         self._blocks: list[Frames] = []
         settings = {"genome": asdict(run.genome), "run": asdict(run.settings), **asdict(run.config)}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
-from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mjx.arena import Capacities, compile_mjx_arena, without_absent
 from iswarm_mj.engines.mjx.contacts import box_box, plane_box
 from iswarm_mj.engines.mjx.motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS, Bodies, Phase, advance, overlapping
@@ -16,6 +16,7 @@ from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
 from iswarm_mj.simulation import step as swarm
 from iswarm_mj.simulation.initial import place_robots
 
+ROBOT = read_robot()
 N, WORLDS = 40, 20
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 HERE = np.ones(N, bool)
@@ -68,7 +69,7 @@ class TestMotion:
         assert not np.asarray(motion.overflow).any()
         pairs = 0
         for world in range(WORLDS):
-            touching = np.argwhere(np.asarray(overlapping(motion.before[world, 0]))) @ [N, 1]
+            touching = np.argwhere(np.asarray(overlapping(motion.before[world, 0], ROBOT))) @ [N, 1]
             np.testing.assert_array_equal(touching, np.unique(engine.contacts(world)))
             pairs += len(touching)
         assert pairs > 100
@@ -181,7 +182,7 @@ class TestSight:
 def test_squares_overlap_as_by_hand():
     def both(x, y, degrees):
         poses = jnp.array([[0.0, 0.0, 0.0], [x, y, np.deg2rad(degrees)]])
-        return np.asarray(overlapping(poses)).tolist()
+        return np.asarray(overlapping(poses, ROBOT)).tolist()
 
     assert both(1.99, 1.99, 0) == [[False, True], [False, False]]
     assert not np.any(both(2.01, 0, 0)) and not np.any(both(0, -2.01, 0))

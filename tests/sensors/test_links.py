@@ -7,13 +7,14 @@ import pytest
 from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
-from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.simulation import step as swarm
 
 OPTICS = OpticsConfig()
+ROBOT = read_robot()
 BLIND = OpticsConfig(line_of_sight=False)
 
 
@@ -30,7 +31,7 @@ def engine_at(poses):
 
 
 def by_geometry(poses, optics=OPTICS):
-    return find_links(poses, optics, squares_in_the_way(poses))
+    return find_links(poses, ROBOT, optics, squares_in_the_way(poses))
 
 
 def by_rays(poses, optics=OPTICS):
@@ -115,7 +116,7 @@ def test_rays_are_cast_only_where_circles_leave_it_open():
         return np.zeros(0, bool)
 
     for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
-        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], OPTICS, reaches)
+        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], ROBOT, OPTICS, reaches)
         assert ((0, 0) in heard(links)) is hears
 
 
@@ -143,7 +144,7 @@ def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
         asked.append(len(pairs[0]))
         return ray(*pairs)
 
-    links = find_links(poses[None], OPTICS, counted)
+    links = find_links(poses[None], ROBOT, OPTICS, counted)
     for reaches in (ray, squares_in_the_way(poses[None])):
         sender, led, passed_over = all_links(poses, reaches)
         np.testing.assert_array_equal(np.where(links.valid[0], links.sender[0], -1), sender)

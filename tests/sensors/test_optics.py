@@ -6,8 +6,10 @@ import pytest
 from helpers_sensing import RADIUS, place, turned, wrapped
 
 from iswarm_mj.config import OpticsConfig
-from iswarm_mj.sensors.optics import HALF_WIDTH, facing_side, receive, side_centres
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.sensors.optics import facing_side, led_positions, receive
 
+ROBOT = read_robot()
 SECTOR, POWER = OpticsConfig(mode="sector"), OpticsConfig(mode="power")
 both_modes = pytest.mark.parametrize("optics", [SECTOR, POWER], ids=["sector", "power"])
 
@@ -19,7 +21,7 @@ def light(receiver, sender, optics=SECTOR, xp=np):
     )
     dx, dy = (xp.asarray(a) for a in (sender - receiver)[:, :2].T)
     views = [(xp.asarray(np.cos(p[:, 2])), xp.asarray(np.sin(p[:, 2]))) for p in (receiver, sender)]
-    return receive(dx, dy, *views, optics)
+    return receive(dx, dy, *views, ROBOT, optics)
 
 
 def seen_at(degrees, distance=5.0, off_beam=0.0):
@@ -143,9 +145,9 @@ def test_half_the_power_arrives_at_half_the_aperture(aperture):
     optics = OpticsConfig(mode="power", led_beam_aperture=aperture)
     for sign in (-1, 1):
         heading = np.pi + sign * np.radians(aperture / 2)
-        xy = np.array([HALF_WIDTH + 4.0, 0.0]) - HALF_WIDTH * np.array([np.cos(heading), np.sin(heading)])
+        xy = np.array([1.0 + 4.0, 0.0]) - np.array([np.cos(heading), np.sin(heading)])
         got = light(HERE, np.array([[*xy, heading]]), optics)
-        assert got.effective_distance[0] == pytest.approx(4.0 * np.sqrt(2) + 2 * HALF_WIDTH, rel=1e-9)
+        assert got.effective_distance[0] == pytest.approx(4.0 * np.sqrt(2) + 2.0, rel=1e-9)
         assert got.bearing[0] == pytest.approx(0, abs=1e-9)
 
 
@@ -163,7 +165,7 @@ def test_received_power_against_its_formula():
         lobe = (-path / gap @ normal_s) ** order
         lit = [max(path / gap @ turned(normal_r, s), 0.0) for s in np.radians([30, -30])]
         power = lobe * sum(lit) / (2 * np.cos(np.radians(30))) / gap**2
-        assert got.effective_distance[i] == pytest.approx(power**-0.5 + 2 * HALF_WIDTH, rel=1e-6)
+        assert got.effective_distance[i] == pytest.approx(power**-0.5 + 2.0, rel=1e-6)
 
 
 def test_two_lit_photodiodes_tell_the_bearing_of_the_light_exactly():
@@ -172,7 +174,7 @@ def test_two_lit_photodiodes_tell_the_bearing_of_the_light_exactly():
         sender = seen_at(degrees, distance=4.5)
         got = light(HERE, sender, POWER)
         led = sender[0, :2] + turned(np.array([1.0, 0.0]), sender[0, 2])
-        bearing = np.arctan2(led[1], led[0] - HALF_WIDTH)
+        bearing = np.arctan2(led[1], led[0] - 1.0)
         if arrives(got) and abs(bearing) < np.radians(60):
             assert got.bearing[0] == pytest.approx(bearing, abs=1e-9)
             lit += 1
@@ -183,7 +185,7 @@ def test_one_lit_photodiode_tells_its_limit_only():
     """Light of a close robot from over 60 degrees off the normal misses the diode that looks 30 degrees away."""
     sender = seen_at(44, distance=2.9)
     led = sender[0, :2] + turned(np.array([1.0, 0.0]), sender[0, 2])
-    assert np.degrees(np.arctan2(led[1], led[0] - HALF_WIDTH)) > 70
+    assert np.degrees(np.arctan2(led[1], led[0] - 1.0)) > 70
     got = light(HERE, sender, POWER)
     assert arrives(got) and got.side[0] == 0
     assert got.bearing[0] == pytest.approx(np.radians(60), abs=1e-9)
@@ -195,5 +197,5 @@ def test_facing_side_of_the_axes():
 
 
 def test_leds_sit_in_the_middle_of_the_sides():
-    np.testing.assert_allclose(side_centres(place((5, 7, 0)))[0], [[6, 7], [5, 8], [4, 7], [5, 6]], atol=1e-12)
-    np.testing.assert_allclose(side_centres(place((5, 7, 90)))[0], [[5, 8], [4, 7], [5, 6], [6, 7]], atol=1e-12)
+    np.testing.assert_allclose(led_positions(place((5, 7, 0)), ROBOT)[0], [[6, 7], [5, 8], [4, 7], [5, 6]], atol=1e-12)
+    np.testing.assert_allclose(led_positions(place((5, 7, 90)), ROBOT)[0], [[5, 8], [4, 7], [5, 6], [6, 7]], atol=1e-12)

@@ -12,6 +12,7 @@ import pytest
 from helpers_sensing import crowd, lay, place, remember
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.simulation import step as swarm
@@ -33,7 +34,7 @@ PROBE = (0.9, 0.0)
 
 def links_of(poses, optics):
     """Links of one world whose robots hide nobody."""
-    links = find_links(poses[None], replace(optics, line_of_sight=False), lambda *_: None)
+    links = find_links(poses[None], read_robot(), replace(optics, line_of_sight=False), lambda *_: None)
     return Links(*(jnp.asarray(values[0]) for values in links))
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iswarm_mj.config import OpticsConfig
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import Memory
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.strategy.vectors import after_motion, heard, standing_on, take_over
@@ -35,7 +36,7 @@ def listen(receiver, sender, sent):
     """What a robot at `receiver` makes of the vector of one at `sender`, by what the optics tell it."""
     dx, dy = sender[:2] - receiver[:2]
     views = [tuple(np.array([f(p[2])]) for f in (np.cos, np.sin)) for p in (receiver, sender)]
-    got = receive(np.array([dx]), np.array([dy]), *views, OpticsConfig())
+    got = receive(np.array([dx]), np.array([dy]), *views, read_robot(), OpticsConfig())
     assert np.isfinite(got.effective_distance).all()
     return heard(sent, jnp.asarray(got.bearing), jnp.asarray(got.effective_distance), jnp.asarray(got.led)), got
 

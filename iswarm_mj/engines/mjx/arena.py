@@ -1,7 +1,9 @@
 """The arena in MJX: capacities, model and template data, for `impl="jax"` and `impl="warp"`."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -14,6 +16,7 @@ from iswarm_mj.engines.arena import ArenaModel, compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_rd
 
 IMPLEMENTATIONS = ("jax", "warp")
@@ -70,8 +73,7 @@ class MjxArena:
         impl: "jax" or "warp".
         room: for contacts.
         edge: half the arena's edge [mm].
-        probe: the probe's tip ahead of and beside a robot's centre [mm].
-        tip_height: height of that tip [mm].
+        robot: geometry and mass of a robot.
     """
 
     model: mjx.Model
@@ -84,14 +86,28 @@ class MjxArena:
     impl: str = field(metadata={"static": True})
     room: Capacities = field(metadata={"static": True})
     edge: float = field(metadata={"static": True})
-    probe: tuple[float, float] = field(metadata={"static": True})
-    tip_height: float = field(metadata={"static": True})
+    robot: Robot = field(metadata={"static": True})
+
+    @property
+    def probe(self) -> tuple[float, float]:
+        """The probe's tip ahead of and beside a robot's centre [mm]."""
+        return self.robot.probe_tip
+
+    @property
+    def tip_height(self) -> float:
+        """Height of that tip [mm]."""
+        return self.robot.tip_height
 
 
 def compile_mjx_arena(
-    config: SwarmConfig, n_robots: int, impl: str, n_worlds: int, room: Capacities | None = None,
+    config: SwarmConfig,
+    n_robots: int,
+    impl: str,
+    n_worlds: int,
+    room: Capacities | None = None,
     iterations: int = EXACT,
-) -> MjxArena:  # fmt: skip
+    robot_file: Path | None = None,
+) -> MjxArena:
     """Compile the arena for MJX.
 
     Args:
@@ -101,10 +117,15 @@ def compile_mjx_arena(
         n_worlds: worlds on one device; Warp's room for contacts is shared by all of them.
         room: for contacts in one world, by default that of `capacities`.
         iterations: of the contact solver at most, see `EXACT` and `FAST`.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`.
     """
+
+    def compiled(tune: Callable[[mujoco.MjSpec], None]) -> ArenaModel:
+        return compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
+
     room = capacities(config, n_robots) if room is None else room
-    arena = compile_arena(config, n_robots, np.zeros(0), tune=lambda spec: _tune(spec, impl, room, iterations))
-    sight = compile_arena(config, n_robots, np.zeros(0), tune=_only_to_be_seen)
+    arena = compiled(lambda spec: _tune(spec, impl, room, iterations))
+    sight = compiled(_only_to_be_seen)
     _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
     seen = put_model(sight.model, "jax", own)
@@ -122,8 +143,7 @@ def compile_mjx_arena(
         impl=impl,
         room=room,
         edge=mm_from_rd(config.arena.size) / 2,
-        probe=(float(arena.probe[0]), float(arena.probe[1])),
-        tip_height=arena.tip_height,
+        robot=arena.robot,
     )
 
 

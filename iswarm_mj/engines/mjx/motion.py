@@ -13,12 +13,12 @@ from iswarm_mj.engines.mjx.contacts import planar_contacts
 from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
 
 TOO_MANY_PAIRS, TOO_MANY_CONTACTS = 1, 2
 """Bits of `Motion.overflow`."""
 
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
-_DIAGONAL = 2 * 2**0.5 + 1e-3  # robots farther apart than this cannot touch [mm]
 
 
 class Bodies(NamedTuple):
@@ -87,26 +87,30 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     crowded = jnp.where((distance < 0).all(), TOO_MANY_CONTACTS, 0) if arena.n_robots > 1 else 0
     centre = data.xpos[1:]
     apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
-    n_near = ((apart2 < _DIAGONAL**2).sum() - arena.n_robots) // 2
+    farthest = 2 * arena.robot.circumradius + 1e-3  # robots farther apart than this cannot touch [mm]
+    n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
     return crowded | jnp.where(n_near > arena.room.pairs, TOO_MANY_PAIRS, 0)
 
 
-def overlapping(poses: Array) -> Array:
-    """Which robots overlap, (N, N) bool, upper triangle: squares of 2 mm by the separating axis theorem.
+def overlapping(poses: Array, robot: Robot) -> Array:
+    """Which robots overlap, (N, N) bool, upper triangle: rectangles by the separating axis theorem.
 
-    For two squares of half edge 1 the four possible axes are the normals of either; along them the other one
-    reaches |cos| + |sin| of the angle between both from its centre.
+    The four possible axes are the normals of either rectangle. Along the first one's front normal, for example, it
+    reaches a from its centre, and the other one a |cos| + b |sin| of the angle between both, with half edges a, b.
 
     Args:
         poses: (N, 3) x, y [mm] and yaw [rad].
+        robot: its half edges.
     """
+    a, b, _ = robot.half_edges
     x, y, yaw = poses[:, 0], poses[:, 1], poses[:, 2]
     dx, dy = x[None] - x[:, None], y[None] - y[:, None]
     c, s = jnp.cos(yaw), jnp.sin(yaw)
-    reach = 1.0 + jnp.abs(c[:, None] * c + s[:, None] * s) + jnp.abs(s[:, None] * c - c[:, None] * s)
+    cos, sin = jnp.abs(c[:, None] * c + s[:, None] * s), jnp.abs(s[:, None] * c - c[:, None] * s)
 
     def within(c: Array, s: Array) -> Array:
-        return jnp.maximum(jnp.abs(c * dx + s * dy), jnp.abs(c * dy - s * dx)) <= reach
+        ahead, left = jnp.abs(c * dx + s * dy), jnp.abs(c * dy - s * dx)
+        return (ahead <= a + a * cos + b * sin) & (left <= b + b * cos + a * sin)
 
     index = jnp.arange(len(poses))
     return within(c[:, None], s[:, None]) & within(c, s) & (index[:, None] < index)

@@ -12,8 +12,16 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.engines.mjx.arena import MjxArena
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.occlusion import CIRCUMRADIUS, INRADIUS
-from iswarm_mj.sensors.optics import HALF_WIDTH, N_SIDES, facing_side, into_frame, receive, side_centres
+from iswarm_mj.sensors.occlusion import circles
+from iswarm_mj.sensors.optics import (
+    N_SIDES,
+    facing_side,
+    into_frame,
+    led_positions,
+    outward_normals,
+    receive,
+    receiver_positions,
+)
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -21,7 +29,6 @@ RAYS_AT_ONCE = 64
 """Rays of one world that are cast together; more take further rounds."""
 
 _START = 1e-4  # how far outside its robot a ray starts, since `mjx.ray` cannot leave out a robot of a batch [mm]
-_RAY_HEIGHT = 0.5  # half the height of a robot [mm]
 
 
 def see(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array, is_present: Array) -> tuple[Links, Array]:
@@ -46,11 +53,11 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
     x, y = poses[:, 0], poses[:, 1]
     heading = jnp.cos(poses[:, 2]), jnp.sin(poses[:, 2])
     each_receiver = tuple(a[:, None] for a in heading)
-    found = receive(x[None] - x[:, None], y[None] - y[:, None], each_receiver, heading, config.optics)
+    found = receive(x[None] - x[:, None], y[None] - y[:, None], each_receiver, heading, arena.robot, config.optics)
     possible = sends[None] & is_present[:, None] & (index[:, None] != index)
     reach = jnp.where(possible, found.effective_distance, jnp.inf)
     side = found.side.astype(jnp.int8)
-    sides = side_centres(poses)
+    leds, receivers = led_positions(poses, arena.robot), receiver_positions(poses, arena.robot)
 
     def nearest_beyond(last: Array, last_sender: Array) -> tuple[Array, Array]:
         """For each side (N, 4) the next sender after the last one, by distance and then by number."""
@@ -65,7 +72,7 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
     def led_of(sender: Array) -> Array:
         """Where the LED of each sender (N, 4) sits that shines towards its receiver (N, 4, 2)."""
         dx, dy = x[:, None] - x[sender], y[:, None] - y[sender]
-        return sides[sender, facing_side(*into_frame(dx, dy, (heading[0][sender], heading[1][sender])))]
+        return leds[sender, facing_side(*into_frame(dx, dy, (heading[0][sender], heading[1][sender])))]
 
     def look(carry: tuple) -> tuple:
         last, sender, valid, searching = carry
@@ -75,7 +82,14 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
             target = led_of(candidate).reshape(-1, 2)
             receiver = jnp.repeat(index, N_SIDES)
             clear = _in_sight(
-                arena, poses, is_present, sides.reshape(-1, 2), target, receiver, candidate.ravel(), searching.ravel()
+                arena,
+                poses,
+                is_present,
+                receivers.reshape(-1, 2),
+                target,
+                receiver,
+                candidate.ravel(),
+                searching.ravel(),
             ).reshape(n_robots, N_SIDES)
         else:
             clear = searching
@@ -87,7 +101,7 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
     _, sender, valid, _ = jax.lax.while_loop(lambda carry: carry[-1].any(), look, start)
     sender = jnp.where(valid, sender, 0)
     dx, dy = x[sender] - x[:, None], y[sender] - y[:, None]
-    views = receive(dx, dy, each_receiver, (heading[0][sender], heading[1][sender]), config.optics)
+    views = receive(dx, dy, each_receiver, (heading[0][sender], heading[1][sender]), arena.robot, config.optics)
 
     def known(values: Array, dtype: type) -> Array:
         return jnp.where(valid, values, 0).astype(dtype)
@@ -100,8 +114,8 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
 
 def _find_walls(config: SwarmConfig, arena: MjxArena, poses: Array, is_present: Array) -> Array:
     """Whether a wall is the first thing on the axis of each LED, within range (N, 4)."""
-    leds = side_centres(poses)
-    ends = leds + (leds - poses[:, None, :2]) * (mm_from_rd(config.optics.wall_range) / HALF_WIDTH)
+    leds = led_positions(poses, arena.robot)
+    ends = leds + outward_normals(poses) * mm_from_rd(config.optics.wall_range)
     beyond = (jnp.abs(ends).max(axis=-1) > arena.edge) & is_present[:, None]
     robot = jnp.repeat(jnp.arange(len(poses), dtype=jnp.int32), N_SIDES)
     nobody = jnp.full_like(robot, len(poses))
@@ -134,8 +148,9 @@ def _in_sight(
     beyond = ahead - jnp.clip(ahead, 0.0, length[:, None])
     between = is_present & (index != receiver[:, None]) & (index != sender[:, None])
     gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf).min(axis=1)
-    clear = asked & (gap > CIRCUMRADIUS**2)
-    undecided = asked & ~clear & (gap > INRADIUS**2)
+    around = circles(arena.robot)
+    clear = asked & (gap > around.outer**2)
+    undecided = asked & ~clear & (gap > around.inner**2)
     return _by_rays(arena, poses, is_present, origin, target, receiver, sender, clear, undecided)
 
 
@@ -151,9 +166,13 @@ def _by_rays(
     def cast(path: Array) -> Array:
         start, end = origin[path], target[path]
         away = start - poses[receiver[path], :2]
-        start = start + away * (_START / HALF_WIDTH)
+        start = start + away * (_START / arena.robot.inradius)
         share, geom = mjx.ray(
-            arena.sight, view, jnp.append(start, _RAY_HEIGHT), jnp.append(end - start, 0.0), (0, 0, 0, 1, 0, 0)
+            arena.sight,
+            view,
+            jnp.append(start, arena.robot.ray_height),
+            jnp.append(end - start, 0.0),
+            (0, 0, 0, 1, 0, 0),
         )
         is_sender = geom == arena.hull + sender[path]
         is_wall = (geom < arena.hull) & (sender[path] == arena.n_robots)
@@ -175,7 +194,7 @@ def _view(arena: MjxArena, poses: Array, is_present: Array) -> mjx.Data:
     c, s = jnp.cos(poses[:, 2]), jnp.sin(poses[:, 2])
     zero, one = jnp.zeros_like(c), jnp.ones_like(c)
     mat = jnp.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
-    height = jnp.where(is_present, _RAY_HEIGHT, -1e3)
+    height = jnp.where(is_present, arena.robot.ray_height, -1e3)
     centre = jnp.stack([poses[:, 0], poses[:, 1], height], axis=-1)
     data = arena.view
     return data.replace(geom_xpos=data.geom_xpos.at[robots].set(centre), geom_xmat=data.geom_xmat.at[robots].set(mat))

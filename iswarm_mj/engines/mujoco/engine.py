@@ -7,7 +7,6 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.mujoco.timers import without_timers
 
-_RAY_HEIGHT = 0.5  # half the height of a robot [mm]
 _RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
 JAM = 4000
 """Contact points from which conjugate gradients find a world's forces: Newton's method, several times faster in usual
@@ -21,6 +20,7 @@ class MujocoBatchEngine:
 
     def __init__(self, arena: ArenaModel, n_worlds: int, n_threads: int):
         self._arena = arena
+        self.robot = arena.robot
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos = self._batch.bind("qpos")
         self._force = self._batch.bind("qfrc_applied")
@@ -77,7 +77,7 @@ class MujocoBatchEngine:
         start, along = np.zeros((*shape, 3)), np.zeros((*shape, 3))
         start[..., 2], along[..., 2] = 1e3, 1.0  # rays that fill up the block look at the sky
         exclude = np.zeros(shape, np.int32)
-        start[used] = np.column_stack([origin[order], np.full(len(order), _RAY_HEIGHT)])
+        start[used] = np.column_stack([origin[order], np.full(len(order), self.robot.ray_height)])
         along[used] = np.column_stack([vector[order], np.zeros(len(order))])
         exclude[used] = self._arena.body[robot[order]]
         hit_at, geom = self._batch.ray(start, along, geomgroup=_RAY_GROUPS, bodyexclude=exclude, ids=ids)
