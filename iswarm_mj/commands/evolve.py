@@ -60,7 +60,7 @@ class Evolve:
         if self.method == "paper":
             elite = self.operators.elite
             check("operators.elite", elite, "below --population", elite < self.population)
-        from iswarm_mj.experiments.runner.evolve import Search, evolve
+        from iswarm_mj.experiments.runner.search import Search, evolve
 
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
         search = Search(

@@ -55,7 +55,7 @@ class Experiment:
         check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
         genome = load_genome(self.genome)
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
-        from iswarm_mj.experiments.runner.study import Plan, run_experiment
+        from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
         from iswarm_mj.experiments.studies.registry import experiment, listing
 
         if self.list:

@@ -21,6 +21,6 @@ class Report:
             raise UserError("--results was empty; it must be one or more directories with results: give at least one.")
         if self.out.suffix != ".html":
             raise UserError(f"--out was {self.out}; it must be a name ending in .html: give such a one.")
-        from iswarm_mj.experiments.report.report import report
+        from iswarm_mj.experiments.report.writer import report
 
         report(self.results, self.out)

@@ -10,10 +10,10 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED, number, verdict_of
 from iswarm_mj.experiments.analysis.measures import TIME, quartiles, values
 from iswarm_mj.experiments.analysis.statistics import compare
-from iswarm_mj.experiments.runner import study
+from iswarm_mj.experiments.runner import experiment as experiment_runner
+from iswarm_mj.experiments.runner.experiment import Entry, Plan, row_of, run_experiment, run_seed
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
-from iswarm_mj.experiments.runner.study import Entry, Plan, row_of, run_experiment, run_seed
-from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, types
+from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
@@ -76,7 +76,7 @@ class TestPlans:
         assert {e.labels["fraction"] for e in entries if e.labels["kind"] == "dead"} == {0, 0.1, 0.2, 0.3, 0.4, 0.5}
 
     def test_types_have_the_densities_of_table_2(self):
-        found = {e.labels["type"]: (e.job.n_robots, e.job.steps, e.job.stop_at) for e in types.entries(PLAN)}
+        found = {e.labels["type"]: (e.job.n_robots, e.job.steps, e.job.stop_at) for e in swarm_types.entries(PLAN)}
         assert found["type1"] == (280, 800, None) and found["type2"] == (314, 800, None)
 
     @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -183,7 +183,7 @@ class TestFindings:
 
         def rows(factor):
             made = []
-            for entry in types.entries(PLAN):
+            for entry in swarm_types.entries(PLAN):
                 k, second = entry.labels["repeat"], entry.labels["type"] == "type2"
                 fitness = (7000 + 40 * k) * (factor if second else 1)
                 outcome = done(entry.job, 400, 72)._replace(fitness=fitness)
@@ -191,17 +191,17 @@ class TestFindings:
                 made.append({**row_of(entry, outcome), "aggregation": gathers})
             return made
 
-        clean, equal, gather = types.findings(rows(1.01))[:3]
+        clean, equal, gather = swarm_types.findings(rows(1.01))[:3]
         assert (clean.verdict, equal.verdict, gather.verdict) == (HOLDS, HOLDS, HOLDS)
         assert clean.ours == "24 of 24 runs of type1, 24 of 24 runs of type2"
-        assert types.findings(rows(1.2))[1].verdict == FAILS
+        assert swarm_types.findings(rows(1.2))[1].verdict == FAILS
 
     def test_another_preset_is_held_against_both_types(self):
         rows = [
             {**e.labels, "aggregation": None, "goal": 72, "finished_at": 400,
-             "fitness": 100 * (e.labels["type"] == "evolved") + e.labels["repeat"]} for e in types.entries(PLAN)
+             "fitness": 100 * (e.labels["type"] == "evolved") + e.labels["repeat"]} for e in swarm_types.entries(PLAN)
         ]  # fmt: skip
-        better = types.findings(rows)[3:]
+        better = swarm_types.findings(rows)[3:]
         assert [(f.claim, f.verdict) for f in better] == [
             ("The preset evolved is fitter than type1", HOLDS),
             ("The preset evolved is fitter than type2", HOLDS),
@@ -220,7 +220,7 @@ class TestFindings:
             "ball_position": np.zeros((3, 4, 3)),
             "delivered": np.array([0, 1, 2]),
         }
-        assert types.aggregation(frames) == pytest.approx((2 / 3 + 0) / 2)
+        assert swarm_types.aggregation(frames) == pytest.approx((2 / 3 + 0) / 2)
 
     def test_a_verdict_needs_direction_and_level(self):
         low, high = np.arange(12.0), np.arange(12.0) + 20
@@ -252,7 +252,7 @@ class TestDirectory:
                 seen.append(job)
                 yield index, done(job, 100 + job.seed % 50 + (0 if job.genome.use_hop_count else 300))
 
-        monkeypatch.setattr(study, "each", each)
+        monkeypatch.setattr(experiment_runner, "each", each)
         return seen
 
     def test_table_findings_and_figures(self, counted, tmp_path, capsys):
@@ -292,10 +292,10 @@ class TestDirectory:
 
     def test_runs_keep_their_names(self, small):
         """Runs of the default engine that were kept are found again."""
-        assert study._key(Job(small, PRESETS["type1"], 30, 3, 40), "mujoco") == (3484034132274116,)
+        assert experiment_runner._key(Job(small, PRESETS["type1"], 30, 3, 40), "mujoco") == (3484034132274116,)
 
     def test_an_interruption_keeps_what_is_finished(self, counted, tmp_path, monkeypatch):
-        working = study.each
+        working = experiment_runner.each
 
         def broken(jobs, *rest):
             for k, item in enumerate(working(jobs, *rest)):
@@ -303,11 +303,11 @@ class TestDirectory:
                     raise KeyboardInterrupt
                 yield item
 
-        monkeypatch.setattr(study, "each", broken)
+        monkeypatch.setattr(experiment_runner, "each", broken)
         plan = replace(PLAN, quick=True)
         with pytest.raises(KeyboardInterrupt):
             run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
-        monkeypatch.setattr(study, "each", working)
+        monkeypatch.setattr(experiment_runner, "each", working)
         before = len(counted)
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
         assert len(counted) - before == 3
@@ -315,7 +315,7 @@ class TestDirectory:
     def test_runs_of_another_version_are_refused(self, counted, tmp_path, monkeypatch):
         plan = replace(PLAN, quick=True)
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
-        monkeypatch.setattr("iswarm_mj.experiments.runner.checkpoint.__version__", "0.0.1")
+        monkeypatch.setattr("iswarm_mj.experiments.runner.checkpoint.versions", lambda: {"iswarm_mj": "0.0.1"})
         with pytest.raises(UserError, match=r"other versions .*choose another --out"):
             run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
 

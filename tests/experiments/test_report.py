@@ -13,13 +13,14 @@ from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN
+from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.html import embedded
-from iswarm_mj.experiments.report.report import report
 from iswarm_mj.experiments.report.results import collect, command
-from iswarm_mj.experiments.runner.evolve import Search
+from iswarm_mj.experiments.report.writer import report
+from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
-from iswarm_mj.experiments.runner.study import Plan, row_of
-from iswarm_mj.experiments.studies import choices, hop_count
+from iswarm_mj.experiments.runner.search import Search
+from iswarm_mj.experiments.studies import hop_count
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
@@ -28,16 +29,16 @@ from iswarm_mj.utils.tables import write_table
 
 class TestChoices:
     def test_they_are_what_the_configuration_says_without_the_paper(self):
-        found = {choice.name: choice for choice in choices.choices()}
+        found = {choice.name: choice for choice in assumptions.assumed()}
         assert found["strategy.dust-range"].value == "0.75" and "sensed within" in found["strategy.dust-range"].meaning
         assert "optics.led-beam-aperture" not in found and "gripper.work-tool-object" not in found
         assert found["strategy.update-order"].value == "synchronous"
         assert all(choice.meaning for choice in found.values()) and len(found) > 15
 
     def test_what_was_fitted(self):
-        assert {c.name for c in choices.fitted()} >= {"WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "CONTACT_GAP"}
-        assert choices.fitting().startswith("The default constants are a calibration, not measurements.")
-        assert len(choices.operators()) >= 5 and all("\n" not in item for item in choices.operators())
+        assert {c.name for c in assumptions.fitted()} >= {"WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "CONTACT_GAP"}
+        assert assumptions.fitting().startswith("The default constants are a calibration, not measurements.")
+        assert len(assumptions.operators()) >= 5 and all("\n" not in item for item in assumptions.operators())
 
 
 def write_hop_count(directory, plan):

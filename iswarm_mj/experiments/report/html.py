@@ -9,11 +9,11 @@ from pathlib import Path
 from string import Template
 
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, Finding
+from iswarm_mj.experiments.report import assumptions
+from iswarm_mj.experiments.report.assumptions import Setting
 from iswarm_mj.experiments.report.results import Results, command
 from iswarm_mj.experiments.report.sections import Picture, Section
 from iswarm_mj.experiments.report.text import INTRODUCTION, TITLE, read_tables, tally
-from iswarm_mj.experiments.studies import choices
-from iswarm_mj.experiments.studies.choices import Choice
 
 MOST_SVG = 400_000
 """Drawings with a larger SVG file than this are shown as PNG [bytes]."""
@@ -39,7 +39,7 @@ def page(sections: Sequence[Section], results: Results, again: str) -> str:
         f"<nav><ol>{contents}</ol></nav>",
         *(_section(f"s{n}", section) for n, section in numbered),
         f'<h2 id="t0">{tail[0]}</h2>{_silences()}',
-        f'<h2 id="t1">{tail[1]}</h2><p>{_prose(choices.fitting())}</p>{_table(choices.fitted())}',
+        f'<h2 id="t1">{tail[1]}</h2><p>{_prose(assumptions.fitting())}</p>{_table(assumptions.fitted())}',
         f'<h2 id="t2">{tail[2]}</h2>{_read(results)}',
         f"<footer><p>Made again by <code>{escape(again)}</code></p></footer>",
     ]
@@ -99,8 +99,8 @@ def _figure(picture: Picture) -> str:
 
 
 def _silences() -> str:
-    listed = "".join(f"<li>{_prose(rule)}</li>" for rule in (*choices.RULES, *choices.operators()))
-    return f"<ul>{listed}</ul>{_table(choices.choices())}"
+    listed = "".join(f"<li>{_prose(rule)}</li>" for rule in (*assumptions.RULES, *assumptions.operators()))
+    return f"<ul>{listed}</ul>{_table(assumptions.assumed())}"
 
 
 def _prose(text: str) -> str:
@@ -108,7 +108,7 @@ def _prose(text: str) -> str:
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
-def _table(listed: Sequence[Choice]) -> str:
+def _table(listed: Sequence[Setting]) -> str:
     rows = "".join(
         f"<tr><td><code>{escape(choice.name)}</code></td><td>{escape(choice.value)}</td><td>{_prose(choice.meaning)}</td></tr>"
         for choice in listed

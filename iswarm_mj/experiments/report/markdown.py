@@ -4,10 +4,10 @@ import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.results import Results, command
 from iswarm_mj.experiments.report.sections import Picture, Section
 from iswarm_mj.experiments.report.text import INTRODUCTION, TITLE, read_tables, tally_text
-from iswarm_mj.experiments.studies import choices
 
 
 def document(sections: Sequence[Section], results: Results, again: str, figures: Path) -> str:
@@ -31,11 +31,11 @@ def document(sections: Sequence[Section], results: Results, again: str, figures:
     names = ("Name", "Value", "Meaning")
     parts += [
         "## Chosen where the paper is silent",
-        "\n".join(f"- {rule}" for rule in (*choices.RULES, *choices.operators())),
-        _table(names, ((f"`{c.name}`", c.value, c.meaning) for c in choices.choices())),
+        "\n".join(f"- {rule}" for rule in (*assumptions.RULES, *assumptions.operators())),
+        _table(names, ((f"`{c.name}`", c.value, c.meaning) for c in assumptions.assumed())),
         "## Fitted, and not fitted",
-        choices.fitting(),
-        _table(names, ((f"`{c.name}`", c.value, c.meaning) for c in choices.fitted())),
+        assumptions.fitting(),
+        _table(names, ((f"`{c.name}`", c.value, c.meaning) for c in assumptions.fitted())),
         "## Results that were read",
         _table(
             ("Table", "Rows", "Version", "Made by"),

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.runner.evolve import Search
+from iswarm_mj.experiments.runner.search import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS

@@ -19,8 +19,8 @@ from iswarm_mj.experiments.analysis.measures import (
 )
 from iswarm_mj.experiments.analysis.plots import draw_bars
 from iswarm_mj.experiments.analysis.statistics import compare
+from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.experiments.runner.study import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.simulation.initial import robots_for
 
 REPEATS = 6

@@ -10,8 +10,8 @@ from iswarm_mj.experiments.analysis.findings import ALPHA, Claim, Finding, Rows,
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
 from iswarm_mj.experiments.analysis.plots import Effect, draw_forest
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, holm, interval, mean
+from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.experiments.runner.study import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.simulation.initial import robots_for
 
 REPEATS = 10

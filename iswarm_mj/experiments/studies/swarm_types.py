@@ -24,8 +24,8 @@ from iswarm_mj.experiments.analysis.findings import (
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select
 from iswarm_mj.experiments.analysis.plots import draw_samples
 from iswarm_mj.experiments.analysis.statistics import compare, difference, interval, mean, smallest_p
+from iswarm_mj.experiments.runner.experiment import Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.experiments.runner.study import Entry, Experiment, Plan, run_seed
 from iswarm_mj.output.plot_swarm import draw_swarm
 from iswarm_mj.output.render import load
 from iswarm_mj.simulation.initial import robots_for

@@ -24,7 +24,7 @@ RULES = (
 """Rules that are no configuration values."""
 
 
-class Choice(NamedTuple):
+class Setting(NamedTuple):
     """A configuration value that the paper does not give."""
 
     name: str
@@ -33,7 +33,7 @@ class Choice(NamedTuple):
     meaning: str
 
 
-def choices() -> list[Choice]:
+def assumed() -> list[Setting]:
     """Configuration values whose description does not refer to the paper's tables or sections."""
     parts = {f.name: type(getattr(config.SwarmConfig(), f.name)) for f in fields(config.SwarmConfig)}
     found = []
@@ -42,15 +42,15 @@ def choices() -> list[Choice]:
         for f in fields(cls):
             meaning = meanings[f.name]
             if not re.search(r"Table \d|section \d", meaning) and "calibrated" not in meaning:
-                found.append(Choice(f"{part}.{f.name}".replace("_", "-"), str(getattr(defaults, f.name)), meaning))
+                found.append(Setting(f"{part}.{f.name}".replace("_", "-"), str(getattr(defaults, f.name)), meaning))
     return found
 
 
-def fitted() -> list[Choice]:
+def fitted() -> list[Setting]:
     """Calibrated constants of the gripper."""
     meanings = _module_descriptions(detachment)
     return [
-        Choice(name, f"{getattr(detachment, name):g}", meaning)
+        Setting(name, f"{getattr(detachment, name):g}", meaning)
         for name, meaning in meanings.items()
         if "calibrated" in meaning
     ]

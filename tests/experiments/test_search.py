@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.experiments.runner import evolve as module
-from iswarm_mj.experiments.runner.evolve import BEST, CHECKPOINT, TABLE, Search, best_of, evolve, genome_of, run_seed
+from iswarm_mj.experiments.runner import search as module
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, optimiser
+from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE, Search, best_of, evolve, genome_of, run_seed
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.run_mjx import _chunk
 from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
