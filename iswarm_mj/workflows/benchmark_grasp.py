@@ -12,7 +12,7 @@ from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper.bench.model import bench_spec, layout, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.run_trials import bench_maker
+from iswarm_mj.gripper.bench.run_trials import EngineChoice, bench_maker
 from iswarm_mj.gripper.bench.staircase import hang, staircase
 from iswarm_mj.gripper.bench.trial import draw
 from iswarm_mj.utils.profiling import hardware
@@ -68,11 +68,11 @@ def _situation(gap_plate: float, gap_tool: float) -> float:
 
 def _trials(engine: str, impl: str, n_trials: int, seed: int, laps: int) -> dict[str, Any]:
     """Time of whole trials: set-up, staircase of grasps, release."""
-    make, protocol = bench_maker(engine, impl, threads=1), Protocol()
+    make, protocol = bench_maker(EngineChoice(engine, impl, threads=1)), Protocol()
     trials = [draw(seed, radius, 10.0, i) for i, radius in enumerate(np.linspace(15e-6, 25e-6, n_trials))]
     times, steps, voltage = [], 0, np.array([])
     started = time.perf_counter()
-    make(trials, protocol.start_gap).move("warm-up", 0.01e-3, np.zeros(1), np.zeros(1))
+    make(trials, protocol.start_gap).move("warm-up", 0.01e-3, 0.0, 0.0)
     warm_up = time.perf_counter() - started
     for _ in range(laps):
         started = time.perf_counter()

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.run_trials import Outcomes, run_trials
+from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, Outcomes, run_trials
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, melts, release_voltage
@@ -63,6 +63,16 @@ class GraspSettings:
     threads: int = 0
     protocol: Protocol = field(default_factory=Protocol)
 
+    @property
+    def engine_choice(self) -> EngineChoice:
+        """Where the trials run."""
+        return EngineChoice(self.engine, self.impl, self.threads)
+
+    @property
+    def gaps(self) -> Gaps:
+        """Gaps of releases and of attempts without contact."""
+        return Gaps(self.release_gaps, self.no_contact_gaps)
+
     def told(self) -> dict[str, Any]:
         """What the table's rows depend on, for its metadata."""
         settings = asdict(self)
@@ -109,10 +119,8 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
     started = time.perf_counter()
     listed = cases(settings)
     with tqdm(total=len(listed), unit="trial", disable=not sys.stderr.isatty()) as bar:
-        outcomes = run_trials(
-            [case.trial for case in listed], settings.protocol, settings.engine, settings.impl, settings.threads,
-            settings.release_gaps, settings.no_contact_gaps, bar.update,
-        )  # fmt: skip
+        trials = [case.trial for case in listed]
+        outcomes = run_trials(trials, settings.protocol, settings.engine_choice, settings.gaps, bar.update)
     seconds = time.perf_counter() - started
     rows = table(settings, listed, outcomes)
     with _writing(out):

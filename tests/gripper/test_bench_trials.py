@@ -12,9 +12,9 @@ from iswarm_mj.gripper.bench.base import speed_at_zero
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.model import bench_spec
-from iswarm_mj.gripper.bench.protocol import Protocol, smooth
+from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, run_trials
 from iswarm_mj.gripper.bench.staircase import hang, rung, staircase, touch
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import boundary_elements as bem
@@ -104,7 +104,7 @@ def test_whatever_lifts_at_a_voltage_lifts_above_it():
     lifted = rung(bench, FINE, rungs).gap_plate > FINE.away
     assert lifted.any() and not lifted.all()
     assert np.array_equal(lifted, np.sort(lifted))
-    least = run_trials([trial], Protocol(step_voltage=0.5), release_gaps=()).grasp.voltage[0]
+    least = run_trials([trial], Protocol(step_voltage=0.5), gaps=Gaps(release=())).grasp.voltage[0]
     assert rungs[lifted][0] == least
 
 
@@ -113,14 +113,16 @@ def test_a_tool_that_stays_in_contact_touches():
     trial = Trial(15e-6, WORK_TOOL_OBJECT, 1.5 * WORK_OBJECT_SUBSTRATE, 50.0)
     bench = MujocoBench([trial], FINE.start_gap)
     touch(bench, FINE)
-    watch = bench.move("dwell", FINE.dwell, np.array([-FINE.press]), np.zeros(1))
+    watch = bench.move("dwell", FINE.dwell, -FINE.press, 0.0)
     assert watch.gap_tool < 0 and watch.gap_plate < 0
     assert watch.last_tool == pytest.approx(FINE.dwell - bench.timestep)
 
 
 def test_threads_and_company_change_nothing():
     trials = random_trials(5)
-    together, alone = run_trials(trials, Protocol(), threads=2), run_trials(trials[2:3], Protocol(), threads=1)
+    together, alone = (
+        run_trials(some, Protocol(), EngineChoice(threads=threads)) for some, threads in ((trials, 2), (trials[2:3], 1))
+    )
     assert together.grasp.voltage[2] == alone.grasp.voltage[0]
     for name in ("voltage", "flight_time", "landing_speed"):
         assert getattr(together.release[GAP], name)[2] == getattr(alone.release[GAP], name)[0]
@@ -194,7 +196,7 @@ PARAMETERS = {"radius": 20e-6, "work_tool_object": WORK_TOOL_OBJECT, "work_objec
 
 def never_breaks(trial, protocol, gap):
     """Parameters 30 % around the defaults give finite, sensible outcomes."""
-    outcomes = run_trials([trial], protocol, threads=1, release_gaps=(gap,), no_contact_gaps=(1e-6,))
+    outcomes = run_trials([trial], protocol, EngineChoice(threads=1), Gaps((gap,), (1e-6,)))
     grasp, drop, attempt = outcomes.grasp, outcomes.release[gap], outcomes.no_contact[1e-6]
     assert not (grasp.faulty[0] or drop.faulty[0] or attempt.faulty[0])
     assert 10 < grasp.voltage[0] < 60
@@ -231,7 +233,7 @@ def test_engines_agree_over_fifty_random_trials(impl):
         pytest.importorskip("warp")
     trials = random_trials(50)
     protocol = Protocol(step_voltage=0.1, grasp_limit=51.2)
-    ours, theirs = (run_trials(trials, protocol, *engine) for engine in (("mujoco",), ("mjx", impl)))
+    ours, theirs = (run_trials(trials, protocol, engine) for engine in (EngineChoice(), EngineChoice("mjx", impl)))
     np.testing.assert_allclose(theirs.grasp.voltage, ours.grasp.voltage, rtol=0.01)
     np.testing.assert_allclose(theirs.release[GAP].voltage, ours.release[GAP].voltage, rtol=0.01)
     np.testing.assert_allclose(theirs.release[GAP].landing_speed, ours.release[GAP].landing_speed, rtol=0.15)
@@ -247,7 +249,7 @@ def test_speed_where_a_gap_closes():
 
 def test_paths_are_smooth():
     share = np.linspace(0, 1, 10001)
-    path = smooth(share)
+    path = minimum_jerk(share)
     acceleration = np.gradient(np.gradient(path, share), share)
     assert path[0] == 0 and path[-1] == 1 and np.all(np.diff(path) >= 0)
     assert acceleration[[2, -3]] == pytest.approx(0, abs=0.05)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.run_trials import Gaps, run_trials
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.workflows.grasp import GraspSettings, cases, table
@@ -19,9 +19,7 @@ SETTINGS = GraspSettings(tuple(RADII.tolist()), (10.0, 30.0, 50.0), repeats=5, s
 
 @pytest.fixture(scope="module")
 def rows():
-    outcomes = run_trials(
-        [case.trial for case in cases(SETTINGS)], SETTINGS.protocol, no_contact_gaps=SETTINGS.no_contact_gaps
-    )
+    outcomes = run_trials([case.trial for case in cases(SETTINGS)], SETTINGS.protocol, gaps=SETTINGS.gaps)
     return table(SETTINGS, cases(SETTINGS), outcomes)
 
 
@@ -66,7 +64,7 @@ def test_no_ball_is_lifted_without_contact_at_fifty_volts(rows):
 def test_without_contact_a_ball_jumps_where_the_law_says():
     trials = [draw(0, radius, 10.0, 0) for radius in RADII]
     gap = 0.5e-6
-    jump = run_trials(trials, Protocol(no_contact_limit=70), release_gaps=(), no_contact_gaps=(gap,)).no_contact[gap]
+    jump = run_trials(trials, Protocol(no_contact_limit=70), gaps=Gaps((), (gap,))).no_contact[gap]
     from iswarm_mj.gripper.laws.detachment import grasp_voltage
 
     expected = [grasp_voltage(t.radius, 0.0, t.work_object_substrate, gap) for t in trials]
@@ -104,7 +102,7 @@ def test_each_voltage_is_the_laws(rows):
 def test_bands_of_many_trials():
     """95 % bands at 10 % RH: 21.0-29.7 V and 37.5-47.4 V; four balls in a thousand jump without contact at 1 um."""
     trials = [draw(1, radius, 10.0, i) for i, radius in enumerate(np.linspace(15e-6, 25e-6, 1000))]
-    outcomes = run_trials(trials, Protocol(step_voltage=0.1), no_contact_gaps=(1e-6, 1.5e-6))
+    outcomes = run_trials(trials, Protocol(step_voltage=0.1), gaps=Gaps(no_contact=(1e-6, 1.5e-6)))
     grasp, release = np.sort(outcomes.grasp.voltage), np.sort(outcomes.release[5e-6].voltage)
     print(f"grasp {grasp[25]:.1f}-{grasp[-26]:.1f} V, release {release[25]:.1f}-{release[-26]:.1f} V")
     assert grasp[25] > 20 and grasp[-26] < 30

@@ -1,55 +1,57 @@
 """The interface of the bench's engines: B benches, each with a ball and a tool that can be moved."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from iswarm_mj.utils.arrays import array_module
 
+Voltages: TypeAlias = float | Float[np.ndarray, "B"]
+Mask: TypeAlias = Bool[np.ndarray, "B"]
+
 
 class Watch(NamedTuple):
-    """What was seen in one move, for each of B benches; times since its start [s], nan: never."""
+    """What happened during one move on each of B benches. Times count from the start of the move; nan: never."""
 
-    last_tool: np.ndarray
-    """(B,) when the ball last touched the tool."""
-    last_plate: np.ndarray
-    """(B,) when it last touched the plate."""
-    first_plate: np.ndarray
-    """(B,) when it first touched the plate."""
-    landing_speed: np.ndarray
-    """(B,) downwards, at `first_plate` [m/s]."""
-    gap_tool: np.ndarray
-    """(B,) one physics step before the end [m]."""
-    gap_plate: np.ndarray
-    """(B,) one physics step before the end [m]."""
-    speed: np.ndarray
-    """(B,) of the ball at the end [m/s]."""
-    finite: np.ndarray
-    """(B,) bool: all numbers of the state are."""
+    last_tool: Float[np.ndarray, "B"]
+    """Time of the ball's last contact with the tool [s]."""
+    last_plate: Float[np.ndarray, "B"]
+    """Time of its last contact with the plate [s]."""
+    first_plate: Float[np.ndarray, "B"]
+    """Time of its first contact with the plate [s]."""
+    landing_speed: Float[np.ndarray, "B"]
+    """Downward speed at `first_plate` [m/s]."""
+    gap_tool: Float[np.ndarray, "B"]
+    """Gap to the tool one physics step before the end [m]."""
+    gap_plate: Float[np.ndarray, "B"]
+    """Gap to the plate one physics step before the end [m]."""
+    speed: Float[np.ndarray, "B"]
+    """Speed of the ball at the end [m/s]."""
+    finite: Bool[np.ndarray, "B"]
+    """Whether the whole state is finite."""
 
 
 class Bench(Protocol):
-    """B benches, made from B trials and the gap between tool and ball at the start.
+    """B benches, built from B trials and the initial gap between tool and ball.
 
-    A new one has the ball at rest on the plate, the tool above it, no voltage.
+    At the start the ball rests on the plate, the tool is above it, and there is no voltage.
     """
 
     timestep: float
     """[s]"""
     steps: int
-    """Physics steps so far, of all benches together."""
+    """Physics steps so far, summed over the benches."""
 
-    def move(
-        self, phase: str, duration: float, tip: np.ndarray, voltage: np.ndarray, active: np.ndarray | None = None
-    ) -> Watch:
-        """Integrate; the tool moves along `smooth` from where it was sent before, the voltage linearly.
+    def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
+        """Integrate the physics while the tool moves along `minimum_jerk` and the voltage linearly to their targets.
 
         Args:
-            phase: name, for who records.
-            duration: a multiple of the time step, rounded [s].
-            tip: (B,) where the tool goes, above its first touch of the ball at rest [m].
-            voltage: (B,) at the end [V].
-            active: (B,) bool, benches that matter; what is seen of others means nothing.
+            phase: name of the phase, for recordings.
+            duration: rounded to a multiple of the time step [s].
+            tip: target height of the tool above its first touch of the ball at rest [m].
+            voltage: target voltage, one for all benches or one each (B,) [V].
+            active: (B,) benches of interest; all by default. The results of the others are meaningless.
         """
         ...
 
@@ -58,12 +60,20 @@ class Bench(Protocol):
         ...
 
     def restore(self, state: Any) -> None:
-        """Go back to a state that was saved."""
+        """Return to a saved state."""
         ...
 
 
 def speed_at_zero(before: Any, now: Any) -> Any:
-    """Speed where a gap closes, between two steps of gap and speed (..., 2); that of `now` if it was closed before."""
+    """Speed at the moment when a gap closes, by linear interpolation between two steps.
+
+    Args:
+        before: (..., 2) gap and speed one step earlier.
+        now: (..., 2) gap and speed.
+
+    Returns:
+        (...) speed; that of `now` if the gap was closed before.
+    """
     xp = array_module(before, now)
     closes = (before[..., 0] > 0) & (now[..., 0] < before[..., 0])
     share = xp.where(closes, before[..., 0] / xp.where(closes, before[..., 0] - now[..., 0], 1.0), 1.0)

@@ -9,13 +9,13 @@ from mujoco.batch import Batch
 
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import MS, UM, bench_spec, layout, plugin_values, sized, start
-from iswarm_mj.gripper.bench.protocol import smooth
+from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
 
 BLOCK = 64
-"""Physics steps of one call."""
+"""Physics steps in one call of MuJoCo."""
 
 
 class MujocoBench:
@@ -44,9 +44,7 @@ class MujocoBench:
         self._ctrl[:] = 0
         self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
 
-    def move(
-        self, phase: str, duration: float, tip: np.ndarray, voltage: np.ndarray, active: np.ndarray | None = None
-    ) -> Watch:
+    def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
         del phase
         n_benches, n_steps = len(self._touch), max(1, round(duration / self.timestep))
@@ -54,32 +52,37 @@ class MujocoBench:
         self.steps += n_steps * len(ids)
         begin = self._ctrl[ids]
         end = begin.copy()
-        end[:, self._where.tip] = self._touch[ids] + np.broadcast_to(tip, n_benches)[ids] / UM - self._where.tip_height
+        end[:, self._where.tip] = self._touch[ids] + tip / UM - self._where.tip_height
         end[:, self._where.voltage] = np.broadcast_to(voltage, n_benches)[ids]
-        seen = _Seen(len(ids))
+        contacts = _Contacts(len(ids))
         for first in range(0, n_steps, BLOCK):
             share = np.arange(first + 1, min(first + BLOCK, n_steps) + 1) / n_steps
             way = np.repeat(share[:, None], begin.shape[1], axis=1)
-            way[:, self._where.tip] = smooth(share)
+            way[:, self._where.tip] = minimum_jerk(share)
             speed = -self._qvel[ids, None, self._where.ball + 2]
             control = begin[:, None] + way * (end - begin)[:, None]
             with without_timers():
                 block = self._batch.rollout(len(share), control, record=("qvel", "plugin_state"), ids=ids)
             speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
-            seen.add(block["plugin_state"][:, :, self._gaps], speed, first)
-        return self._watch(seen, ids)
+            contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
+        return self._watch(contacts, ids)
 
-    def _watch(self, seen: "_Seen", ids: np.ndarray) -> Watch:
+    def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
         ball = slice(self._where.ball, self._where.ball + 3)
         speed = np.linalg.norm(self._qvel[ids, ball], axis=1)
         warned = self._batch.warning[ids].any(axis=(1, 2))
         finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
-        dt = self.timestep
-        values = (
-            *(seen.last * dt).T, seen.first * dt, seen.landing_speed * UM / MS,
-            *(seen.gaps * UM).T, speed * UM / MS, finite,
-        )  # fmt: skip
-        return Watch(*(_spread(value, ids, len(self._touch)) for value in values))
+        watch = Watch(
+            last_tool=contacts.last[:, 0] * self.timestep,
+            last_plate=contacts.last[:, 1] * self.timestep,
+            first_plate=contacts.first * self.timestep,
+            landing_speed=contacts.landing_speed * UM / MS,
+            gap_tool=contacts.gaps[:, 0] * UM,
+            gap_plate=contacts.gaps[:, 1] * UM,
+            speed=speed * UM / MS,
+            finite=finite,
+        )
+        return Watch(*(_scattered(values, ids, len(self._touch)) for values in watch))
 
     def save(self) -> Any:
         """See `Bench.save`."""
@@ -90,8 +93,15 @@ class MujocoBench:
         self._batch.state[:] = state
 
 
-class _Seen:
-    """Contacts of some benches, in steps since a move began."""
+class _Contacts:
+    """Contacts of n benches, in steps since the move began, in the bench's units.
+
+    Attributes:
+        last: (n, 2) step of the last contact with tool and plate, nan: never.
+        first: (n,) step of the first contact with the plate, nan: never.
+        landing_speed: (n,) downward speed at that moment.
+        gaps: (n, 2) to tool and plate at the last step.
+    """
 
     def __init__(self, count: int):
         self.last = np.full((count, 2), np.nan)
@@ -101,7 +111,7 @@ class _Seen:
         self._before = np.full((count, 2), np.nan)
 
     def add(self, gaps: np.ndarray, speed: np.ndarray, first: int) -> None:
-        """Take in gaps (n, T, 2) to tool and plate and downward speeds (n, T) at T steps from the `first` on."""
+        """Process T steps from `first` on: gaps (n, T, 2) to tool and plate, downward speeds (n, T)."""
         rows, count = np.arange(len(gaps)), gaps.shape[1]
         touches = gaps <= 0
         last = first + count - 1 - np.argmax(touches[:, ::-1], axis=1)
@@ -115,8 +125,8 @@ class _Seen:
         self.gaps, self._before = gaps[:, -1], np.stack([gaps[:, -1, 1], speed[:, -1]], axis=1)
 
 
-def _spread(value: np.ndarray, ids: np.ndarray, count: int) -> np.ndarray:
-    """Values of some benches among all."""
+def _scattered(value: np.ndarray, ids: np.ndarray, count: int) -> np.ndarray:
+    """Values of the benches `ids` in an array of `count` benches; those of the others are nan or True."""
     full = np.full(count, np.nan) if value.dtype != bool else np.ones(count, bool)
     full[ids] = value
     return full

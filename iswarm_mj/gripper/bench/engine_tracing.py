@@ -1,28 +1,51 @@
-"""One bench in MuJoCo's C engine that keeps every physics step, and the traces of whole trials."""
+"""A bench in MuJoCo's C engine that records every physics step, and the traces of whole trials."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import MS, NN, UM, bench_spec, layout, plugin_values, sized, start
-from iswarm_mj.gripper.bench.protocol import Protocol, smooth
+from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
 from iswarm_mj.gripper.bench.staircase import hang, rung, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_FORCES = (
-    ("electrostatic", "probe_gap"), ("electrostatic", "plate_gap"), ("adhesion_probe", "force"),
-    ("adhesion_plate", "force"), ("electrostatic", "force"), ("electrostatic", "potential"),
-)  # fmt: skip
+_PLUGIN_FIELDS = (
+    ("electrostatic", "probe_gap"),
+    ("electrostatic", "plate_gap"),
+    ("adhesion_probe", "force"),
+    ("adhesion_plate", "force"),
+    ("electrostatic", "force"),
+    ("electrostatic", "potential"),
+)
+"""Instances of plugins and fields of their states that a sample holds."""
+
+
+class _Samples(NamedTuple):
+    """One sample, or arrays of T samples, in the bench's units; see `Trace`."""
+
+    phase: Any
+    time: Any
+    voltage: Any
+    tip: Any
+    """Height of the tip."""
+    ball: Any
+    """(7,) position and quaternion."""
+    fall: Any
+    """Downward speed of the ball."""
+    plugins: Any
+    """(6,) the `_PLUGIN_FIELDS`."""
+    contacts: Any
+    """(2,) normal forces of the contacts with tool and plate."""
 
 
 class TraceBench:
-    """`Bench` of a single trial, stepped one by one."""
+    """`Bench` of a single trial, moved step by step."""
 
     def __init__(self, trial: Trial, start_gap: float):
         self._model = sized(bench_spec(), trial)
@@ -32,63 +55,72 @@ class TraceBench:
         for index, value in plugin_values(self._model, trial).items():
             self._data.plugin_state[index] = value
         self._data.ctrl[self._where.tip] = self._data.qpos[self._where.slide]
-        self._numbers = [plugin.state_index(self._model, *names) for names in _FORCES]
+        self._fields = [plugin.state_index(self._model, *names) for names in _PLUGIN_FIELDS]
         self._ball, self._plate = self._model.geom("ball").id, self._model.geom("plate").id
         self.steps = 0
         self._phases: list[str] = []
-        self._rows: list[np.ndarray] = []
+        self._samples: list[_Samples] = []
 
-    def move(
-        self, phase: str, duration: float, tip: np.ndarray, voltage: np.ndarray, active: np.ndarray | None = None
-    ) -> Watch:
+    def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
         del active
         if phase not in self._phases:
             self._phases.append(phase)
         data, where = self._data, self._where
-        n_steps, first = max(1, round(duration / self.timestep)), len(self._rows)
+        n_steps, first = max(1, round(duration / self.timestep)), len(self._samples)
         self.steps += n_steps
         begin = data.ctrl.copy()
         end = begin.copy()
-        end[where.tip], end[where.voltage] = self._touch + tip[0] / UM - where.tip_height, voltage[0]
+        end[where.tip], end[where.voltage] = self._touch + tip / UM - where.tip_height, np.squeeze(voltage)
         for k in range(n_steps):
             share = (k + 1) / n_steps
             way = np.full(len(begin), share)
-            way[where.tip] = smooth(share)
+            way[where.tip] = minimum_jerk(share)
             data.ctrl[:] = begin + way * (end - begin)
-            moment, qpos, fall = data.time, data.qpos.copy(), -data.qvel[where.ball + 2]
-            mujoco.mj_step(self._model, data)
-            self._rows.append(self._row(self._phases.index(phase), moment, qpos, fall))
-        return self._watch(np.array(self._rows[first:]))
+            self._samples.append(self._step(phase))
+        return self._watch(_stacked(self._samples[first:]))
 
-    def _row(self, phase: int, moment: float, qpos: np.ndarray, fall: float) -> np.ndarray:
-        """A sample before a step: phase, time, voltage, tip, ball, quaternion, downward speed, `_FORCES`, contacts."""
-        where, data = self._where, self._data
-        tip = qpos[where.slide] + where.tip_height
-        pressed, force = np.zeros(2), np.zeros(6)
+    def _step(self, phase: str) -> _Samples:
+        """Take a physics step; its sample is the state before, with the forces that acted in it."""
+        data, where = self._data, self._where
+        time, qpos, fall = data.time, data.qpos.copy(), -data.qvel[where.ball + 2]
+        mujoco.mj_step(self._model, data)
+        contacts, force = np.zeros(2), np.zeros(6)
         for i, geoms in enumerate(data.contact.geom):
             mujoco.mj_contactForce(self._model, data, i, force)
-            pressed[int(self._plate in geoms)] += max(0.0, force[0])
-        ball = qpos[where.ball : where.ball + 7]
-        forces = data.plugin_state[self._numbers]
-        return np.array([phase, moment, data.ctrl[where.voltage], tip, *ball, fall, *forces, *pressed])
+            contacts[int(self._plate in geoms)] += max(0.0, force[0])
+        return _Samples(
+            phase=self._phases.index(phase),
+            time=time,
+            voltage=data.ctrl[where.voltage],
+            tip=qpos[where.slide] + where.tip_height,
+            ball=qpos[where.ball : where.ball + 7],
+            fall=fall,
+            plugins=data.plugin_state[self._fields],
+            contacts=contacts,
+        )
 
-    def _watch(self, rows: np.ndarray) -> Watch:
-        gaps, fall = rows[:, 12:14], rows[:, 11]
-        dt = self.timestep
+    def _watch(self, samples: _Samples) -> Watch:
+        gaps, dt = samples.plugins[:, :2], self.timestep
         steps = [np.flatnonzero(gap <= 0) for gap in gaps.T]
         last = [at[-1] * dt if len(at) else np.nan for at in steps]
         first = steps[1][0] if len(steps[1]) else None
         speed = np.nan
         if first is not None:
-            pairs = np.stack([gaps[:, 1], fall], axis=1)
+            pairs = np.stack([gaps[:, 1], samples.fall], axis=1)
             speed = float(speed_at_zero(pairs[max(first - 1, 0)], pairs[first])) * UM / MS
         ball = slice(self._where.ball, self._where.ball + 3)
-        values = (
-            *last, np.nan if first is None else first * dt, speed, *(gaps[-1] * UM),
-            float(np.linalg.norm(self._data.qvel[ball])) * UM / MS, bool(np.isfinite(self._data.qpos).all()),
-        )  # fmt: skip
-        return Watch(*(np.array([value]) for value in values))
+        values = {
+            "last_tool": last[0],
+            "last_plate": last[1],
+            "first_plate": np.nan if first is None else first * dt,
+            "landing_speed": speed,
+            "gap_tool": gaps[-1, 0] * UM,
+            "gap_plate": gaps[-1, 1] * UM,
+            "speed": float(np.linalg.norm(self._data.qvel[ball])) * UM / MS,
+            "finite": bool(np.isfinite(self._data.qpos).all()),
+        }
+        return Watch(**{name: np.array([value]) for name, value in values.items()})
 
     def save(self) -> Any:
         """See `Bench.save`."""
@@ -101,19 +133,34 @@ class TraceBench:
         mujoco.mj_setState(self._model, self._data, state, _STATE)
 
     def trace(self) -> Trace:
-        """What was seen so far."""
-        rows = np.array(self._rows).T
-        zero = np.zeros_like(rows[0])
+        """Trace of all moves so far."""
+        samples = _stacked(self._samples)
+        zero = np.zeros_like(samples.tip)
+        gaps, forces = samples.plugins[:, :2] * UM, samples.plugins[:, 2:5] * NN
         return Trace(
-            time=rows[1] * MS, phase=rows[0].astype(int), phases=tuple(self._phases), voltage=rows[2],
-            probe=np.stack([zero, zero, rows[3]], axis=1) * UM, ball=rows[4:7].T * UM, ball_quaternion=rows[7:11].T,
-            gap_tool=rows[12] * UM, gap_plate=rows[13] * UM, adhesion_tool=rows[14] * NN, adhesion_plate=rows[15] * NN,
-            electrostatic=rows[16] * NN, on_plate_potential=rows[17] < 0.5, contact_tool=rows[18] * NN,
-            contact_plate=rows[19] * NN,
+            time=samples.time * MS,
+            phase=samples.phase,
+            phases=tuple(self._phases),
+            voltage=samples.voltage,
+            probe=np.stack([zero, zero, samples.tip], axis=1) * UM,
+            ball=samples.ball[:, :3] * UM,
+            ball_quaternion=samples.ball[:, 3:],
+            gap_tool=gaps[:, 0],
+            gap_plate=gaps[:, 1],
+            adhesion_tool=forces[:, 0],
+            adhesion_plate=forces[:, 1],
+            electrostatic=forces[:, 2],
+            on_plate_potential=samples.plugins[:, 5] < 0.5,
+            contact_tool=samples.contacts[:, 0] * NN,
+            contact_plate=samples.contacts[:, 1] * NN,
             radius=float(self._model.geom_size[self._ball, 0]) * UM,
             probe_radius=float(self._model.geom("probe").size[0]) * UM,
             weight=float(-self._model.opt.gravity[2] * self._model.body("ball").mass[0]) * NN,
-        )  # fmt: skip
+        )
+
+
+def _stacked(samples: list[_Samples]) -> _Samples:
+    return _Samples(*(np.array(values) for values in zip(*samples, strict=True)))
 
 
 def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: float) -> Trace:
@@ -122,13 +169,13 @@ def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: fl
     Args:
         trial: the ball.
         protocol: what the tool does.
-        voltage: at which it lifts [V]; None: the highest rung is tried, and nothing released.
+        voltage: at which it lifts [V]; None: the highest rung is tried, and the ball is released only if that lifts it.
         gap: to the plate at which the ball is released [m].
     """
     bench = TraceBench(trial, protocol.start_gap)
     highest = protocol.highest_rung * protocol.step_voltage
     touch(bench, protocol)
-    watch = rung(bench, protocol, np.array([highest if voltage is None else voltage]))
+    watch = rung(bench, protocol, highest if voltage is None else voltage)
     if watch.gap_plate[0] > protocol.away:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap)

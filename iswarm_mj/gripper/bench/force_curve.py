@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from iswarm_mj.gripper.bench.engine_tracing import TraceBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.trial import Trial
@@ -24,13 +22,13 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
         One row a physics step: direction ("approach" or "retract"), voltage [V], radius, tip, gap [m], and what pulls
         tool and ball together, adhesion, electrostatic, contact (repulsive) and total, their balance [N].
     """
-    bench, volt = TraceBench(trial, protocol.start_gap), np.array([voltage])
-    far, pressed, peeled = (np.array([height]) for height in (protocol.start_gap, -protocol.press, protocol.peel))
-    bench.move("voltage", protocol.rise_time, far, volt)
-    bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, volt)
-    bench.move("contact", protocol.dwell, pressed, volt)
-    bench.move("retract", SLOWDOWN * protocol.peel_time, peeled, volt)
-    bench.move("away", SLOWDOWN * protocol.approach_time, far, volt)
+    bench = TraceBench(trial, protocol.start_gap)
+    far, pressed, peeled = protocol.start_gap, -protocol.press, protocol.peel
+    bench.move("voltage", protocol.rise_time, far, voltage)
+    bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, voltage)
+    bench.move("contact", protocol.dwell, pressed, voltage)
+    bench.move("retract", SLOWDOWN * protocol.peel_time, peeled, voltage)
+    bench.move("away", SLOWDOWN * protocol.approach_time, far, voltage)
     trace = bench.trace()
     directions = {"approach": "approach", "contact": "approach", "retract": "retract", "away": "retract"}
     rows = []

@@ -1,12 +1,13 @@
-"""What the tool does in a trial: how far, how fast, and up to which voltage.
+"""The motion and the voltage of the tool in a trial: distances, speeds, limits.
 
-Source: section 3.2.3 for the order of things, the contact, the 5 um gap and the 50 V without contact. Speeds, durations
-and what counts as lifted are choices: slow enough that half the speeds change no voltage by 1 %.
+Source: section 3.2.3 for the sequence, the contact, the 5 um gap and the 50 V without contact. Speeds, durations and
+the criterion of a lift are choices: slow enough that half the speed changes no voltage by 1 %.
 """
 
 import math
 from dataclasses import dataclass, fields
 
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
 
@@ -19,39 +20,39 @@ class Protocol:
     approach_time: float = 0.3e-3
     """[s]"""
     press: float = 25e-9
-    """Driven this far below first touch; more than the ball sinks by adhesion, so that the tool touches [m]."""
+    """Depth below first touch to which the tool is driven; the ball sinks by less, so that the tool touches it [m]."""
     dwell: float = 0.05e-3
     """At rest after the approach, and before the release ramp [s]."""
     rise_time: float = 0.05e-3
-    """In which the voltage of a rung rises, with the tool in contact [s]."""
+    """Time in which the voltage of a rung rises, with the tool in contact [s]."""
     peel: float = 10e-9
-    """Height above first touch up to which the tool retracts slowly: within it one of the contacts opens [m]."""
+    """Height above first touch up to which the tool retracts slowly, since one of the contacts opens there [m]."""
     peel_time: float = 0.3e-3
     """[s]"""
     lift: float = 0.3e-6
-    """Height above first touch at which it is decided whether the ball came along [m]."""
+    """Height above first touch at which the trial checks whether the ball came along [m]."""
     acceleration: float = 40.0
-    """Greatest acceleration of a tool that carries the ball; adhesion alone holds it [m/s^2]."""
+    """Greatest acceleration of a tool that carries a ball, which only adhesion holds [m/s^2]."""
     off_time: float = 0.05e-3
-    """In which the voltage falls to zero with the ball lifted [s]."""
+    """Time in which the voltage falls to zero with the ball lifted [s]."""
     away: float = 0.2e-6
-    """A ball is lifted, or has left the tool, when it is this far from what it lay on [m]."""
+    """Distance from plate or tool beyond which a ball counts as lifted or released [m]."""
     step_voltage: float = 0.25
     """Between two rungs of the staircase [V]."""
     grasp_limit: float = 80.0
     """Highest rung [V]."""
     ramp_rate: float = 40e3
-    """Of the voltage in the release ramp and without contact [V/s]."""
+    """Rate of the voltage in the release ramp and without contact [V/s]."""
     release_limit: float = 120.0
     """End of the release ramp [V]."""
     no_contact_limit: float = 50.0
     """End of the ramp without contact [V]."""
     watch_time: float = 0.01e-3
-    """A ramp is stopped this long after the ball left, at most [s]."""
+    """Interval at which a ramp is checked, hence its longest overrun after the ball left [s]."""
     flight_limit: float = 2e-3
-    """A ball that has not landed after so long is lost [s]."""
+    """Time of flight after which a ball counts as lost [s]."""
     rest_time: float = 0.2e-3
-    """For which a landed ball is watched [s]."""
+    """Time for which a landed ball is observed [s]."""
 
     def __post_init__(self):
         for field in fields(self):
@@ -70,11 +71,11 @@ class Protocol:
 
     @property
     def highest_rung(self) -> int:
-        """Number of the staircase's last rung, the first being number 0, without voltage."""
+        """Index of the last rung of the staircase; rung 0 is without voltage."""
         return math.floor(self.grasp_limit / self.step_voltage + 1e-9)
 
     def carry_time(self, distance: float) -> float:
-        """Time to move by a distance [m] with the protocol's acceleration, along `smooth` [s]."""
+        """Time to move by a distance [m] with the protocol's acceleration, along `minimum_jerk` [s]."""
         return (_PEAK * abs(distance) / self.acceleration) ** 0.5
 
     def slowed(self, factor: float) -> "Protocol":
@@ -101,14 +102,17 @@ _ALLOWED = {
 
 
 def allowed(name: str) -> tuple[float, float]:
-    """Least and greatest value of a field of `Protocol`: beyond them a trial never ends or shows nothing."""
+    """Least and greatest value of a field of `Protocol`, beyond which a trial never ends or shows nothing."""
     return _ALLOWED.get(name, _VOLTAGE if name.endswith("_limit") and name != "flight_limit" else _TIME)
 
 
 _PEAK = 10 / 3**0.5
-"""Greatest acceleration of `smooth`, in distance over time squared."""
+"""Greatest acceleration of `minimum_jerk`, in distance over time squared."""
 
 
-def smooth(share):
-    """Share of the way at a share of the time: 10 s^3 - 15 s^4 + 6 s^5, at rest and unaccelerated at both ends."""
+def minimum_jerk(share: Array) -> Array:
+    """Fraction of the path at a fraction s of the time, 10 s^3 - 15 s^4 + 6 s^5.
+
+    Source: Flash and Hogan 1985. Speed and acceleration vanish at both ends.
+    """
     return share**3 * (10 + share * (6 * share - 15))

@@ -7,58 +7,64 @@ stops there.
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from iswarm_mj.gripper.bench.base import Bench, Watch
+from iswarm_mj.gripper.bench.base import Bench, Mask, Watch
 from iswarm_mj.gripper.bench.protocol import Protocol
+
+RESTING_SPEED = 1e-3
+"""A slower ball is at rest [m/s]."""
 
 
 class Release(NamedTuple):
-    """Outcome of a release ramp, for each of B benches."""
+    """Outcome of a release ramp on each of B benches."""
 
-    voltage: np.ndarray
-    """(B,) when the ball last touched the tool, nan: it never left [V]."""
-    flight_time: np.ndarray
-    """(B,) [s]"""
-    landing_speed: np.ndarray
-    """(B,) [m/s]"""
-    landed: np.ndarray
-    """(B,) bool: it came to rest on the plate and stayed."""
-    faulty: np.ndarray
-    """(B,) bool: the state was not finite."""
+    voltage: Float[np.ndarray, "B"]
+    """Voltage when the ball last touched the tool, nan: it never left [V]."""
+    flight_time: Float[np.ndarray, "B"]
+    """Time between tool and plate, nan: it did not land [s]."""
+    landing_speed: Float[np.ndarray, "B"]
+    """Downward speed on landing, nan: it did not land [m/s]."""
+    landed: Bool[np.ndarray, "B"]
+    """Whether it came to rest on the plate and stayed there."""
+    faulty: Bool[np.ndarray, "B"]
+    """Whether the state became infinite or nan."""
 
 
 class Attempt(NamedTuple):
-    """Outcome of a ramp without contact, for each of B benches."""
+    """Outcome of a ramp without contact on each of B benches."""
 
-    voltage: np.ndarray
-    """(B,) when the ball left the plate, nan: it did not [V]."""
-    faulty: np.ndarray
-    """(B,) bool: the state was not finite."""
-
-
-RESTS = 1e-3
-"""Speed of a ball that rests, below [m/s]."""
+    voltage: Float[np.ndarray, "B"]
+    """Voltage when the ball left the plate, nan: it did not [V]."""
+    faulty: Bool[np.ndarray, "B"]
+    """Whether the state became infinite or nan."""
 
 
-def release(bench: Bench, protocol: Protocol, held: np.ndarray, gap: float) -> Release:
-    """Ramp the voltage on hanging balls, `held` (B,), until each has left, landed and rested; gap in m."""
+def release(bench: Bench, protocol: Protocol, held: Mask, gap: float) -> Release:
+    """Ramp the voltage on balls that hang at the tool until each of them has left, landed and come to rest.
+
+    Args:
+        bench: B benches after `staircase.hang`.
+        protocol: rate and limits.
+        held: (B,) benches whose ball hangs; the others are left out.
+        gap: between ball and plate [m].
+    """
     ramp = _Ramp(bench, protocol, held, protocol.release_limit, gap)
     left_at, landed_at = np.full(len(held), np.inf), np.full(len(held), np.inf)
     voltage, speed = np.full(len(held), np.nan), np.full(len(held), np.nan)
     stays = np.zeros(len(held), bool)
     while ramp.active.any():
         left = np.isfinite(left_at)
-        watch = ramp.step(
-            "rest" if np.isfinite(landed_at)[held].all() else "flight" if left[held].all() else "ramp", left
-        )
+        phase = "rest" if np.isfinite(landed_at)[held].all() else "flight" if left[held].all() else "ramp"
+        watch = ramp.step(phase, left)
         last = ramp.began + watch.last_tool
-        ramp.note(~left & np.isfinite(last), last)
+        ramp.note_contact(~left & np.isfinite(last), last)
         new = ramp.active & ~left & (watch.gap_tool > protocol.away)
         left_at, voltage = np.where(new, ramp.last, left_at), np.where(new, ramp.last_voltage, voltage)
         down = ramp.active & np.isfinite(left_at) & ~np.isfinite(landed_at) & np.isfinite(watch.first_plate)
         landed_at = np.where(down, ramp.began + watch.first_plate, landed_at)
         speed = np.where(down, watch.landing_speed, speed)
-        rests = (watch.gap_plate <= 0) & (watch.gap_tool > 0) & (watch.speed < RESTS)
+        rests = (watch.gap_plate <= 0) & (watch.gap_tool > 0) & (watch.speed < RESTING_SPEED)
         stays = np.where(ramp.active, rests, stays)
         over = (ramp.now > landed_at + protocol.rest_time) | (ramp.now > left_at + protocol.flight_limit)
         ramp.finish(over | (np.isinf(left_at) & ramp.at_limit))
@@ -69,57 +75,62 @@ def release(bench: Bench, protocol: Protocol, held: np.ndarray, gap: float) -> R
 
 
 def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:
-    """Stop a tool at a gap before the ball [m] and ramp the voltage."""
-    bench.move("approach", protocol.approach_time, np.array([gap]), np.zeros(1))
+    """Stop the tool at a gap before the ball [m] and ramp the voltage, on `count` new benches."""
+    bench.move("approach", protocol.approach_time, gap, 0.0)
     ramp = _Ramp(bench, protocol, np.ones(count, bool), protocol.no_contact_limit, gap)
     voltage = np.full(count, np.nan)
     while ramp.active.any():
         gone = np.isfinite(voltage)
         watch = ramp.step("ramp", gone)
         last = ramp.began + watch.last_plate
-        ramp.note(~gone & np.isfinite(last), last)
+        ramp.note_contact(~gone & np.isfinite(last), last)
         voltage = np.where(ramp.active & ~gone & (watch.gap_plate > protocol.away), ramp.last_voltage, voltage)
         ramp.finish(np.isfinite(voltage) | ramp.at_limit)
     return Attempt(voltage, ramp.faulty)
 
 
 class _Ramp:
-    """A voltage that rises on each bench until it is stopped, watched at intervals."""
+    """A voltage that rises on each bench until it is stopped, checked at intervals.
 
-    def __init__(self, bench: Bench, protocol: Protocol, active: np.ndarray, limit: float, gap: float):
-        self._bench, self._protocol, self._limit, self._tip = bench, protocol, limit, np.array([gap])
+    Attributes:
+        active: (B,) benches whose ramp goes on.
+        faulty: (B,) benches whose state became infinite or nan.
+        began, now: start and end of the last interval [s].
+        last, last_voltage: (B,) time of the last contact [s], and the voltage then [V].
+    """
+
+    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, limit: float, tip: float):
+        self._bench, self._protocol, self._limit, self._tip = bench, protocol, limit, tip
         self._period = max(1, round(protocol.watch_time / bench.timestep)) * bench.timestep
         self.active = active.copy()
-        self.began = self.now = 0.0
-        self._before = self._voltage = np.zeros(len(active))
-        self.last = np.zeros(len(active))
-        """(B,) time of the last contact [s], and the voltage then [V]."""
-        self.last_voltage = np.zeros(len(active))
-        self._full = np.zeros(len(active), int)
         self.faulty = np.zeros(len(active), bool)
+        self.began = self.now = 0.0
+        self.last, self.last_voltage = np.zeros(len(active)), np.zeros(len(active))
+        self._before = self._voltage = np.zeros(len(active))
+        self._intervals_at_limit = np.zeros(len(active), int)
 
-    def step(self, phase: str, stopped: np.ndarray) -> Watch:
-        """Go on for an interval, with the voltage held where it is `stopped`."""
+    def step(self, phase: str, stopped: Mask) -> Watch:
+        """Go on for one interval; where `stopped`, the voltage stays as it is."""
         self._before = self._voltage
         rise = self._protocol.ramp_rate * self._period
         self._voltage = np.where(stopped, self._voltage, np.minimum(self._voltage + rise, self._limit))
-        self._full = np.where(self._before >= self._limit, self._full + 1, 0)
+        self._intervals_at_limit = np.where(self._before >= self._limit, self._intervals_at_limit + 1, 0)
         self.began, self.now = self.now, self.now + self._period
         watch = self._bench.move(phase, self._period, self._tip, self._voltage, self.active)
         self.faulty |= self.active & ~watch.finite
         return watch
 
-    def note(self, touched: np.ndarray, when: np.ndarray) -> None:
-        """Keep time and voltage of the last contact."""
+    def note_contact(self, touched: Mask, when: Float[np.ndarray, "B"]) -> None:
+        """Record time and voltage of the last contact where there was one in this interval."""
         share = np.where(touched, (when - self.began) / self._period, 0.0)
         self.last = np.where(touched, when, self.last)
         self.last_voltage = np.where(touched, self._before + share * (self._voltage - self._before), self.last_voltage)
 
     @property
-    def at_limit(self) -> np.ndarray:
-        """(B,) bool: the limit was held for as long as the tool rests elsewhere."""
-        return self._full * self._period >= self._protocol.dwell
+    def at_limit(self) -> Mask:
+        """(B,) whether the voltage has been at its limit for the protocol's dwell time."""
+        return self._intervals_at_limit * self._period >= self._protocol.dwell
 
-    def finish(self, over: np.ndarray) -> None:
-        """End where it is over, or faulty."""
+    def finish(self, over: Mask) -> None:
+        """Deactivate the benches where the ramp is over, and the faulty ones."""
         self.active &= ~over & ~self.faulty

@@ -12,105 +12,126 @@ from iswarm_mj.gripper.bench.ramps import Attempt, Release, no_contact, release
 from iswarm_mj.gripper.bench.staircase import Grasp, hang, staircase
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError
 
 LARGEST_BATCH = {"mujoco": 1024, "mjx": 16384}
-"""Trials at once."""
+"""Trials that run at once."""
+
+
+class EngineChoice(NamedTuple):
+    """The engine in which benches run."""
+
+    name: str = "mujoco"
+    """"mujoco", in C with the plugins, or "mjx"."""
+    impl: str = "jax"
+    """Implementation of MJX, "jax" or "warp"."""
+    threads: int = 0
+    """Threads of the C engine, 0 for one a core; results do not depend on it."""
+
+
+C_ENGINE = EngineChoice()
+
+
+class Gaps(NamedTuple):
+    """Gaps at which each trial is repeated."""
+
+    release: tuple[float, ...] = (RELEASE_GAP,)
+    """Between ball and plate at the release [m]."""
+    no_contact: tuple[float, ...] = ()
+    """Between tool and ball in attempts without contact [m]."""
+
+
+PAPER_GAPS = Gaps()
 
 
 class Outcomes(NamedTuple):
-    """What N trials showed."""
+    """Outcomes of N trials."""
 
     grasp: Grasp
     release: dict[float, Release]
-    """By the gap to the plate [m]; of balls that were not lifted nothing is known."""
+    """By the gap to the plate [m]; meaningless for balls that were not lifted."""
     no_contact: dict[float, Attempt]
     """By the gap to the tool [m]."""
     timestep: float
     """[s]"""
     steps: int
-    """Physics steps of all trials together."""
+    """Physics steps, summed over the trials."""
+
+
+BenchMaker = Callable[[Sequence[Trial], float], Bench]
+"""Trials and the initial gap between tool and ball [m] -> benches."""
 
 
 def run_trials(
     trials: Sequence[Trial],
     protocol: Protocol,
-    engine: str = "mujoco",
-    impl: str = "jax",
-    threads: int = 0,
-    release_gaps: Sequence[float] = (RELEASE_GAP,),
-    no_contact_gaps: Sequence[float] = (),
+    engine: EngineChoice = C_ENGINE,
+    gaps: Gaps = PAPER_GAPS,
     progress: Callable[[int], object] = lambda done: None,
 ) -> Outcomes:
     """Run each trial: attempts without contact, staircase of grasps, and releases of the lifted ball.
 
     Args:
-        trials: N of them.
-        protocol: what the tool does.
-        engine: "mujoco", in C with the plugins, or "mjx".
-        impl: "jax" or "warp", of MJX.
-        threads: of the C engine, 0 for one a core; results do not depend on it.
-        release_gaps: between ball and plate [m].
-        no_contact_gaps: between tool and ball [m].
-        progress: called with the number of trials that were finished.
+        trials: N trials.
+        protocol: motion and voltage of the tool.
+        engine: where to run.
+        gaps: of releases and of attempts without contact.
+        progress: called with the number of trials that have finished since the last call.
+
+    Raises:
+        ConfigError: unknown engine.
     """
-    make = bench_maker(engine, impl, threads)
-    size = LARGEST_BATCH[engine]
+    make = bench_maker(engine)
+    size = LARGEST_BATCH[engine.name]
     parts = []
     for first in range(0, len(trials), size):
         batch = trials[first : first + size]
-        parts.append(_run(make, batch, protocol, release_gaps, no_contact_gaps))
+        parts.append(_run(make, batch, protocol, gaps))
         progress(len(batch))
     return Outcomes(
         _joined([part.grasp for part in parts]),
-        {gap: _joined([part.release[gap] for part in parts]) for gap in release_gaps},
-        {gap: _joined([part.no_contact[gap] for part in parts]) for gap in no_contact_gaps},
+        {gap: _joined([part.release[gap] for part in parts]) for gap in gaps.release},
+        {gap: _joined([part.no_contact[gap] for part in parts]) for gap in gaps.no_contact},
         parts[0].timestep,
         sum(part.steps for part in parts),
     )
 
 
-def bench_maker(engine: str, impl: str, threads: int) -> Callable[[Sequence[Trial], float], Bench]:
-    """What makes benches in an engine.
+def bench_maker(engine: EngineChoice) -> BenchMaker:
+    """Constructor of benches in an engine.
 
     Raises:
-        UserError: there is no such engine.
+        ConfigError: unknown engine.
     """
-    if engine == "mujoco":
+    if engine.name == "mujoco":
         from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 
-        return partial(MujocoBench, threads=threads)
-    if engine == "mjx":
+        return partial(MujocoBench, threads=engine.threads)
+    if engine.name == "mjx":
         from iswarm_mj.gripper.bench.engine_mjx import MjxBench
 
-        return partial(MjxBench, impl=impl)
-    raise UserError(f"The engine was {engine}; it must be mujoco or mjx: choose one.")
+        return partial(MjxBench, impl=engine.impl)
+    raise ConfigError("engine", engine.name, "mujoco or mjx")
 
 
-def _run(
-    make: Callable[[Sequence[Trial], float], Bench],
-    trials: Sequence[Trial],
-    protocol: Protocol,
-    release_gaps: Sequence[float],
-    no_contact_gaps: Sequence[float],
-) -> Outcomes:
+def _run(make: BenchMaker, trials: Sequence[Trial], protocol: Protocol, gaps: Gaps) -> Outcomes:
     bench, count = make(trials, protocol.start_gap), len(trials)
     start = bench.save()
-    apart = {}
-    for gap in no_contact_gaps:
+    attempts = {}
+    for gap in gaps.no_contact:
         bench.restore(start)
-        apart[gap] = no_contact(bench, protocol, gap, count)
+        attempts[gap] = no_contact(bench, protocol, gap, count)
     bench.restore(start)
     grasp = staircase(bench, protocol, count)
     lifted, held = bench.save(), np.isfinite(grasp.voltage) & ~grasp.faulty
-    dropped = {}
-    for gap in release_gaps:
+    releases = {}
+    for gap in gaps.release:
         bench.restore(lifted)
         hang(bench, protocol, gap, held)
-        dropped[gap] = release(bench, protocol, held, gap)
-    return Outcomes(grasp, dropped, apart, bench.timestep, bench.steps)
+        releases[gap] = release(bench, protocol, held, gap)
+    return Outcomes(grasp, releases, attempts, bench.timestep, bench.steps)
 
 
 def _joined(parts):
-    """Named tuples of arrays, one after the other."""
+    """Named tuples of arrays, concatenated."""
     return type(parts[0])(*map(np.concatenate, zip(*parts, strict=True)))
