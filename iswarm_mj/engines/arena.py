@@ -161,7 +161,7 @@ def compile_arena(
         body=np.array([model.body(r + "robot").id for r in robots]),
         walls=np.array([model.geom(f"wall_{side}").id for side in ("east", "north", "west", "south")]),
         qpos=np.array(qpos),
-        mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))]),
+        mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
         servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
         robot=read_robot(robot_file),
     )

@@ -20,8 +20,8 @@ _DUST, _DUMP, _LINK = "#8fb3f0", "#f8d84a", "#9aa0a8"
 def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Path) -> Path:
     """Draw a step of a run from above.
 
-    Robots are squares in the colours of their states. From each leads the vector that it would follow: of an empty
-    worker that to dust, of a loaded robot that to the dump. Thin lines join robots that hear each other's light.
+    Robots are drawn to scale in the colours of their states. From each leads the vector that it would follow: of an
+    empty worker that to dust, of a loaded robot that to the dump. Thin lines join robots that hear each other's light.
 
     Args:
         frames: arrays of a trajectory, those of `Frames` and with the prefix scene_ of `Scene`.
@@ -48,7 +48,7 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
             shown = known & who
             lines = vectors(pose[shown], vector[shown]) * _MM
             axes.add_collection(LineCollection([*lines], colors=hues[shown], linewidths=0.4, alpha=0.55, zorder=2))
-        bodies = squares(pose, float(frames["scene_robot_size"][0])) * _MM
+        bodies = outlines(pose, frames["scene_robot_size"][:2]) * _MM
         axes.add_collection(PolyCollection([*bodies], facecolors=hues, edgecolors="none", zorder=3))
         lying = frames["ball_position"][step][frames["ball_state"][step] == 0] * _MM
         axes.plot(lying[:, 0], lying[:, 1], "o", color="black", markersize=1.6, zorder=4)
@@ -61,9 +61,9 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
     return path.with_name(path.name + ".png")
 
 
-def squares(pose: np.ndarray, edge: float) -> np.ndarray:
-    """Corners (N, 4, 2) of squares at poses (N, 3)."""
-    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * edge / 2
+def outlines(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Corners (N, 4, 2) of rectangles of length and width `size` (2,) at poses (N, 3)."""
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * np.asarray(size) / 2
     return pose[:, None, :2] + np.einsum("nij,cj->nci", _rotations(pose[:, 2]), corners)
 
 

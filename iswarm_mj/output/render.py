@@ -74,6 +74,7 @@ class Stage:
         size: width and height [pixels].
         ball_scale: the balls are drawn this many times larger.
         fine: with shadows and round shapes; without, a frame takes a tenth of the time where no graphics card helps.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`.
 
     Raises:
         UserError: no such camera, or no off-screen OpenGL.
@@ -81,7 +82,7 @@ class Stage:
 
     def __init__(
         self, config: SwarmConfig, frames: dict[str, np.ndarray], camera: str, size: tuple[int, int],
-        ball_scale: float, fine: bool = True,
+        ball_scale: float, fine: bool = True, robot_file: Path | None = None,
     ):  # fmt: skip
         if sys.platform == "linux" and not os.environ.get("DISPLAY"):
             os.environ.setdefault("MUJOCO_GL", "egl")
@@ -89,7 +90,9 @@ class Stage:
 
         from iswarm_mj.engines.arena import compile_arena
 
-        arena = compile_arena(config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True)
+        arena = compile_arena(
+            config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True, robot_file=robot_file
+        )
         model = arena.model
         cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
         if camera not in cameras:

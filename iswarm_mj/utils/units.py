@@ -1,4 +1,4 @@
-"""The doors between the units that people use and those of the models.
+"""Conversion between the units that people use and those of the models.
 
 People (configuration, records, plots, command line) use SI, or rd and steps where the paper does. The arena's
 MJCF uses mm, mg and s, so its forces are in nN and its work of adhesion in nN/mm = uJ/m^2. SI itself does not
@@ -9,7 +9,10 @@ import math
 from typing import Any
 
 ROBOT_DIAMETER = 2.0 * math.sqrt(2.0) * 1e-3
-"""The unit rd, "the maximum diameter of one robot" (Valdastri et al. 2006, Table 1) [m]: the diagonal of 2 x 2 mm."""
+"""The unit rd, "the maximum diameter of one robot" (Valdastri et al. 2006, Table 1) [m]: the diagonal of 2 x 2 mm.
+
+A unit of length, as the paper uses it: it stays the same when `models/robot.xml` describes a robot of another size.
+"""
 
 MM = 1e-3
 """One arena length unit [m]."""

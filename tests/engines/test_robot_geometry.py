@@ -1,0 +1,233 @@
+"""A robot of half the length, with one LED moved sideways: light, contacts, pictures and recordings follow its file.
+
+The robot is 1 x 2 x 1 mm; the LED of its front sits 0.4 mm left of the middle. Numbers are worked out by hand.
+"""
+
+import shutil
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import rerun as rr
+from helpers_rrd import read
+from helpers_sensing import has_off_screen_opengl, place
+
+from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.engines.arena import compile_arena, models_directory, read_robot
+from iswarm_mj.engines.mjx.arena import compile_mjx_arena
+from iswarm_mj.engines.mjx.motion import Bodies, Phase, advance, overlapping
+from iswarm_mj.engines.mjx.sight import see
+from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
+from iswarm_mj.output.frames import scene_of
+from iswarm_mj.output.plot_swarm import outlines
+from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
+from iswarm_mj.sensors.optics import led_positions, receive
+from iswarm_mj.simulation import step as swarm
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
+
+CONFIG = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
+N = 3
+SENDS = np.array([True, True, False])
+ASIDE = (-10.0, -10.0, 45.0)
+"""Pose of a robot that is too far away to be heard or in the way."""
+
+
+def changed(directory, *changes):
+    """Path of a copy of the robot's file in `directory`, with texts replaced."""
+    shutil.copytree(models_directory(), directory, dirs_exist_ok=True)
+    path = directory / "robot.xml"
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return changed(
+        tmp_path_factory.mktemp("models"),
+        ('name="hull" class="hull" size="1 1 0.5"', 'name="hull" class="hull" size="0.5 1 0.5"'),
+        ('type="box" pos="0 0 0.35" size="1 1', 'type="box" pos="0 0 0.35" size="0.5 1'),
+        ('site name="led0" class="optics" pos="1.001 0 0"', 'site name="led0" class="optics" pos="0.501 0.4 0"'),
+        ('class="optics" pos="1.001', 'class="optics" pos="0.501'),
+        ('class="optics" pos="-1.001', 'class="optics" pos="-0.501'),
+    )
+
+
+@pytest.fixture(scope="module")
+def arena(file):
+    return compile_arena(CONFIG, N, np.zeros(0), robot_file=file)
+
+
+@pytest.fixture(scope="module")
+def mjx_arena(file):
+    return compile_mjx_arena(CONFIG, N, "jax", 1, robot_file=file)
+
+
+@pytest.fixture(scope="module", params=["mujoco", "jax"])
+def sight(request):
+    """Poses (N, 3) -> links (N, 4) and walls (N, 4), on both engines."""
+    if request.param == "jax":
+        arena = request.getfixturevalue("mjx_arena")
+        look = jax.jit(lambda poses: see(CONFIG, arena, poses, SENDS, np.ones(N, bool)))
+        return lambda poses: jax.tree.map(np.asarray, look(jnp.asarray(poses, jnp.float32)))
+    engine = MujocoBatchEngine(request.getfixturevalue("arena"), 1, 1)
+
+    def look(poses):
+        engine.reset(poses[None], np.zeros((1, 0, 3)))
+        return jax.tree.map(lambda a: a[0], swarm.see(CONFIG, engine, poses[None], SENDS[None]))
+
+    return look
+
+
+class TestRecord:
+    def test_of_the_robot_as_it_is(self):
+        robot = read_robot()
+        assert robot.half_edges == (1.0, 1.0, 0.5)
+        assert robot.leds == robot.receivers == ((1, 0), (0, 1), (-1, 0), (0, -1))
+        assert robot.photodiodes[0] == ((1, 0.36), (1, -0.36)) and robot.photodiodes[1] == ((-0.36, 1), (0.36, 1))
+        assert robot.probe_tip == (0.9, 0.0) and robot.tip_height == pytest.approx(0.055, rel=1e-12)
+        assert (robot.mass, robot.yaw_inertia) == (10, pytest.approx(20 / 3))
+        assert (robot.circumradius, robot.inradius, robot.ray_height) == (pytest.approx(np.sqrt(2)), 1, 0.5)
+        assert robot.optical_offset == 0
+
+    def test_follows_the_file(self, file):
+        robot = read_robot(file)
+        assert robot.half_edges == (0.5, 1.0, 0.5)
+        assert robot.leds == ((0.5, 0.4), (0, 1), (-0.5, 0), (0, -1))
+        assert robot.receivers == ((0.5, 0), (0, 1), (-0.5, 0), (0, -1))
+        assert (robot.circumradius, robot.inradius) == (pytest.approx(np.sqrt(1.25)), 0.5)
+        assert robot.yaw_inertia == pytest.approx(10 * (1 + 4) / 12)
+        assert robot.optical_offset == 0.4
+
+    def test_is_a_static_argument_of_jit(self, file):
+        lengthen = jax.jit(lambda poses, robot: led_positions(poses, robot), static_argnums=1)
+        poses = jnp.zeros((1, 3))
+        assert lengthen(poses, read_robot())[0, 0].tolist() == [1, 0]
+        assert lengthen(poses, read_robot(file))[0, 0].tolist() == [0.5, pytest.approx(0.4)]
+
+    @pytest.mark.parametrize(
+        ("old", "new", "reason"),
+        [
+            ('"led1" class="optics" pos="0 1.001', '"led1" class="optics" pos="0 0.9', "led1 .* must lie on side 1"),
+            ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie on side 1"),
+            ('a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
+             'a" class="optics" pos="1.001 0.36 0" xyaxes="0 1 0 -1 0 0"', "photodiode0a .* outward normal"),
+            ('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"', "must stand on the floor"),
+        ],
+    )  # fmt: skip
+    def test_of_an_unsuitable_file_is_refused(self, tmp_path, old, new, reason):
+        with pytest.raises(UserError, match=reason):
+            read_robot(changed(tmp_path, (old, new)))
+
+
+class TestLight:
+    @pytest.mark.parametrize(("y", "is_clear"), [(-1.25, True), (-1.23, False)])
+    def test_a_robot_in_the_way_must_leave_the_path_to_the_led_free(self, sight, y, is_clear):
+        """Light from (5.5, -0.4) to (0.5, 0) passes (3.5, -0.24), where the one between has a corner at y + 1."""
+        links, _ = sight(place((0, 0, 0), (6, 0, 180), (3, y, 0)))
+        assert links.valid[0].tolist() == [is_clear, False, False, False]
+
+    def test_walls_are_seen_from_the_leds(self, sight):
+        """1.5 rd = 4.243 mm in front of an LED, which is 0.5 mm ahead of the centre, but 1 mm left of it."""
+        edge, ahead, left = 5 * RD, 0.5 + 1.5 * RD, 1 + 1.5 * RD
+        _, near = sight(place((edge - ahead + 0.01, 0, 0), (0, edge - left + 0.01, 0), ASIDE))
+        _, far = sight(place((edge - ahead - 0.01, 0, 0), (0, edge - left - 0.01, 0), ASIDE))
+        assert near[:2].tolist() == [[True, False, False, False], [False, True, False, False]]
+        assert not far[:2].any()
+
+    @pytest.mark.parametrize("xp", [np, jnp])
+    def test_power_depends_on_the_path_from_led_to_photodiodes(self, file, xp):
+        """The sender at (5, 0) looks back: its LED is at (4.5, -0.4), 4 mm ahead of the receiver and 0.4 mm right."""
+        robot, optics = read_robot(file), OpticsConfig(mode="power")
+        zero, one = xp.zeros(1), xp.ones(1)
+        got = receive(5 * one, zero, (one, zero), (-one, zero), robot, optics)
+        gap = np.hypot(4, 0.4)
+        power = (4 / gap) ** (np.log(0.5) / np.log(np.cos(np.radians(30)))) * (4 / gap) / gap**2
+        assert got.bearing[0] == pytest.approx(np.arctan2(-0.4, 4), abs=1e-6)
+        assert got.effective_distance[0] == pytest.approx(power**-0.5 + 1, rel=1e-6)
+
+
+class TestContacts:
+    """Robots side by side touch at 2 mm from centre to centre, one behind the other at 1 mm."""
+
+    @pytest.mark.parametrize(
+        ("x", "y", "touches"), [(0.99, 0, True), (1.01, 0, False), (0, 1.99, True), (0, 2.01, False)]
+    )
+    def test_are_found_between_the_edges(self, arena, x, y, touches):
+        poses = place((0, 0, 0), (x, y, 0), ASIDE)
+        engine = MujocoBatchEngine(arena, 1, 1)
+        engine.reset(poses[None], np.zeros((1, 0, 3)))
+        engine.advance(np.zeros((1, N, 3)), 1, np.arange(1))
+        assert (len(engine.contacts(0)) > 0) == touches
+        assert np.asarray(overlapping(jnp.asarray(poses), arena.robot)).any() == touches
+
+    def test_push_alike_on_both_engines(self, arena, mjx_arena):
+        """A robot walks into two others, of which one stands askew."""
+        poses, velocity = place((0, 0, 0), (1.2, 0.8, 20), (0.3, -2.2, 5)), np.zeros((N, 3))
+        velocity[0] = 3.0, -2.0, 0.5
+        engine = MujocoBatchEngine(arena, 1, 1)
+        engine.reset(poses[None], np.zeros((1, 0, 3)))
+        engine.advance(velocity[None], 4, np.arange(1))
+        bodies = Bodies(jnp.asarray(poses, jnp.float32), jnp.zeros((N, 3)))
+        phases = [Phase(4, lambda _: jnp.asarray(velocity, jnp.float32))]
+        moved, _ = jax.jit(lambda bodies: advance(mjx_arena, mjx_arena.model, bodies, phases))(bodies)
+        np.testing.assert_allclose(moved.poses, engine.poses()[0], atol=2e-3)
+        assert np.abs(engine.poses()[0, 1:] - poses[1:]).max(axis=1).min() > 0.05
+
+
+@pytest.fixture(scope="module")
+def scene(arena):
+    mind = SimpleNamespace(is_scout=np.zeros((1, N), bool))
+    start = SimpleNamespace(state=SimpleNamespace(mind=mind, balls=SimpleNamespace(radius=np.zeros((1, 0)))))
+    return scene_of(CONFIG, arena.robot, start, 0)
+
+
+class TestOutput:
+    def test_scene_has_the_size_of_the_robot(self, scene):
+        np.testing.assert_allclose(scene.robot_size, [1e-3, 2e-3, 1e-3])
+
+    def test_recording_shows_boxes_of_this_size(self, scene, tmp_path):
+        recording = rr.RecordingStream("iswarm_test")
+        recording.save(tmp_path / "a.rrd")
+        for entity, archetype in static_entities(scene):
+            recording.log(entity, archetype, static=True)
+        recording.disconnect()
+        boxes = read(tmp_path / "a.rrd")["/" + ROBOTS]
+        np.testing.assert_allclose(boxes["Boxes3D:half_sizes"], [[0.5, 1, 0.5]])
+
+    def test_plan_shows_rectangles(self, scene):
+        corners = outlines(np.array([[0, 0, np.pi / 2]]), scene.robot_size[:2])[0]
+        np.testing.assert_allclose(np.abs(corners), [[1e-3, 0.5e-3]] * 4, atol=1e-12)
+
+    @pytest.mark.skipif(not has_off_screen_opengl(), reason="no off-screen OpenGL")
+    def test_picture_shows_half_the_area(self, file):
+        whole, half = (blue_area(robot_file) for robot_file in (None, file))
+        assert whole > 500 and 0.4 < half / whole < 0.6
+
+
+def blue_area(robot_file):
+    """Pixels of loaded robots in a picture from above, drawn by a process that has OpenGL."""
+    code = f"""
+import numpy as np
+from pathlib import Path
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.output.render import Stage
+path = {str(robot_file or "")!r}
+pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
+frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
+config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
+with Stage(config, frames, "above", (600, 600), 1.0, robot_file=Path(path) if path else None) as stage:
+    pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
+red, green, blue = np.moveaxis(pixels, -1, 0)
+print(((blue > 90) & (blue > 2 * red) & (blue > 1.8 * green)).sum())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return int(done.stdout)
