@@ -65,7 +65,15 @@ def test_the_models_are_the_ones_expected():
     assert {"models/arena.xml", "models/robot.xml", "models/ball.xml", "models/meshes/leg.obj"} <= set(MODELS)
 
 
-@pytest.mark.parametrize("name", [*MODELS, "iswarm_mj/gripper/probe_table.csv", "iswarm_mj/py.typed"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *MODELS,
+        "iswarm_mj/gripper/probe_table.csv",
+        "iswarm_mj/py.typed",
+        "iswarm_mj/experiments/report/templates/report.md",
+    ],
+)
 def test_both_archives_hold_the_data_unchanged(sdist, wheel, name):
     original = (ROOT / name).read_bytes()
     assert (sdist / name).read_bytes() == original

@@ -14,8 +14,10 @@ from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN
 from iswarm_mj.experiments.report import assumptions
-from iswarm_mj.experiments.report.html import embedded
-from iswarm_mj.experiments.report.results import collect, command
+from iswarm_mj.experiments.report.render import data_uri
+from iswarm_mj.experiments.report.reproduction import command
+from iswarm_mj.experiments.report.results import collect
+from iswarm_mj.experiments.report.sections import _at_run_time
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
@@ -75,6 +77,17 @@ class TestResults:
         assert found.left_out == [results / "quick/hop_count.parquet"]
         assert set(found.searches) == {"paper"} and found.trials is not None
 
+    def test_links_out_of_the_directory_are_not_followed(self, results, tmp_path):
+        inside = tmp_path / "inside"
+        (inside / "types").mkdir(parents=True)
+        write_table(inside / "types" / "evolution.parquet", search_rows(), settings_of())
+        (inside / "same.parquet").symlink_to(inside / "types" / "evolution.parquet")
+        for name in ("evolution.parquet", "type1.png"):
+            (inside / name).symlink_to(results / "evolve" / "evolution.parquet")
+        found = collect([inside])
+        assert [result.path for result in found.used] == [inside / "types" / "evolution.parquet"]
+        assert found.left_out == [] and _at_run_time(inside) == []
+
     def test_commands_make_them_again(self, results):
         found = collect([results])
         assert command(found.experiments["hop-count"]) == (
@@ -115,7 +128,7 @@ class TestResults:
     def test_a_directory_that_is_not_there(self, capsys):
         with pytest.raises(SystemExit) as stop:
             main(["report", "--results", "nowhere"])
-        assert stop.value.code == 2 and "--results was nowhere; it must be a directory" in capsys.readouterr().err
+        assert stop.value.code == 2 and "--results must be existing directories" in capsys.readouterr().err
 
 
 class Page(HTMLParser):
@@ -203,9 +216,9 @@ class TestReport:
     def test_a_large_drawing_is_shown_as_pixels(self, tmp_path):
         (tmp_path / "a.png").write_bytes(b"\x89PNG few")
         (tmp_path / "a.svg").write_bytes(b"<svg>" + b" " * 500_000)
-        assert embedded(tmp_path / "a.png").startswith("data:image/png;base64,")
+        assert data_uri(tmp_path / "a.png").startswith("data:image/png;base64,")
         (tmp_path / "a.svg").write_bytes(b"<svg/>")
-        assert embedded(tmp_path / "a.png") == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
+        assert data_uri(tmp_path / "a.png") == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
 
     def test_a_place_that_cannot_be_written_to_is_named_as_given(self, results, tmp_path):
         (tmp_path / "file").touch()

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from iswarm_mj.experiments.analysis import evolution_findings, grasp_findings, law_findings
 from iswarm_mj.experiments.analysis.findings import Finding
-from iswarm_mj.experiments.report.results import Result, Results, command
+from iswarm_mj.experiments.report.reproduction import command
+from iswarm_mj.experiments.report.results import Result, Results, files_in
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
 
@@ -150,6 +151,6 @@ def _at_run_time(directory: Path) -> list[Picture]:
     )
     found = []
     for pattern, caption in captions:
-        for path in sorted(directory.glob(pattern)):
+        for path in files_in(directory, pattern):
             found.append(Picture(path, f"{path.stem.split('_')[0].replace('type', 'Type ')}, {caption}"))
     return found
