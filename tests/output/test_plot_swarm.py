@@ -1,15 +1,15 @@
-"""Drawings of a swarm: squares, vectors and links where they belong."""
+"""Drawings of a swarm: outlines, vectors and links where they belong."""
 
 import numpy as np
 import pytest
 
-from iswarm_mj.output.plot_swarm import draw_swarm, links, squares, vectors
+from iswarm_mj.output.plot_swarm import draw_swarm, links, outlines, vectors
 
 QUARTER = np.pi / 2
 
 
 def test_squares_turn_with_their_robots():
-    corners = squares(np.array([[1.0, 2.0, QUARTER / 2]]), 2.0)[0]
+    corners = outlines(np.array([[1.0, 2.0, QUARTER / 2]]), np.array([2.0, 2.0]))[0]
     reach = np.sqrt(2)
     assert corners == pytest.approx(np.array([[1, 2 + reach], [1 - reach, 2], [1, 2 - reach], [1 + reach, 2]]))
 
