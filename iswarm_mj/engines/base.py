@@ -1,62 +1,100 @@
-"""What every engine can do."""
+"""What every engine can do: put robots somewhere, sense light, move."""
 
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol, TypeVar
 
-import numpy as np
+from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.robot import Robot
 
+Bodies = TypeVar("Bodies")
+"""Mechanical state of the robots; only its engine looks inside."""
 
-class Engine(Protocol):
-    """Rigid-body physics of B worlds with N robots and K balls each. Units: mm, mg, s, rad."""
+
+class Sight(NamedTuple):
+    """Light that N robots receive in a control step."""
+
+    links: Links
+    """Who hears whom."""
+    sees_wall: Bool[Array, "*B N 4"]
+    """A wall reflects the light of this side's LED."""
+
+
+class Phase(NamedTuple):
+    """Consecutive physics steps in which servos hold the same velocities."""
+
+    n_substeps: int
+    velocity: Callable[[Array], Array]
+    """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s, rad/s]."""
+
+
+class Motion(NamedTuple):
+    """Outcome of `Engine.move`."""
+
+    bodies: Any
+    touching: Bool[Array, "*B N N"]
+    """Pairs of robots in contact at the end of any phase, upper triangle."""
+    fault: Int[Array, "*B"]
+    """Bits of `FaultKind`; 0 if nothing went wrong."""
+    robot: Int[Array, "*B"]
+    """The first robot concerned, where the fault is one of poses."""
+
+
+def find_lost(
+    poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"], edge: float
+) -> tuple[Int[Array, "*B"], Int[Array, "*B"]]:
+    """Faults of poses that are not finite or not inside the walls, as bits of `FaultKind`, and the first robot.
+
+    Args:
+        poses: x, y [mm] and yaw [rad].
+        is_present: the other robots do not count.
+        edge: distance of the walls from the arena's centre [mm].
+    """
+    xp = array_module(poses)
+    not_finite = ~xp.isfinite(poses).all(axis=-1) & is_present
+    outside = (xp.abs(poses[..., :2]).max(axis=-1) >= edge) & is_present & ~not_finite
+    bits = xp.where(not_finite.any(axis=-1), int(FaultKind.POSE_NOT_FINITE), 0)
+    bits = bits | xp.where(outside.any(axis=-1), int(FaultKind.OUTSIDE), 0)
+    first = xp.where(not_finite.any(axis=-1), not_finite.argmax(axis=-1), outside.argmax(axis=-1))
+    return bits.astype(xp.int32), first.astype(xp.int32)
+
+
+class Engine(Protocol[Bodies]):
+    """Rigid-body physics and light of worlds with N robots each. Units: mm, mg, s, rad.
+
+    An engine acts on one world, and is mapped over worlds by `jax.vmap`, or on B worlds at once, and all arrays have a
+    leading axis; `*B` stands for either.
+    """
 
     @property
     def robot(self) -> Robot:
         """Geometry and mass of a robot."""
         ...
 
-    def reset(self, poses: np.ndarray, balls: np.ndarray) -> None:
-        """Put the robots at rest at `poses` (B, N, 3) x, y, yaw, and the balls at `balls` (B, K, 3)."""
+    def place(self, poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"]) -> Bodies:
+        """Return robots at rest at x, y [mm] and yaw [rad]; those not present neither touch nor hide anything."""
         ...
 
-    def poses(self) -> np.ndarray:
-        """Return the robots' x, y, yaw (B, N, 3); yaw is not wrapped."""
+    def poses(self, bodies: Bodies) -> Float[Array, "*B N 3"]:
+        """Return x, y [mm] and yaw [rad] of the robots; yaw is not wrapped."""
         ...
 
-    def advance(self, velocity: np.ndarray, n_substeps: int, worlds: np.ndarray) -> None:
-        """Take physics steps in which servos hold the robots' world velocities (B, N, 3) x, y, yaw.
+    def sense(self, bodies: Bodies, emits: Bool[Array, "*B N"], is_running: Bool[Array, "*B"]) -> Sight:
+        """Find links and walls in sight.
 
         Args:
-            velocity: target velocities [mm/s, mm/s, rad/s].
-            n_substeps: number of physics steps.
-            worlds: (W,) indices of the worlds that move; the others stand still.
+            bodies: where the robots are.
+            emits: which robots send light; the others still stand in the way.
+            is_running: which worlds need an answer; that of the others has no meaning.
         """
         ...
 
-    def contacts(self, world: int) -> np.ndarray:
-        """Return the pairs of robots in contact in the last physics step of a world.
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "*B"]) -> Motion:
+        """Take the physics steps of some phases, one after the other.
 
-        Each pair is one number (P,), lower index * N + higher index, and may come several times.
+        A world that does not run, or in which a fault occurs, keeps its bodies.
         """
-        ...
-
-    def cast_rays(
-        self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Cast horizontal rays at half the robots' height; each ignores the robot that sends it.
-
-        Args:
-            world: (P,) index of the world.
-            origin: (P, 2) start [mm].
-            vector: (P, 2) direction and length [mm].
-            robot: (P,) index of the robot to ignore.
-
-        Returns:
-            Share of the vector's length at the first hit (P,), infinite for none; and what is hit (P,): the index
-            of a robot, or a number from N on for a wall.
-        """
-        ...
-
-    def move_balls(self, balls: np.ndarray) -> None:
-        """Put the balls' centres at (B, K, 3) [mm]."""
         ...

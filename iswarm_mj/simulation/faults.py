@@ -1,35 +1,35 @@
-"""Faults of batched runs, decoded."""
+"""Faults of a run, decoded."""
 
-import numpy as np
+from collections.abc import Sequence
 
-from iswarm_mj.engines.mjx.arena import Capacities
-from iswarm_mj.engines.mjx.motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS
-from iswarm_mj.simulation.step_mjx import NOT_FINITE, OUTSIDE, Fault
+from iswarm_mj.simulation.state import Fault
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.utils.errors import FaultKind, SimulationFault
 
-MOST_TOLD = 5
-"""Worlds of which a sentence tells."""
+MAX_LISTED = 5
+"""Worlds that a message lists at most."""
+
+_OF_ROBOTS = FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.COMMAND_NOT_FINITE
 
 
-def describe(fault: Fault, room: Capacities) -> str:
-    """One sentence on what went wrong in which worlds, with the remedy; empty if nothing did.
+def decode(fault: Fault, worlds: Sequence[World]) -> list[SimulationFault]:
+    """Return the faults of B worlds, in the order of the worlds.
 
     Args:
-        fault: of all worlds, arrays (B,): bits, control step from 1, and the first robot that is concerned.
-        room: what there was for contacts.
+        fault: NumPy arrays (B,).
+        worlds: which give the worlds their numbers.
     """
-    worlds = np.flatnonzero(fault.bits)
-    texts = [
-        (TOO_MANY_PAIRS, f"more than {room.pairs} pairs of robots near enough to touch"),
-        (TOO_MANY_CONTACTS, f"more than {room.contacts} contact points"),
-        (NOT_FINITE, "robot {robot} has no finite pose"),
-        (OUTSIDE, "robot {robot} left the arena"),
-    ]
-    told = []
-    for world in worlds[:MOST_TOLD]:
-        what = " and ".join(text for bit, text in texts if fault.bits[world] & bit)
-        told.append(f"step {fault.step[world]}, world {world}: {what.format(robot=fault.robot[world])}")
-    if len(worlds) > MOST_TOLD:
-        told.append(f"and {len(worlds) - MOST_TOLD} more worlds")
-    if (np.asarray(fault.bits) & (TOO_MANY_PAIRS | TOO_MANY_CONTACTS)).any():
-        told.append("there is no room for so many: give more --contact-room")
-    return "; ".join(told)
+    found = []
+    for world, bits, step, robot in zip(worlds, *fault, strict=True):
+        if bits:
+            robots = [robot] if bits & _OF_ROBOTS else []
+            kind = FaultKind(int(bits))
+            found.append(SimulationFault(step=int(step), world=world.index, robots=robots, kind=kind))
+    return found
+
+
+def summary(faults: Sequence[SimulationFault]) -> str:
+    """One sentence on what went wrong in which worlds."""
+    listed = [str(fault) for fault in faults[:MAX_LISTED]]
+    more = len(faults) - MAX_LISTED
+    return "; ".join(listed) + (f"; and {more} more worlds" if more > 0 else "")

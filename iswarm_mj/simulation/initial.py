@@ -1,12 +1,25 @@
 """How a run begins: where the robots and the balls are, and how strongly each ball sticks."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.config import ArenaConfig, GripperConfig, SwarmConfig
+from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
+
+
+class Start(NamedTuple):
+    """How one world begins."""
+
+    poses: np.ndarray
+    """(N, 3) x, y [mm] and yaw [rad]."""
+    balls: Balls
+    is_alive: np.ndarray
+    """(N,) bool."""
 
 
 def free_cells(arena: ArenaConfig) -> np.ndarray:
@@ -68,3 +81,24 @@ def draw_works(gripper: GripperConfig, n: int, rng: np.random.Generator) -> tupl
     tool = scattered_work(gripper.work_tool_object, gripper.spread_tool_object, rng.standard_normal(n))
     floor = scattered_work(gripper.work_object_substrate, gripper.spread_object_substrate, rng.standard_normal(n))
     return factor * np.asarray(tool), factor * np.asarray(floor)
+
+
+def draw_start(config: SwarmConfig, n_robots: int, seed: int, index: int, failed_fraction: float = 0.0) -> Start:
+    """Draw how world `index` of a seed begins; all worlds of a seed have balls of the same radii."""
+    radii = draw_radii(config.arena, np.random.default_rng([seed, 2**32 - 1]))
+    return start_with(config, n_robots, radii, np.random.default_rng([seed, index]), failed_fraction)
+
+
+def start_with(
+    config: SwarmConfig, n_robots: int, radii: np.ndarray, rng: np.random.Generator, failed_fraction: float = 0.0
+) -> Start:
+    """Draw how a world with balls of these radii (K,) [m] begins."""
+    poses = place_robots(config.arena, n_robots, rng)
+    position = place_balls(config.arena, rng)
+    works = draw_works(config.gripper, len(radii), rng)
+    floats = (a.astype(np.float32) for a in (position, radii, *works))
+    no, zero = np.zeros(len(radii), bool), np.zeros(len(radii), np.int32)
+    balls = Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero)
+    is_alive = np.ones(n_robots, bool)
+    is_alive[rng.permutation(n_robots)[: round(failed_fraction * n_robots)]] = False
+    return Start(poses, balls, is_alive)

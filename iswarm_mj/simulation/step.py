@@ -1,196 +1,158 @@
-"""One control step of the swarm: sense, act, drive."""
+"""One control step of the swarm, written once for all engines: sense, decide, move, account."""
 
-from functools import partial
-from typing import Any, NamedTuple
+import math
+from collections.abc import Callable
 
-import jax
-import jax.numpy as jnp
-import numpy as np
+from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import Conditions, SwarmConfig
-from iswarm_mj.engines.base import Engine
-from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
-from iswarm_mj.sensors.channel import exchange
-from iswarm_mj.sensors.floor import probe_tips, sense
-from iswarm_mj.sensors.links import Links, find_links
-from iswarm_mj.sensors.messages import Message
-from iswarm_mj.sensors.optics import led_positions, outward_normals
-from iswarm_mj.strategy.controller import Command, Observation
-from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
-from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
-from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.config import DriveConfig, SwarmConfig
+from iswarm_mj.engines.base import Engine, Motion, Phase
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.decide import Decision
+from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
+from iswarm_mj.strategy.controller import Command
+from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
-
-class SwarmState(NamedTuple):
-    """Everything about one world that is not rigid-body physics."""
-
-    mind: Any
-    """What the robots remember, the strategy's memory."""
-    balls: Balls
-    """Where the balls are and who holds them."""
-    is_alive: Array
-    """(N,) bool; the others neither sense, nor send, nor move."""
+Decide = Callable[..., Decision]
+"""`decide.decide` but for the first two arguments; mapped over worlds where the engine acts on many at once."""
 
 
-def decide(
-    config: SwarmConfig, probe: tuple[float, float], conditions: Conditions, strategy: Strategy, state: SwarmState,
-    poses: Array, links: Links, sees_wall: Array, step: Array, key: Array,
-) -> tuple[SwarmState, Command, Array]:  # fmt: skip
-    """Hear, feel the floor, grip, think: one world's control step up to the commands. Pure.
+def control_step(
+    engine: Engine, config: SwarmConfig, decide: Decide, params: WorldParams, state: WorldState, step: Array, last: Array
+) -> tuple[WorldState, StepRecord]:
+    """Take one control step, unless the world is finished or faulty or the run over.
 
     Args:
+        engine: senses and moves; of one world, or of B, and all arrays have a leading axis.
         config: everything that is not evolved.
-        probe: the probe's tip ahead of and beside a robot's centre [mm].
-        conditions: noise and voltages of this world; those in `config` do not count.
-        strategy: what the robots say and do.
-        state: of the step before.
-        poses: (N, 3) x, y [mm] and yaw [rad].
-        links: who hears whom, without the world axis.
-        sees_wall: (N, 4) bool.
-        step: number of the control step.
-        key: random key of the world.
-
-    Returns:
-        The new state, the commands, and which robots send the priority flag (N,) bool as the step begins.
-
-    Raises:
-        UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
+        decide: what the robots decide.
+        params: of the world.
+        state: before.
+        step: number of this step, from 0.
+        last: number of steps of the run.
     """
-    n_robots = len(poses)
-    step_key = jax.random.fold_in(key, step)
-    passage_key, fall_key, mind_key = jax.random.split(step_key, 3)
-    mind, balls, is_alive = state
-    content = strategy.say(mind, loaded(balls, n_robots))
-    content = content._replace(priority=content.priority & is_alive)
-    longest = mm_from_rd(config.strategy.message_range)
-
-    def passage(content: Message) -> tuple[Message, Array, Array]:
-        """Messages as received, with the same noise whenever in this step they are said."""
-        return exchange(
-            conditions, config.optics.independent_bit_errors, longest, content, links.sender, links.led, links.valid,
-            links.distance, passage_key,
-        )  # fmt: skip
-
-    message, is_heard, distance = passage(content)
-
-    tips = probe_tips(poses, jnp.asarray(probe))
-    balls = carry(balls, tips)
-    reach = mm_from_rd(config.strategy.dust_range)
-    view = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
-    falls = jax.random.bernoulli(fall_key, conditions.drop_rate, balls.is_held.shape)
-    picks = strategy.picks(mind) & is_alive
-    balls, grasp_failed = handle(config.gripper, conditions, balls, tips, view, picks, falls)
-
-    seen = Observation(
-        is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
-        dust=message.dust, dump=message.dump, sees_wall=sees_wall, at_dust=view.at_dust,
-        ball_vector=view.ball_vector, on_dump=view.on_dump, is_loaded=loaded(balls, n_robots),
-        grasp_failed=grasp_failed,
-    )  # fmt: skip
-    if config.strategy.update_order == "sequential":
-        relaying = _relaying(strategy)
-
-        def relay(seen: Observation) -> Message:
-            said = relaying.say(relaying.listen(mind, seen, mind_key), seen.is_loaded)
-            return passage(said._replace(priority=said.priority & is_alive))[0]
-
-        turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
-        seen = heard_in_turn(seen, turns, links.sender, relay)
-    mind, command = strategy.act(mind, seen, mind_key)
-    command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
-    return SwarmState(mind, balls, is_alive), command, content.priority
-
-
-def _relaying(strategy: Strategy) -> RelayingStrategy:
-    if isinstance(strategy, RelayingStrategy):
-        return strategy
-    raise UserError(
-        f"--strategy.update-order was sequential, but {type(strategy).__name__} has no method listen; give it one "
-        "(see RelayingStrategy), or let updates be synchronous."
+    is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
+    before = engine.poses(state.bodies)
+    sight = engine.sense(state.bodies, state.swarm.is_alive, is_running)
+    decision = decide(params, state.swarm, before, sight, step, is_running)
+    command, refused = limited(config.drive, decision.command)
+    motion = engine.move(state.bodies, drive_phases(config.drive, command), is_running & ~refused.any(axis=-1))
+    new = account(params, state, decision.swarm, motion, refused & is_running[..., None], step, is_running)
+    poses = engine.poses(new.bodies)
+    return new, StepRecord(
+        step=step + 1,
+        poses=poses,
+        swarm=decision.swarm,
+        links=sight.links,
+        has_priority=decision.has_priority,
+        balls=ball_centres(decision.swarm.balls, poses, engine.robot),
+        collisions=new.collisions,
+        speed=mean_step(before, poses, params.is_present) / config.drive.control_period,
+        is_running=is_running,
     )
 
 
-@partial(jax.jit, static_argnames=("config", "probe"))
-def decide_worlds(config, probe, conditions, strategy, state, poses, links, sees_wall, step, key, is_running):
-    """`decide` for B worlds at once; those that do not run keep their state."""
-    one_world = partial(decide, config, probe)
-    new, command, priority = jax.vmap(one_world, in_axes=(0, 0, 0, 0, 0, 0, None, 0))(
-        conditions, strategy, state, poses, links, sees_wall, step, key
-    )
+def limited(drive: DriveConfig, command: Command) -> tuple[Command, Bool[Array, "*B N"]]:
+    """Commands within the limits of the drive, whatever the strategy asked for, and which were not finite.
 
-    def keep(new: Array, old: Array) -> Array:
-        return jnp.where(is_running.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-
-    return jax.tree.map(keep, new, state), command, priority
-
-
-def see(config: SwarmConfig, engine: Engine, poses: np.ndarray, sends: np.ndarray) -> tuple[Links, np.ndarray]:
-    """Light of this control step: the links (B, N, 4) and which sides see a wall (B, N, 4) bool.
-
-    Of N robots at `poses` (B, N, 3), those that send light are `sends` (B, N) bool.
+    Args:
+        drive: longest step and largest turn.
+        command: turns [rad] and distances [mm] (*B, N).
     """
-
-    def reaches(world, origin, target, receiver, sender):
-        share, hit = engine.cast_rays(world, origin, target - origin, receiver)
-        return (hit == sender) | (share >= 1.0)
-
-    return find_links(poses, engine.robot, config.optics, reaches, sends), find_walls(config, engine, poses)
+    xp = array_module(command.turn)
+    turn, step = math.radians(drive.max_turn), mm_from_rd(drive.step_length)
+    refused = ~(xp.isfinite(command.turn) & xp.isfinite(command.forward))
+    return Command(xp.clip(command.turn, -turn, turn), xp.clip(command.forward, -step, step)), refused
 
 
-def find_walls(config: SwarmConfig, engine: Engine, poses: np.ndarray) -> np.ndarray:
-    """Whether a wall reflects the light of each LED (B, N, 4): the first thing on its axis, within range.
-
-    A LED that a robot presses a little into a wall sees it too.
-    """
-    length = mm_from_rd(config.optics.wall_range)
-    edge = mm_from_rd(config.arena.size) / 2
-    leds = led_positions(poses, engine.robot)
-    outward = outward_normals(poses) * length
-    beyond = np.abs(leds + outward).max(axis=-1) > edge
-    world, robot, _ = np.nonzero(beyond)
-    origin, vector = leds[beyond], outward[beyond]
-    share, hit = engine.cast_rays(world, origin, vector, robot)
-    sees = np.abs(leds).max(axis=-1) > edge
-    sees[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
-    return sees
-
-
-def drive(config: SwarmConfig, engine: Engine, command: Command, worlds: np.ndarray) -> list[np.ndarray]:
+def drive_phases(drive: DriveConfig, command: Command) -> tuple[Phase, Phase]:
     """Turn on the spot, then walk ahead, along the heading as it is then.
 
     A robot that a contact turns while it walks keeps its direction over the ground until the next control step.
 
     Args:
-        config: durations of the phases.
-        engine: moves the robots.
-        command: turns and distances (B, N).
-        worlds: (W,) indices of the worlds that move.
-
-    Returns:
-        For each of these worlds, the pairs of robots (P,) that touch after the turn or after the walk, as
-        `Engine.contacts` numbers them.
+        drive: durations of the phases.
+        command: turns [rad] and distances [mm] (*B, N).
     """
-    options = config.drive
-    velocity = np.zeros((*np.shape(command.turn), 3))
-    velocity[..., 2] = np.asarray(command.turn) / (options.turn_substeps * options.timestep)
-    engine.advance(velocity, options.turn_substeps, worlds)
-    turned = [engine.contacts(w) for w in worlds]
-    yaw = engine.poses()[..., 2]
-    speed = np.asarray(command.forward) / (options.walk_substeps * options.timestep)
-    velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-    engine.advance(velocity, options.walk_substeps, worlds)
-    return [np.unique(np.concatenate([t, engine.contacts(w)])) for t, w in zip(turned, worlds, strict=True)]
+    xp = array_module(command.turn)
+
+    def spin(poses: Array) -> Array:
+        rate = command.turn / (drive.turn_substeps * drive.timestep)
+        still = xp.zeros_like(rate)
+        return xp.stack([still, still, rate], axis=-1)
+
+    def walk(poses: Array) -> Array:
+        speed, yaw = command.forward / (drive.walk_substeps * drive.timestep), poses[..., 2]
+        return xp.stack([speed * xp.cos(yaw), speed * xp.sin(yaw), xp.zeros_like(yaw)], axis=-1)
+
+    return Phase(drive.turn_substeps, spin), Phase(drive.walk_substeps, walk)
 
 
-def ball_centres(state: SwarmState, poses: np.ndarray, probe: np.ndarray, tip_height: float) -> np.ndarray:
-    """World positions (B, K, 3) of the balls' centres after the robots moved to `poses` (B, N, 3) [mm]."""
-    balls = state.balls
-    radius = np.asarray(balls.radius) * 1e3
-    held, holder = np.asarray(balls.is_held), np.asarray(balls.holder)
-    at = np.take_along_axis(poses, holder[..., None], axis=1)
-    c, s = np.cos(at[..., 2]), np.sin(at[..., 2])
-    tip = np.stack([at[..., 0] + c * probe[0] - s * probe[1], at[..., 1] + s * probe[0] + c * probe[1]], axis=-1)
-    xy = np.where(held[..., None], tip, np.asarray(balls.position))
-    return np.concatenate([xy, np.where(held, tip_height - radius, radius)[..., None]], axis=-1)
+def account(
+    params: WorldParams,
+    state: WorldState,
+    swarm: SwarmState,
+    motion: Motion,
+    refused: Bool[Array, "*B N"],
+    step: Int[Array, ""],
+    is_running: Bool[Array, "*B"],
+) -> WorldState:
+    """State after a control step: counts of collisions and deliveries, the end of the world, its faults.
+
+    Args:
+        params: of the world.
+        state: before the step.
+        swarm: after it.
+        motion: of the robots.
+        refused: commands that were not finite.
+        step: number of the step, from 0.
+        is_running: whether the world takes this step.
+    """
+    xp = array_module(motion.touching)
+    is_refused = refused.any(axis=-1)
+    bits = motion.fault | xp.where(is_refused, int(FaultKind.COMMAND_NOT_FINITE), 0).astype(motion.fault.dtype)
+    robot = xp.where(is_refused, refused.argmax(axis=-1), motion.robot).astype(state.fault.robot.dtype)
+    fault = Fault(
+        state.fault.bits | bits,
+        xp.where(bits != 0, step + 1, state.fault.step).astype(state.fault.step.dtype),
+        xp.where(bits != 0, robot, state.fault.robot),
+    )
+    is_sound = is_running & (fault.bits == 0)
+    begun = (motion.touching & ~state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
+    delivered = xp.asarray(swarm.balls.is_delivered).sum(axis=-1)
+    reached = is_sound & (delivered >= params.goal)
+    return WorldState(
+        bodies=motion.bodies,
+        swarm=swarm,
+        touching=motion.touching,
+        collisions=state.collisions + xp.where(is_sound, begun, 0),
+        is_finished=state.is_finished | reached,
+        finished_at=xp.where(reached, step + 1, state.finished_at).astype(state.finished_at.dtype),
+        fault=fault,
+    )
+
+
+def mean_step(before: Float[Array, "*B N 3"], after: Float[Array, "*B N 3"], is_present: Array) -> Float[Array, "*B"]:
+    """Mean distance of the robots of a world between two poses [mm]."""
+    xp = array_module(after)
+    moved = xp.sqrt(((after - before)[..., :2] ** 2).sum(axis=-1))
+    return xp.where(is_present, moved, 0).sum(axis=-1) / is_present.sum(axis=-1)
+
+
+def ball_centres(
+    balls: Balls, poses: Float[Array, "*B N 3"], robot: Robot
+) -> Float[Array, "*B K 3"]:
+    """Positions of the balls' centres after the robots moved to `poses` [mm]."""
+    xp, probe = array_module(poses), robot.probe_tip
+    radius, held, holder, position = (
+        xp.asarray(a) for a in (balls.radius, balls.is_held, balls.holder, balls.position)
+    )
+    at = xp.take_along_axis(poses, holder[..., None], axis=-2)
+    c, s = xp.cos(at[..., 2]), xp.sin(at[..., 2])
+    tip = xp.stack([at[..., 0] + c * probe[0] - s * probe[1], at[..., 1] + s * probe[0] + c * probe[1]], axis=-1)
+    xy = xp.where(held[..., None], tip, position)
+    height = xp.where(held, robot.tip_height - 1e3 * radius, 1e3 * radius)
+    return xp.concatenate([xy, height[..., None]], axis=-1)

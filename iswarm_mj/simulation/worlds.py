@@ -1,16 +1,20 @@
-"""Worlds of a batch: what each is, and the arrays that a batched run begins with."""
+"""Worlds of a run: what each of them is, and the arrays that they begin with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.config import Conditions, GripperConfig, OpticsConfig, SwarmConfig, conditions_of
-from iswarm_mj.simulation.run_mujoco import RunSettings, Start, draw_start
-from iswarm_mj.strategy.controller import rules_of
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.initial import Start, draw_start
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
+from iswarm_mj.strategy.controller import Rules
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -23,16 +27,16 @@ _COMPILED_IN = {"release_gap", "tool_reach"}
 
 @dataclass(frozen=True)
 class World:
-    """One world of a batch; what is not given is as in the batch's configuration."""
+    """One world of a run; what is not given is as in the run's configuration."""
 
     genome: Genome
-    """The paper's strategy with these parameters (Table 2); does not count where the batch is given another."""
+    """The paper's strategy with these parameters (Table 2); ignored in a run of another strategy."""
     n_robots: int
-    """Robots in this world, at most those of the batch."""
+    """Robots in this world."""
     seed: int = 0
     """Seed of the world's random numbers."""
     index: int = 0
-    """Number of the world under its seed: the same world as world `index` of a run of this seed."""
+    """Number of the world under its seed: the same world as world `index` of a run with this seed."""
     failed_fraction: float = 0.0
     """Share of the robots that are dead from the start."""
     optics: OpticsConfig | None = None
@@ -40,9 +44,9 @@ class World:
     gripper: GripperConfig | None = None
     """May differ in all but gap and reach: humidity, works of adhesion, voltages, drop rate."""
     start: Start | None = None
-    """How the world begins; drawn by its seed if not given."""
+    """How the world begins; drawn from its seed if not given."""
     key: Array | None = None
-    """Random key of what happens then; by seed and index if not given."""
+    """Random key of what happens then; from seed and index if not given."""
 
     @property
     def random_key(self) -> Array:
@@ -50,54 +54,81 @@ class World:
         return jax.random.fold_in(jax.random.key(self.seed), self.index) if self.key is None else self.key
 
 
-class Given(NamedTuple):
-    """What stays the same in one world during a run."""
-
-    strategy: Strategy
-    conditions: Conditions
-    key: Array
-    """Random key."""
-    is_present: Array
-    """(N,) bool; the others are not there."""
-    goal: Array
-    """Finished when this many balls are delivered."""
-
-
-def vector_strategies(config: SwarmConfig, probe_reach: float, worlds: Sequence[World]) -> VectorStrategy:
-    """Return the paper's strategy with the genome of each world, stacked along a first axis."""
-    each = [
-        VectorStrategy(
-            rules_of(w.genome), jnp.asarray(round(w.genome.fraction_scouts * w.n_robots)), config, probe_reach
-        )
-        for w in worlds
-    ]
-    return stacked(each)
+def worlds_of_seed(genome: Genome, settings: RunSettings) -> list[World]:
+    """Return the worlds of a run's seed, numbered from 0."""
+    s = settings
+    return [World(genome, s.n_robots, s.seed, index, s.failed_fraction) for index in range(s.n_worlds)]
 
 
 def starts_of(config: SwarmConfig, worlds: Sequence[World]) -> list[Start]:
     """Return how each world begins.
 
     Raises:
-        UserError: a world differs in what all worlds of a batch share.
+        UserError: a world differs in what all worlds of a run share.
     """
-    return [_start(config, w) for w in worlds]
+    return [_start(config, world) for world in worlds]
 
 
-def conditions_of_all(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
-    """Return the noise and the voltages of each world, stacked."""
-    each = [conditions_of(_config(config, w)) for w in worlds]
-    return jax.tree.map(lambda *values: jnp.asarray(values, jnp.float32), *each)
+def world_params(
+    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, goal: int, capacity: int
+) -> WorldParams:
+    """Return what stays the same in each world, stacked.
+
+    Args:
+        config: that all worlds share.
+        worlds: B of them.
+        strategy: with a first axis of B worlds.
+        goal: balls that finish a world.
+        capacity: places for robots.
+    """
+    each = [conditions_of(_config(config, world)) for world in worlds]
+    n_robots = np.array([world.n_robots for world in worlds])
+    return WorldParams(
+        strategy=strategy,
+        conditions=Conditions(*(np.asarray(values, np.float32) for values in zip(*each, strict=True))),
+        key=jnp.stack([world.random_key for world in worlds]),
+        is_present=np.arange(capacity) < n_robots[:, None],
+        goal=np.full(len(worlds), goal, np.int32),
+    )
 
 
-def padded(start: Start, n_robots: int) -> Start:
-    """A start with as many robots as the batch has; those added are dead."""
-    more = n_robots - len(start.poses)
-    return Start(np.pad(start.poses, ((0, more), (0, 0))), start.balls, np.pad(np.asarray(start.is_alive), (0, more)))
+def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
+    """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows."""
+    n_worlds, capacity = params.is_present.shape
+    memory = jax.vmap(lambda strategy, key: strategy.init(capacity, key))(params.strategy, params.key)
+    zero = np.zeros(n_worlds, np.int32)
+    state = WorldState(
+        bodies=None,
+        swarm=SwarmState(
+            memory=memory,
+            balls=Balls(*(np.stack(values) for values in zip(*(start.balls for start in starts), strict=True))),
+            is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
+        ),
+        touching=np.zeros((n_worlds, capacity, capacity), bool),
+        collisions=zero,
+        is_finished=np.zeros(n_worlds, bool),
+        finished_at=zero,
+        fault=Fault(zero, zero, zero),
+    )
+    return _padded([start.poses for start in starts], capacity), state
 
 
-def stacked(trees: Sequence[Any]) -> Any:
-    """Trees of arrays with a new first axis."""
-    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *trees)
+def vector_strategies(config: SwarmConfig, probe_reach: float, worlds: Sequence[World]) -> VectorStrategy:
+    """Return the paper's strategy with the genome of each world, stacked along a first axis."""
+    columns = {
+        f.name: np.array([getattr(world.genome, f.name) for world in worlds], bool if f.type is bool else np.float32)
+        for f in fields(Genome)
+    }
+    n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
+    return VectorStrategy(Rules(**columns), n_scouts, config, probe_reach)
+
+
+def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
+    """Values of the robots of each world, stacked, with zeros or false for empty places."""
+    filled = np.zeros((len(each), capacity, *each[0].shape[1:]), each[0].dtype)
+    for row, values in zip(filled, each, strict=True):
+        row[: len(values)] = values
+    return filled
 
 
 def _config(config: SwarmConfig, world: World) -> SwarmConfig:
@@ -107,14 +138,13 @@ def _config(config: SwarmConfig, world: World) -> SwarmConfig:
 def _start(config: SwarmConfig, world: World) -> Start:
     own = _config(config, world)
     quiet = {name: 0.0 for name in _NOISE}
-    gap = {name: getattr(config.gripper, name) for name in _COMPILED_IN}
+    gap: dict[str, Any] = {name: getattr(config.gripper, name) for name in _COMPILED_IN}
     if replace(own.optics, **quiet) != replace(config.optics, **quiet) or replace(own.gripper, **gap) != own.gripper:
         shared = ", ".join(sorted(_COMPILED_IN))
         raise UserError(
-            f"A world has other optics than its batch, or another {shared} of its gripper; worlds may differ in "
-            f"{', '.join(sorted(_NOISE))} and in the rest of the gripper: give such worlds a batch of their own."
+            f"Worlds of one run may differ in {', '.join(sorted(_NOISE))} and in the gripper but for its {shared}; "
+            "run worlds that differ in more separately."
         )
     if world.start is not None:
         return world.start
-    settings = RunSettings(world.n_robots, steps=1, seed=world.seed, failed_fraction=world.failed_fraction)
-    return draw_start(own, settings, world.index)
+    return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction)

@@ -19,18 +19,12 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_rd
 
-IMPLEMENTATIONS = ("jax", "warp")
-
-EXACT, FAST = 100, 20
-"""Iterations of the contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo
-in C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
-
 _LINE_SEARCH = 8  # iterations; more do not change the end of the search
 _PARKED = -1000.0  # height at which robots wait that a world does not have [mm]
 
 
-class Capacities(NamedTuple):
-    """Room that MJX is given for contacts, since its arrays have fixed sizes."""
+class ContactCapacity(NamedTuple):
+    """Sizes of MJX's buffers for contacts of one world, since its arrays have fixed shapes."""
 
     pairs: int
     """Pairs of robots whose boxes are compared (JAX)."""
@@ -38,7 +32,7 @@ class Capacities(NamedTuple):
     """Contact points, each a constraint row, in one world."""
 
 
-def capacities(config: SwarmConfig, n_robots: int, factor: float = 1.0) -> Capacities:
+def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) -> ContactCapacity:
     """Room for N robots in their arena, by a rule that grows with N and with the density rho = N rd^2 / area.
 
     Pairs: 16 + N (0.4 + 1.2 rho). Contact points: 64 + N (0.7 + 2.4 rho), where a pair has up to four. That is about
@@ -51,7 +45,7 @@ def capacities(config: SwarmConfig, n_robots: int, factor: float = 1.0) -> Capac
         factor: times the rule.
     """
     density = n_robots * RD**2 / mm_from_rd(config.arena.size) ** 2
-    return Capacities(
+    return ContactCapacity(
         pairs=min(math.ceil(factor * (16 + n_robots * (0.4 + 1.2 * density))), max(1, n_robots * (n_robots - 1) // 2)),
         contacts=math.ceil(factor * (64 + n_robots * (0.7 + 2.4 * density))),
     )
@@ -71,7 +65,7 @@ class MjxArena:
         n_robots: N.
         hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
-        room: for contacts.
+        capacity: of the buffers for contacts.
         edge: half the arena's edge [mm].
         robot: geometry and mass of a robot.
     """
@@ -84,19 +78,9 @@ class MjxArena:
     n_robots: int = field(metadata={"static": True})
     hull: int = field(metadata={"static": True})
     impl: str = field(metadata={"static": True})
-    room: Capacities = field(metadata={"static": True})
+    capacity: ContactCapacity = field(metadata={"static": True})
     edge: float = field(metadata={"static": True})
     robot: Robot = field(metadata={"static": True})
-
-    @property
-    def probe(self) -> tuple[float, float]:
-        """The probe's tip ahead of and beside a robot's centre [mm]."""
-        return self.robot.probe_tip
-
-    @property
-    def tip_height(self) -> float:
-        """Height of that tip [mm]."""
-        return self.robot.tip_height
 
 
 def compile_mjx_arena(
@@ -104,8 +88,8 @@ def compile_mjx_arena(
     n_robots: int,
     impl: str,
     n_worlds: int,
-    room: Capacities | None = None,
-    iterations: int = EXACT,
+    capacity: ContactCapacity | None = None,
+    iterations: int = 100,
     robot_file: Path | None = None,
 ) -> MjxArena:
     """Compile the arena for MJX.
@@ -114,24 +98,24 @@ def compile_mjx_arena(
         config: sizes of arena, dump and dust areas; time step.
         n_robots: N.
         impl: "jax" or "warp".
-        n_worlds: worlds on one device; Warp's room for contacts is shared by all of them.
-        room: for contacts in one world, by default that of `capacities`.
-        iterations: of the contact solver at most, see `EXACT` and `FAST`.
+        n_worlds: worlds on one device; Warp's contact buffer is shared by all of them.
+        capacity: of the buffers for contacts of one world, by default `contact_capacity(config, n_robots)`.
+        iterations: of the contact solver at most, 100 for MuJoCo's own result.
         robot_file: MJCF file of a robot, by default `models/robot.xml`.
     """
 
     def compiled(tune: Callable[[mujoco.MjSpec], None]) -> ArenaModel:
         return compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
 
-    room = capacities(config, n_robots) if room is None else room
-    arena = compiled(lambda spec: _tune(spec, impl, room, iterations))
+    capacity = contact_capacity(config, n_robots) if capacity is None else capacity
+    arena = compiled(lambda spec: _tune(spec, impl, capacity, iterations))
     sight = compiled(_only_to_be_seen)
     _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
     seen = put_model(sight.model, "jax", own)
     with quick_trees():
         view = mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax"))
-    sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": room.contacts}
+    sizes: Any = {} if impl == "jax" else {"naconmax": capacity.contacts * n_worlds, "njmax": capacity.contacts}
     return MjxArena(
         model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
@@ -141,7 +125,7 @@ def compile_mjx_arena(
         n_robots=n_robots,
         hull=int(sight.hull[0]),
         impl=impl,
-        room=room,
+        capacity=capacity,
         edge=mm_from_rd(config.arena.size) / 2,
         robot=arena.robot,
     )
@@ -160,7 +144,7 @@ def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
     return model.replace(body_pos=model.body_pos.at[1:, 2].set(height))
 
 
-def _tune(spec: mujoco.MjSpec, impl: str, room: Capacities, iterations: int) -> None:
+def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations: int) -> None:
     """Options that suit MJX: sparse inertia, and conjugate gradients, since its Newton solvers are dense."""
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     spec.option.solver = mujoco.mjtSolver.mjSOL_CG
@@ -175,8 +159,8 @@ def _tune(spec: mujoco.MjSpec, impl: str, room: Capacities, iterations: int) -> 
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     else:
         spec.option.tolerance = 1e-6  # below, rounding ends the search no sooner
-        spec.add_numeric(name="max_geom_pairs", data=[room.pairs], size=1)
-        spec.add_numeric(name="max_contact_points", data=[room.contacts], size=1)
+        spec.add_numeric(name="max_geom_pairs", data=[capacity.pairs], size=1)
+        spec.add_numeric(name="max_contact_points", data=[capacity.contacts], size=1)
 
 
 def _only_to_be_seen(spec: mujoco.MjSpec) -> None:

@@ -1,22 +1,22 @@
 """Motion of one world in MJX: pure functions for `jit` and `vmap`."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Bool, Float
 
+from iswarm_mj.engines.base import Motion, Phase, find_lost
 from iswarm_mj.engines.mjx.api import mjx
-from iswarm_mj.engines.mjx.arena import MjxArena
+from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
 from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.robot import Robot
-
-TOO_MANY_PAIRS, TOO_MANY_CONTACTS = 1, 2
-"""Bits of `Motion.overflow`."""
 
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 
@@ -24,41 +24,24 @@ _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations th
 class Bodies(NamedTuple):
     """Mechanical state of N robots."""
 
-    poses: Array
-    """(N, 3) x, y [mm] and yaw [rad], which is not wrapped."""
-    velocity: Array
-    """(N, 3) [mm/s, mm/s, rad/s]."""
+    poses: Float[Array, "N 3"]
+    """x, y [mm] and yaw [rad], which is not wrapped."""
+    velocity: Float[Array, "N 3"]
+    """[mm/s, mm/s, rad/s]"""
+    is_present: Bool[Array, "N"]
+    """The others wait deep under the floor."""
 
 
-class Phase(NamedTuple):
-    """Some physics steps in a row in which servos hold the same velocities."""
-
-    n_substeps: int
-    target: Callable[[Array], Array]
-    """From the poses (N, 3) at the phase's beginning to world velocities (N, 3) [mm/s, mm/s, rad/s]."""
-
-
-class Motion(NamedTuple):
-    """What `advance` tells beside the new state."""
-
-    before: Array
-    """(P, N, 3) poses before the last physics step of each phase, where its contacts were found."""
-    overflow: Array
-    """Bits, 0 if there was room for all contacts."""
-
-
-def advance(arena: MjxArena, model: mjx.Model, bodies: Bodies, phases: Sequence[Phase]) -> tuple[Bodies, Motion]:
-    """Take the physics steps of P phases.
+def move(arena: MjxArena, bodies: Bodies, phases: Sequence[Phase], is_masked: bool) -> Motion:
+    """Take the physics steps of some phases.
 
     Args:
         arena: compiled.
-        model: `arena.model`, or one derived from it.
         bodies: N robots.
         phases: what the robots do, one after the other.
-
-    Returns:
-        The bodies, and the `Motion`.
+        is_masked: some robots may be absent.
     """
+    model = without_absent(arena.model, bodies.is_present) if is_masked else arena.model
     shape = bodies.poses.shape
     ends = list(itertools.accumulate(phase.n_substeps for phase in phases))
 
@@ -66,30 +49,35 @@ def advance(arena: MjxArena, model: mjx.Model, bodies: Bodies, phases: Sequence[
         data, velocity, before, overflow = carry
         poses = data.qpos.reshape(shape)
         for phase, end in zip(phases, ends, strict=True):
-            velocity = jnp.where(k == end - phase.n_substeps, phase.target(poses), velocity)
+            velocity = jnp.where(k == end - phase.n_substeps, phase.velocity(poses), velocity)
         before = jnp.where((k == jnp.array(ends) - 1)[:, None, None], poses, before)
         data = mjx.step(model, data.replace(qfrc_applied=(arena.servo_gain * velocity).ravel()))
         return (data, velocity, before, overflow | _overflow(arena, data)), None
 
     data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
+    # Poses before the last physics step of each phase, where its contacts were found.
     start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
     with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
-    return Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape)), Motion(before, overflow)
+    touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
+    touching &= bodies.is_present & bodies.is_present[:, None]
+    moved = Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
+    lost, robot = find_lost(moved.poses, bodies.is_present, arena.edge)
+    return Motion(moved, touching, (overflow | lost).astype(jnp.int32), robot)
 
 
 def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     """Bits that say what did not fit into the arrays of a physics step."""
     if arena.impl == "warp":
         bits = data._impl.overflow.ravel()[0] & ~_SOLVER_LIMITS
-        return jnp.where(bits != 0, TOO_MANY_CONTACTS, 0)
+        return jnp.where(bits != 0, int(FaultKind.TOO_MANY_CONTACTS), 0)
     distance = data._impl.contact.dist
-    crowded = jnp.where((distance < 0).all(), TOO_MANY_CONTACTS, 0) if arena.n_robots > 1 else 0
+    crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0) if arena.n_robots > 1 else 0
     centre = data.xpos[1:]
     apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
     farthest = 2 * arena.robot.circumradius + 1e-3  # robots farther apart than this cannot touch [mm]
     n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
-    return crowded | jnp.where(n_near > arena.room.pairs, TOO_MANY_PAIRS, 0)
+    return crowded | jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
 
 
 def overlapping(poses: Array, robot: Robot) -> Array:

@@ -31,23 +31,7 @@ RAYS_AT_ONCE = 64
 _START = 1e-4  # how far outside its robot a ray starts, since `mjx.ray` cannot leave out a robot of a batch [mm]
 
 
-def see(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array, is_present: Array) -> tuple[Links, Array]:
-    """Light of this control step: the links (N, 4), and which sides see a wall (N, 4) bool.
-
-    Args:
-        config: optics.
-        arena: compiled.
-        poses: (N, 3) x, y [mm] and yaw [rad].
-        sends: (N,) bool, which robots send light.
-        is_present: (N,) bool; the others neither send nor stand in the way.
-    """
-    with jax.default_matmul_precision("highest"):
-        return _find_links(config, arena, poses, sends & is_present, is_present), _find_walls(
-            config, arena, poses, is_present
-        )
-
-
-def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array, is_present: Array) -> Links:
+def find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array, is_present: Array) -> Links:
     n_robots = len(poses)
     index = jnp.arange(n_robots, dtype=jnp.int32)
     x, y = poses[:, 0], poses[:, 1]
@@ -112,7 +96,7 @@ def _find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array
     )  # fmt: skip
 
 
-def _find_walls(config: SwarmConfig, arena: MjxArena, poses: Array, is_present: Array) -> Array:
+def find_walls(config: SwarmConfig, arena: MjxArena, poses: Array, is_present: Array) -> Array:
     """Whether a wall is the first thing on the axis of each LED, within range (N, 4)."""
     leds = led_positions(poses, arena.robot)
     ends = leds + outward_normals(poses) * mm_from_rd(config.optics.wall_range)

@@ -1,91 +1,132 @@
 """The engine for CPUs: MuJoCo in C, many worlds on a thread pool."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
+from mujoco.batch import Batch, SimulationError
 
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.units import mm_from_rd
 
-_RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
 JAM = 4000
-"""Contact points from which conjugate gradients find a world's forces: Newton's method, several times faster in usual
-swarms, takes seconds for a control step where more than a thousand robots' joints hang together."""
+"""Contact points above which conjugate gradients solve for a world's contact forces: Newton's method, several times
+faster in ordinary swarms, takes seconds a control step where more than a thousand joints are connected by contacts."""
 _NEWTON, _GRADIENTS = int(mujoco.mjtSolver.mjSOL_NEWTON), int(mujoco.mjtSolver.mjSOL_CG)
-_MANY = 1000  # iterations at most; jams of 800 robots were done after some 400
+_MAX_ITERATIONS = 1000  # of conjugate gradients; jams of 800 robots converged after some 400
+_PARKED = -1000.0  # height at which the robots wait that a world does not have [mm]
 
 
-class MujocoBatchEngine:
-    """`Engine` on `mujoco.batch`; bit-identical at any number of threads."""
+class Bodies(NamedTuple):
+    """Mechanical state of B worlds as seen from Python; velocities stay inside MuJoCo."""
 
-    def __init__(self, arena: ArenaModel, n_worlds: int, n_threads: int):
-        self._arena = arena
-        self.robot = arena.robot
+    poses: np.ndarray
+    """(B, P, 3) x, y [mm] and yaw [rad]; zero for places beyond the model's robots."""
+    n_contacts: np.ndarray
+    """(B,) contact points in the last physics step, which choose the solver of the next ones."""
+
+
+class MujocoEngine:
+    """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads."""
+
+    def __init__(self, config: SwarmConfig, arena: ArenaModel, n_worlds: int, n_threads: int, capacity: int):
+        """Allocate the worlds.
+
+        Args:
+            config: arena and optics.
+            arena: compiled; its N robots are the largest number that a world has.
+            n_worlds: B.
+            n_threads: threads, 0 for one a core.
+            capacity: P, number of robots of the arrays that pass in and out; at least N.
+        """
+        self._arena, self._capacity, self._n_robots = arena, capacity, len(arena.hull)
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
-        self._qpos = self._batch.bind("qpos")
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._force = self._batch.bind("qfrc_applied")
-        self._mocap = self._batch.bind("mocap_pos")
         self._solver, self._iterations = (self._batch.expand(f"opt.{name}") for name in ("solver", "iterations"))
-        self._n_contacts = np.zeros(n_worlds, int)
         self._scratch = mujoco.MjData(arena.model)
-        n = len(arena.hull)
-        self._object = np.full(arena.model.ngeom + 1, 2 * n + 1)  # the last one stands for no hit
-        self._object[arena.hull] = np.arange(n)
-        self._object[arena.walls] = n + np.arange(len(arena.walls))
+        self._scene = Scene(config, arena, self._batch)
+        self._is_present = np.ones((n_worlds, self._n_robots), bool)
+        self._edge = mm_from_rd(config.arena.size) / 2
+        self.robot = arena.robot
 
-    def reset(self, poses: np.ndarray, balls: np.ndarray) -> None:
-        """See `Engine.reset`."""
+    def place(self, poses: np.ndarray, is_present: np.ndarray) -> Bodies:
+        """See `Engine.place`."""
+        self._is_present = is_present[:, : self._n_robots]
+        if not self._is_present.all():
+            depth = _PARKED - 10.0 * np.arange(self._n_robots)
+            height = self._batch.expand("body_pos")[..., 2]
+            standing = self._arena.model.body_pos[self._arena.body, 2]
+            height[:, self._arena.body] = np.where(self._is_present, standing, depth)
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._n_contacts[:] = 0
-        self._qpos[:, self._arena.qpos] = poses
-        self.move_balls(balls)
+        self._qpos[:, self._arena.qpos] = poses[:, : self._n_robots]
         self._batch.forward()
+        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), np.zeros(len(poses), int))
 
-    def poses(self) -> np.ndarray:
+    def poses(self, bodies: Bodies) -> np.ndarray:
         """See `Engine.poses`."""
-        return self._qpos[:, self._arena.qpos]
+        return bodies.poses
 
-    def advance(self, velocity: np.ndarray, n_substeps: int, worlds: np.ndarray) -> None:
-        """See `Engine.advance`."""
-        self._force[:, self._arena.qpos] = self._arena.servo_gain * velocity
-        is_jam = self._n_contacts[worlds] > JAM
+    def sense(self, bodies: Bodies, emits: np.ndarray, is_running: np.ndarray) -> Sight:
+        """See `Engine.sense`."""
+        n = self._n_robots
+        sight = sense(self._scene, bodies.poses[:, :n], emits[:, :n], self._is_present & is_running[:, None])
+        if self._capacity == n:
+            return sight
+        return Sight(type(sight.links)(*map(self._padded, sight.links)), self._padded(sight.sees_wall))
+
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: np.ndarray) -> Motion:
+        """See `Engine.move`."""
+        n = self._n_robots
+        fault, n_contacts = np.zeros(len(is_running), np.int32), bodies.n_contacts.copy()
+        touching = np.zeros((len(is_running), self._capacity, self._capacity), bool)
+        poses = bodies.poses
+        for phase in phases:
+            self._force[:, self._arena.qpos] = self._arena.servo_gain * phase.velocity(poses)[:, :n]
+            worlds = np.flatnonzero(is_running & (fault == 0))
+            fault[self._step(phase.n_substeps, worlds, n_contacts[worlds] > JAM)] |= FaultKind.SOLVER_FAILED
+            poses = self._padded(self._qpos[:, self._arena.qpos])
+            for world in worlds:
+                self._read_contacts(world, touching, n_contacts)
+        lost, robot = find_lost(poses[:, :n], self._is_present & is_running[:, None], self._edge)
+        fault |= lost
+        failed = np.flatnonzero(fault)
+        if len(failed):
+            poses[failed] = bodies.poses[failed]
+            self._qpos[np.ix_(failed, self._arena.qpos.ravel())] = poses[failed, :n].reshape(len(failed), -1)
+            self._qvel[failed] = 0.0
+        return Motion(Bodies(poses, n_contacts), touching, fault, robot)
+
+    def _step(self, n_substeps: int, worlds: np.ndarray, is_jam: np.ndarray) -> list[int]:
+        """Take physics steps of some worlds; return those in which MuJoCo reported an error."""
         self._solver[worlds] = np.where(is_jam, _GRADIENTS, _NEWTON)
-        self._iterations[worlds] = np.where(is_jam, _MANY, self._arena.model.opt.iterations)
-        with without_timers():
-            self._batch.step(ids=worlds, nstep=n_substeps)
+        self._iterations[worlds] = np.where(is_jam, _MAX_ITERATIONS, self._arena.model.opt.iterations)
+        try:
+            with without_timers():
+                self._batch.step(ids=worlds, nstep=n_substeps)
+        except SimulationError as error:
+            return list(error.ids)
+        return []
 
-    def contacts(self, world: int) -> np.ndarray:
-        """See `Engine.contacts`."""
+    def _read_contacts(self, world: int, touching: np.ndarray, n_contacts: np.ndarray) -> None:
+        """Mark the pairs of robots of a world that touched in its last physics step."""
         contact = self._batch.get_data(world, self._scratch).contact
-        self._n_contacts[world] = len(contact.geom)
-        first, second = self._object[contact.geom[contact.dist <= 0]].T
-        n = len(self._arena.hull)
-        robots = (first < n) & (second < n)
-        return (np.minimum(first, second) * n + np.maximum(first, second))[robots]
+        n_contacts[world] = len(contact.geom)
+        first, second = self._scene.object_of[contact.geom[contact.dist <= 0]].T
+        robots = (first < self._n_robots) & (second < self._n_robots)
+        first, second = first[robots], second[robots]
+        touching[world, np.minimum(first, second), np.maximum(first, second)] = True
 
-    def cast_rays(
-        self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine.cast_rays`."""
-        count = np.bincount(world, minlength=self._batch.nsim)
-        ids = np.flatnonzero(count)
-        shape = (len(ids), int(count.max(initial=0)))
-        if not len(ids):
-            return np.zeros(0), np.zeros(0, int)
-        used = np.arange(shape[1]) < count[ids, None]
-        order = np.argsort(world, kind="stable")
-        start, along = np.zeros((*shape, 3)), np.zeros((*shape, 3))
-        start[..., 2], along[..., 2] = 1e3, 1.0  # rays that fill up the block look at the sky
-        exclude = np.zeros(shape, np.int32)
-        start[used] = np.column_stack([origin[order], np.full(len(order), self.robot.ray_height)])
-        along[used] = np.column_stack([vector[order], np.zeros(len(order))])
-        exclude[used] = self._arena.body[robot[order]]
-        hit_at, geom = self._batch.ray(start, along, geomgroup=_RAY_GROUPS, bodyexclude=exclude, ids=ids)
-        share, hit = np.empty(len(world)), np.empty(len(world), int)
-        share[order] = np.where(geom[used] < 0, np.inf, hit_at[used])
-        hit[order] = self._object[geom[used]]
-        return share, hit
-
-    def move_balls(self, balls: np.ndarray) -> None:
-        """See `Engine.move_balls`."""
-        self._mocap[:, self._arena.mocap] = balls
+    def _padded(self, values: np.ndarray) -> np.ndarray:
+        """Values of robots (B, N, ...) with zeros, or false, for the places beyond them (B, P, ...)."""
+        if self._capacity == values.shape[1]:
+            return values
+        filled = np.zeros((len(values), self._capacity, *values.shape[2:]), values.dtype)
+        filled[:, : values.shape[1]] = values
+        return filled

@@ -1,0 +1,60 @@
+"""The engine for batches: MJX, one world as pure functions that `jax.vmap` maps over worlds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Bool, Float
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Motion, Phase, Sight
+from iswarm_mj.engines.mjx import motion
+from iswarm_mj.engines.mjx.arena import MjxArena
+from iswarm_mj.engines.mjx.motion import Bodies
+from iswarm_mj.engines.mjx.sight import find_links, find_walls
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class MjxEngine:
+    """`Engine` on MJX; acts on one world.
+
+    Attributes:
+        arena: compiled.
+        config: optics.
+        is_masked: some worlds have fewer robots than the arena.
+    """
+
+    arena: MjxArena
+    config: SwarmConfig = field(metadata={"static": True})
+    is_masked: bool = field(metadata={"static": True})
+
+    @property
+    def robot(self) -> Robot:
+        """See `Engine.robot`."""
+        return self.arena.robot
+
+    def place(self, poses: Float[Array, "N 3"], is_present: Bool[Array, "N"]) -> Bodies:
+        """See `Engine.place`."""
+        return Bodies(poses, jnp.zeros_like(poses), is_present)
+
+    def poses(self, bodies: Bodies) -> Float[Array, "N 3"]:
+        """See `Engine.poses`."""
+        return bodies.poses
+
+    def sense(self, bodies: Bodies, emits: Bool[Array, "N"], is_running: Bool[Array, ""]) -> Sight:
+        """See `Engine.sense`."""
+        poses, is_present = bodies.poses, bodies.is_present
+        with jax.default_matmul_precision("highest"):
+            links = find_links(self.config, self.arena, poses, emits & is_present, is_present)
+            return Sight(links, find_walls(self.config, self.arena, poses, is_present))
+
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
+        """See `Engine.move`."""
+        moved = motion.move(self.arena, bodies, phases, self.is_masked)
+        keeps = ~is_running | (moved.fault != 0)
+        kept = jax.tree.map(lambda new, old: jnp.where(keeps, old, new), moved.bodies, bodies)
+        return moved._replace(bodies=kept, fault=jnp.where(is_running, moved.fault, 0))

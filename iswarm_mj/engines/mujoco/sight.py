@@ -1,0 +1,99 @@
+"""Light in MuJoCo in C: links and walls in sight, decided by the rays of the physics engine."""
+
+import numpy as np
+from mujoco.batch import Batch
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.engines.base import Sight
+from iswarm_mj.sensors.links import find_links
+from iswarm_mj.sensors.optics import led_positions, outward_normals
+from iswarm_mj.utils.units import mm_from_rd
+
+_RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
+_FAR = 1e6  # where robots are looked for that a world does not have [mm]
+
+
+class Scene:
+    """What rays meet in the worlds of a batch, and what it means."""
+
+    def __init__(self, config: SwarmConfig, arena: ArenaModel, batch: Batch):
+        self.config, self.robot, self._body, self._batch = config, arena.robot, arena.body, batch
+        n = len(arena.hull)
+        self.object_of = np.full(arena.model.ngeom + 1, 2 * n + 1)
+        """Robot that a geom is, or a number from N on for a wall; the last entry stands for no hit."""
+        self.object_of[arena.hull] = np.arange(n)
+        self.object_of[arena.walls] = n + np.arange(len(arena.walls))
+
+    def cast_rays(
+        self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Cast horizontal rays at half the robots' height; each ignores the robot that sends it.
+
+        Args:
+            world: (P,) index of the world.
+            origin: (P, 2) start [mm].
+            vector: (P, 2) direction and length [mm].
+            robot: (P,) index of the robot to ignore.
+
+        Returns:
+            Share of the vector's length at the first hit (P,), infinite for none; and what is hit (P,): the index
+            of a robot, or a number from N on for a wall.
+        """
+        count = np.bincount(world, minlength=self._batch.nsim)
+        ids = np.flatnonzero(count)
+        shape = (len(ids), int(count.max(initial=0)))
+        if not len(ids):
+            return np.zeros(0), np.zeros(0, int)
+        used = np.arange(shape[1]) < count[ids, None]
+        order = np.argsort(world, kind="stable")
+        start, along = np.zeros((*shape, 3)), np.zeros((*shape, 3))
+        start[..., 2], along[..., 2] = 1e3, 1.0  # rays that fill up the block point at the sky
+        exclude = np.zeros(shape, np.int32)
+        start[used] = np.column_stack([origin[order], np.full(len(order), self.robot.ray_height)])
+        along[used] = np.column_stack([vector[order], np.zeros(len(order))])
+        exclude[used] = self._body[robot[order]]
+        hit_at, geom = self._batch.ray(start, along, geomgroup=_RAY_GROUPS, bodyexclude=exclude, ids=ids)
+        share, hit = np.empty(len(world)), np.empty(len(world), int)
+        share[order] = np.where(geom[used] < 0, np.inf, hit_at[used])
+        hit[order] = self.object_of[geom[used]]
+        return share, hit
+
+
+def sense(scene: Scene, poses: np.ndarray, emits: np.ndarray, is_present: np.ndarray) -> Sight:
+    """Light of a control step.
+
+    Args:
+        scene: what rays meet.
+        poses: (B, N, 3) x, y [mm] and yaw [rad].
+        emits: (B, N) bool, which robots send light; the others still stand in the way.
+        is_present: (B, N) bool; the others do not take part.
+    """
+    if not is_present.all():
+        away = _FAR * (1 + np.arange(poses.shape[1]))
+        poses = np.where(is_present[..., None], poses, away[:, None])
+
+    def reaches(world, origin, target, receiver, sender):
+        share, hit = scene.cast_rays(world, origin, target - origin, receiver)
+        return (hit == sender) | (share >= 1.0)
+
+    links = find_links(poses, scene.robot, scene.config.optics, reaches, emits & is_present)
+    return Sight(links, find_walls(scene, poses, is_present))
+
+
+def find_walls(scene: Scene, poses: np.ndarray, is_present: np.ndarray) -> np.ndarray:
+    """Whether a wall is the first thing on the axis of each LED, within range (B, N, 4).
+
+    A LED that a robot presses slightly into a wall sees it too.
+    """
+    length = mm_from_rd(scene.config.optics.wall_range)
+    edge = mm_from_rd(scene.config.arena.size) / 2
+    leds = led_positions(poses, scene.robot)
+    outward = outward_normals(poses) * length
+    beyond = (np.abs(leds + outward).max(axis=-1) > edge) & is_present[..., None]
+    world, robot, _ = np.nonzero(beyond)
+    origin, vector = leds[beyond], outward[beyond]
+    share, hit = scene.cast_rays(world, origin, vector, robot)
+    sees = (np.abs(leds).max(axis=-1) > edge) & is_present[..., None]
+    sees[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
+    return sees

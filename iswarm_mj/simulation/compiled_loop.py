@@ -1,0 +1,204 @@
+"""Control steps compiled into one program: many worlds, a chunk of steps at a time, on all devices."""
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.simulation.decide import decide
+from iswarm_mj.simulation.loop import Counts
+from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.step import control_step, drive_phases, limited
+from iswarm_mj.utils.jax_setup import without_shardy
+
+_WORLDS = "worlds"  # the axis of the mesh of devices
+_OWN, _SHARED = PartitionSpec(_WORLDS), PartitionSpec()
+_REPEATS = 5  # of each stage that is timed
+
+
+class Shared(NamedTuple):
+    """What all devices are given alike in a call."""
+
+    engine: MjxEngine
+    n_worlds: jax.Array
+    """Worlds of each device, without padding."""
+    first: jax.Array
+    """Number of the first control step."""
+    last: jax.Array
+    """Number of steps of the run."""
+    recorded: jax.Array
+    """(W,) rows of the recorded worlds, among those of all devices."""
+
+
+class CompiledLoop:
+    """Chunks of control steps of B worlds, spread over devices."""
+
+    def __init__(
+        self, engine: MjxEngine, config: SwarmConfig, params: WorldParams, state: WorldState, poses: np.ndarray,
+        chunk: int, devices: Sequence[Any],
+    ):  # fmt: skip
+        """Lay the worlds out on the devices.
+
+        Args:
+            engine: acts on one world.
+            config: everything that is not evolved.
+            params: of B worlds.
+            state: of B worlds, but for the bodies.
+            poses: (B, N, 3) at the start.
+            chunk: control steps in a call.
+            devices: that share the worlds.
+        """
+        self._config, self._chunk = config, chunk
+        n_worlds = len(poses)
+        devices = list(devices)[:n_worlds]
+        self.mesh = Mesh(np.array(devices), (_WORLDS,))
+        self.worlds_per_device = -(-n_worlds // len(devices))
+        # Two at least: with one, its axis would vanish from the program, and with it the last bits.
+        in_turn = _in_turn_on(devices[0], engine.arena.impl)
+        rows = max(self.worlds_per_device, 2) if in_turn else self.worlds_per_device
+        world = np.arange(n_worlds)
+        self._rows = world // self.worlds_per_device * rows + world % self.worlds_per_device
+        self._n_rows = rows * len(devices)
+        state = state._replace(bodies=jax.vmap(engine.place)(jnp.asarray(poses, jnp.float32), params.is_present))
+        self._params, self._state = self._placed(self._with_padding(params, state), _OWN)
+        self._engine: MjxEngine = self._placed(engine, _SHARED)
+
+    def _with_padding(self, params: WorldParams, state: WorldState) -> tuple[WorldParams, WorldState]:
+        """Arrays of all rows; worlds that only fill up the devices are finished."""
+        world, is_padding = np.zeros(self._n_rows, int), np.ones(self._n_rows, bool)
+        world[self._rows], is_padding[self._rows] = np.arange(len(self._rows)), False
+        params, state = jax.tree.map(lambda a: jnp.asarray(a)[world], (params, state))
+        return params, state._replace(is_finished=jnp.asarray(is_padding))
+
+    def _placed(self, tree: Any, spec: PartitionSpec) -> Any:
+        return jax.device_put(tree, NamedSharding(self.mesh, spec))
+
+    def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
+        """Take a chunk of control steps, see `Loop.advance`."""
+        rows = self._rows[list(recorded)]
+        counts = (jnp.int32(n) for n in (self.worlds_per_device, first, last))
+        shared = Shared(self._engine, *counts, jnp.asarray(rows, jnp.int32))
+        with without_shardy():
+            self._state, records = _advance(
+                self._config, self.mesh, self._chunk, bool(recorded), shared, self._params, self._state
+            )
+        taken = min(self._chunk, last - first)
+        if not recorded:
+            return taken, None
+        # Of what each device kept (D, T, W, ...), the worlds that it has (T, W, ...).
+        device, index = rows // (self._n_rows // self.mesh.size), np.arange(len(rows))
+        return taken, jax.tree.map(lambda a: np.moveaxis(np.asarray(a)[device, :, index], 0, 1)[:taken], records)
+
+    def counts(self) -> Counts:
+        """See `Loop.counts`."""
+        s = self._state
+        found = Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault)
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)
+
+    def worlds(self) -> tuple[WorldParams, WorldState]:
+        """See `Loop.worlds`."""
+        return jax.tree.map(lambda a: a[self._rows], (self._params, self._state))
+
+    def stage_times(self) -> dict[str, float]:
+        """See `Loop.stage_times`; each stage as a program of its own, of the worlds of the first device."""
+        params, state, engine = self.on_first_device()
+        config, running = self._config, jnp.ones(len(params.goal), bool)
+        sense = jax.jit(jax.vmap(engine.sense))
+        alive = state.swarm.is_alive
+        sight = sense(state.bodies, alive, running)
+        policy = jax.jit(jax.vmap(partial(decide, config, engine.robot), in_axes=(0, 0, 0, 0, None, 0)))
+        situation = params, state.swarm, state.bodies.poses, sight, jnp.int32(7), running
+        command = policy(*situation).command
+
+        @jax.jit
+        @jax.vmap
+        def physics(bodies, command, running):
+            return engine.move(bodies, drive_phases(config.drive, limited(config.drive, command)[0]), running)
+
+        return {
+            "sense": _median(sense, state.bodies, alive, running),
+            "policy": _median(policy, *situation),
+            "physics": _median(physics, state.bodies, command, running),
+        }
+
+    def on_first_device(self) -> tuple[WorldParams, WorldState, MjxEngine]:
+        """Return parameters and state of the first device's worlds, without padding, and its engine."""
+        local = jax.tree.map(lambda a: a.addressable_shards[0].data, (self._params, self._state, self._engine))
+        params, state = jax.tree.map(lambda a: a[: self.worlds_per_device], local[:2])
+        return params, state, local[2]
+
+
+@partial(jax.jit, static_argnames=("config", "mesh", "n_steps", "records"), donate_argnames=("state",))
+def _advance(config, mesh, n_steps, records, shared, params, state):
+    """Take `n_steps` control steps of all worlds; each device those of its own."""
+
+    def on_device(shared: Shared, params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
+        of_one_world = partial(decide, config, shared.engine.robot)
+        n_rows = len(params.goal)
+        place = shared.recorded - jax.lax.axis_index(_WORLDS) * n_rows
+
+        def keep(values: jax.Array) -> jax.Array:
+            """Those of the recorded worlds, where this device has them."""
+            return values[jnp.clip(place, 0, n_rows - 1)]
+
+        def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, StepRecord | None]:
+            def one_world(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord]:
+                return control_step(shared.engine, config, of_one_world, params, state, step, shared.last)
+
+            if _in_turn_on(mesh.devices.flat[0], shared.engine.arena.impl):
+                state, record = _in_turn(one_world, params, state, shared.n_worlds)
+            else:
+                state, record = jax.vmap(one_world)(params, state)
+            return state, jax.tree.map(keep, record) if records else None
+
+        state, kept = jax.lax.scan(all_worlds, state, shared.first + jnp.arange(n_steps))
+        return state, jax.tree.map(lambda a: a[None], kept)
+
+    spread = jax.shard_map(
+        on_device, mesh=mesh, in_specs=(_SHARED, _OWN, _OWN), out_specs=(_OWN, _OWN), check_vma=False
+    )
+    return spread(shared, params, state)
+
+
+def _in_turn_on(device: Any, impl: str) -> bool:
+    """Whether worlds go one after the other: as fast on a CPU, and each is the same, bit by bit, in any batch."""
+    return impl == "jax" and device.platform == "cpu"
+
+
+def _in_turn(
+    step: Callable[..., Any], params: WorldParams, state: WorldState, n_worlds: jax.Array
+) -> tuple[WorldState, Any]:
+    """Take a step of one world after the other, as `vmap` would of all at once.
+
+    The number of worlds is a number at run time, so that the program of a world does not depend on it.
+    """
+
+    def world(tree: Any, index: jax.Array) -> Any:
+        return jax.lax.optimization_barrier(jax.tree.map(lambda a: a[index], tree))
+
+    def one(index: jax.Array, carry: tuple[WorldState, Any]) -> tuple[WorldState, Any]:
+        new = jax.lax.optimization_barrier(step(world(params, index), world(carry[0], index)))
+        return jax.tree.map(lambda all_, one: all_.at[index].set(one), carry, new)
+
+    first = jnp.int32(0)
+    shapes = jax.eval_shape(step, world(params, first), world(state, first))[1]
+    records = jax.tree.map(lambda a: jnp.zeros((len(params.goal), *a.shape), a.dtype), shapes)
+    return jax.lax.fori_loop(0, n_worlds, one, (state, records))
+
+
+def _median(program: Callable[..., Any], *arguments: Any) -> float:
+    """Median time of a compiled program [s]."""
+    jax.block_until_ready(program(*arguments))
+    laps = []
+    for _ in range(_REPEATS):
+        started = time.perf_counter()
+        jax.block_until_ready(program(*arguments))
+        laps.append(time.perf_counter() - started)
+    return float(np.median(laps))

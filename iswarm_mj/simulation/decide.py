@@ -1,0 +1,151 @@
+"""What the robots of one world decide in a control step: communicate, grip, observe, act. Pure JAX."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Bool, Float, Int
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Sight
+from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
+from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.floor import FloorView, probe_tips, sense
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.simulation.state import SwarmState, WorldParams
+from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.units import mm_from_rd
+
+
+class Decision(NamedTuple):
+    """Outcome of `decide`."""
+
+    swarm: SwarmState
+    command: Command
+    """As the strategy gave it; zero for the dead."""
+    has_priority: Bool[Array, "N"]
+    """The robot sends the priority flag as the step begins."""
+
+
+class Reception(NamedTuple):
+    """Messages that arrived at N robots with S = 4 sides."""
+
+    message: Message
+    is_heard: Bool[Array, "N S"]
+    distance: Float[Array, "N S"]
+    """Measured [mm]."""
+
+
+def decide(
+    config: SwarmConfig,
+    robot: Robot,
+    params: WorldParams,
+    swarm: SwarmState,
+    poses: Float[Array, "N 3"],
+    sight: Sight,
+    step: Int[Array, ""],
+    is_running: Bool[Array, ""],
+) -> Decision:
+    """Take a world's control step up to the commands; a world that does not run keeps its state.
+
+    Args:
+        config: everything that is not evolved; its noise and voltages do not count, those in `params` do.
+        robot: its geometry.
+        params: of the world.
+        swarm: after the step before.
+        poses: x, y [mm] and yaw [rad].
+        sight: light that the robots receive.
+        step: number of the control step, from 0.
+        is_running: whether the world takes this step.
+
+    Raises:
+        UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
+    """
+    n_robots = len(poses)
+    strategy, is_alive = params.strategy, swarm.is_alive
+    step_key = jax.random.fold_in(params.key, step)
+    channel_key, fall_key, policy_key = jax.random.split(step_key, 3)
+
+    def transmit(message: Message) -> Reception:
+        """Messages as received, with the same noise whenever in this step they are said."""
+        message = message._replace(priority=message.priority & is_alive)
+        return _transmit(config, params, message, sight, channel_key)
+
+    said = strategy.say(swarm.memory, loaded(swarm.balls, n_robots))
+    reception = transmit(said)
+    balls, floor, grasp_failed = _grip(config, robot, params, swarm, poses, fall_key)
+    observation = _observe(sight, reception, floor, loaded(balls, n_robots), grasp_failed)
+    if config.strategy.update_order == "sequential":
+        relaying = _relaying(strategy)
+
+        def relay(observation: Observation) -> Message:
+            heard = relaying.listen(swarm.memory, observation, policy_key)
+            return transmit(relaying.say(heard, observation.is_loaded)).message
+
+        turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
+        observation = heard_in_turn(observation, turns, sight.links.sender, relay)
+    memory, command = strategy.act(swarm.memory, observation, policy_key)
+    command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
+    decided = SwarmState(memory, balls, is_alive)
+    kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
+    return Decision(kept, command, said.priority & is_alive)
+
+
+def _transmit(config: SwarmConfig, params: WorldParams, message: Message, sight: Sight, key: Array) -> Reception:
+    """Messages after their way through the noisy channel."""
+    links, longest = sight.links, mm_from_rd(config.strategy.message_range)
+    received = exchange(
+        params.conditions, config.optics.independent_bit_errors, longest, message, links.sender, links.led, links.valid,
+        links.distance, key,
+    )  # fmt: skip
+    return Reception(*received)
+
+
+def _grip(
+    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, poses: Array, key: Array
+) -> tuple[Balls, FloorView, Array]:
+    """Carry, release and lift balls; what the robots sense of the floor; which tried to lift one in vain (N,)."""
+    tips = probe_tips(poses, jnp.asarray(robot.probe_tip))
+    balls = carry(swarm.balls, tips)
+    reach = mm_from_rd(config.strategy.dust_range)
+    floor = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
+    falls = jax.random.bernoulli(key, params.conditions.drop_rate, balls.is_held.shape)
+    picks = params.strategy.picks(swarm.memory) & swarm.is_alive
+    balls, grasp_failed = handle(config.gripper, params.conditions, balls, tips, floor, picks, falls)
+    return balls, floor, grasp_failed
+
+
+def _observe(
+    sight: Sight, reception: Reception, floor: FloorView, is_loaded: Array, grasp_failed: Array
+) -> Observation:
+    """Everything that the robots may know of this step."""
+    message = reception.message
+    return Observation(
+        is_heard=reception.is_heard,
+        bearing=sight.links.bearing,
+        distance=reception.distance,
+        led=message.led,
+        priority=message.priority,
+        dust=message.dust,
+        dump=message.dump,
+        sees_wall=sight.sees_wall,
+        at_dust=floor.at_dust,
+        ball_vector=floor.ball_vector,
+        on_dump=floor.on_dump,
+        is_loaded=is_loaded,
+        grasp_failed=grasp_failed,
+    )
+
+
+def _relaying(strategy: Strategy) -> RelayingStrategy:
+    if isinstance(strategy, RelayingStrategy):
+        return strategy
+    raise UserError(
+        f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one (see "
+        "RelayingStrategy), or use synchronous updates."
+    )

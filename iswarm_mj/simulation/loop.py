@@ -1,0 +1,126 @@
+"""How control steps follow each other: what a run needs of it, and the loop on the host."""
+
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import jax
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Engine, Motion, Sight
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.decide import Decision, decide
+from iswarm_mj.simulation.state import Fault, StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.step import control_step
+from iswarm_mj.utils.profiling import Stopwatch
+
+
+class Counts(NamedTuple):
+    """What a run looks at after each call, as NumPy arrays of B worlds."""
+
+    balls: Balls
+    collisions: np.ndarray
+    is_finished: np.ndarray
+    finished_at: np.ndarray
+    fault: Fault
+
+
+class Loop(Protocol):
+    """Carries B worlds through control steps."""
+
+    def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
+        """Take some control steps.
+
+        Args:
+            first: number of the first one, from 0.
+            last: number of steps of the run; those beyond are not taken.
+            recorded: W worlds.
+
+        Returns:
+            The number T of steps taken, and their record (T, W, ...); None where no world is recorded.
+        """
+        ...
+
+    def counts(self) -> Counts:
+        """Return the counts so far."""
+        ...
+
+    def worlds(self) -> tuple[WorldParams, WorldState]:
+        """Return parameters and state of all worlds, as NumPy arrays where possible."""
+        ...
+
+    def stage_times(self) -> dict[str, float]:
+        """Return the median seconds that a control step spends in sense, policy and physics."""
+        ...
+
+
+class HostLoop:
+    """Control steps one by one, with an engine that acts on B worlds at once; the robots' decisions are compiled."""
+
+    def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
+        self._engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
+        cpu = jax.devices("cpu")[0]
+        self._goal, self._is_present = params.goal, params.is_present
+        self._params: WorldParams = jax.device_put(params, cpu)
+        self._state = state._replace(swarm=jax.device_put(state.swarm, cpu))
+
+    def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
+        """Take one control step, see `Loop.advance`."""
+        params = self._params._replace(goal=self._goal, is_present=self._is_present)
+        self._state, record = control_step(
+            self._engine, self._config, self._decide, params, self._state, np.int32(first), last
+        )
+        if not recorded:
+            return 1, None
+        rows = list(recorded)
+        record = record._replace(step=np.full(len(record.speed), first + 1, np.int32))
+        return 1, jax.tree.map(lambda a: np.asarray(a)[rows][None], record)
+
+    def counts(self) -> Counts:
+        """See `Loop.counts`."""
+        s = self._state
+        return Counts(jax.tree.map(np.asarray, s.swarm.balls), s.collisions, s.is_finished, s.finished_at, s.fault)
+
+    def worlds(self) -> tuple[WorldParams, WorldState]:
+        """See `Loop.worlds`."""
+        return self._params, self._state._replace(swarm=jax.tree.map(np.asarray, self._state.swarm))
+
+    def stage_times(self) -> dict[str, float]:
+        """See `Loop.stage_times`; of all steps so far."""
+        return {stage: float(np.median(self._watch.laps[stage])) for stage in ("sense", "policy", "physics")}
+
+    def _decide(
+        self, params: WorldParams, swarm: Any, poses: np.ndarray, sight: Sight, step: Any, running: Any
+    ) -> Decision:
+        with self._watch("policy"):
+            decision = decide_worlds(
+                self._config, self._engine.robot, self._params, swarm, poses.astype(np.float32), sight, step, running
+            )
+            command, has_priority = jax.tree.map(np.asarray, (decision.command, decision.has_priority))
+        return Decision(decision.swarm, command, has_priority)
+
+
+@partial(jax.jit, static_argnames=("config", "robot"))
+def decide_worlds(config, robot, params, swarm, poses, sight, step, is_running) -> Decision:
+    """`decide` for B worlds at once."""
+    of_one = partial(decide, config, robot)
+    return jax.vmap(of_one, in_axes=(0, 0, 0, 0, None, 0))(params, swarm, poses, sight, step, is_running)
+
+
+class TimedEngine:
+    """An engine on the host, with the time that it takes."""
+
+    def __init__(self, engine: Engine, watch: Stopwatch):
+        self._engine, self._watch = engine, watch
+        self.place, self.poses = engine.place, engine.poses
+        self.robot = engine.robot
+
+    def sense(self, *arguments: Any) -> Sight:
+        """See `Engine.sense`."""
+        with self._watch("sense"):
+            return self._engine.sense(*arguments)
+
+    def move(self, *arguments: Any) -> Motion:
+        """See `Engine.move`."""
+        with self._watch("physics"):
+            return self._engine.move(*arguments)

@@ -1,0 +1,131 @@
+"""A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.simulation.faults import decode, summary
+from iswarm_mj.simulation.initial import check_robots
+from iswarm_mj.simulation.metrics import Measures, measure
+from iswarm_mj.simulation.settings import EngineSettings, MujocoSettings, RunSettings
+from iswarm_mj.simulation.start import start_loop
+from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.utils.errors import SimulationFault
+from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.profiling import Stopwatch
+
+
+class Run:
+    """B worlds that advance together until each is finished or faulty, or the time is up.
+
+    A fault ends its world alone; `faults` names it.
+
+    Attributes:
+        config: what all worlds share.
+        genome: of the run.
+        settings: of the run.
+        engine: settings of the engine.
+        worlds: B of them.
+        starts: how each of them began.
+        start: record of the start of the W recorded worlds, with axes (1, W).
+        watch: where the time goes.
+    """
+
+    def __init__(
+        self, config: SwarmConfig, genome: Genome, settings: RunSettings, engine: EngineSettings | None = None, *,
+        worlds: Sequence[World] | None = None, strategy: Strategy | None = None,
+    ):  # fmt: skip
+        """Prepare the worlds.
+
+        Args:
+            config: what all worlds share.
+            genome: the paper's strategy with these parameters.
+            settings: of the run.
+            engine: settings of the engine, by default `MujocoSettings()`.
+            worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
+            strategy: another strategy in place of the paper's, its arrays with a first axis of worlds.
+
+        Raises:
+            UserError: robots, worlds or settings that do not fit.
+        """
+        keep_compiled_programs()
+        self.config, self.genome, self.settings = config, genome, settings
+        self.engine = MujocoSettings() if engine is None else engine
+        self.worlds = worlds_of_seed(genome, settings) if worlds is None else list(worlds)
+        n_worlds = len(self.worlds)
+        check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
+        check_robots(config.arena, max(world.n_robots for world in self.worlds))
+        self.watch = Stopwatch()
+        self.starts = starts_of(config, self.worlds)
+        self._loop, self.start = start_loop(
+            config, self.worlds, self.starts, strategy, settings, self.engine, self.watch
+        )
+        self._taken = 0
+        self._counts = self._loop.counts()
+
+    @property
+    def step(self) -> int:
+        """Last control step that any world took."""
+        counts = self._counts
+        ends = np.where(counts.is_finished, counts.finished_at, counts.fault.step)
+        return int(ends.max()) if self._has_ended.all() else self._taken
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is up or every world has ended."""
+        return self._taken >= self.settings.steps or bool(self._has_ended.all())
+
+    @property
+    def faults(self) -> list[SimulationFault]:
+        """What went wrong so far, at most one fault a world."""
+        return decode(self._counts.fault, self.worlds)
+
+    @property
+    def _has_ended(self) -> np.ndarray:
+        return self._counts.is_finished | (self._counts.fault.bits != 0)
+
+    def advance(self) -> StepRecord | None:
+        """Take the next control steps: one with MuJoCo in C, a chunk with MJX.
+
+        Returns:
+            Record of the T steps of the W recorded worlds, NumPy arrays (T, W, ...); None if no world is recorded.
+
+        Raises:
+            RuntimeError: the run is over.
+        """
+        if self.is_over:
+            raise RuntimeError(f"the run is over after {self.step} control steps; make a new Run to go on")
+        first = self._taken
+        taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
+        self._taken += taken
+        self._counts = self._loop.counts()
+        return None if record is None else jax.tree.map(lambda a: a[: self.step - first], record)
+
+    def raise_faults(self) -> None:
+        """Raise one SimulationFault for all faults so far, if there are any."""
+        faults = self.faults
+        if faults:
+            raise faults[0] if len(faults) == 1 else SimulationFault(summary(faults))
+
+    def arrays(self) -> tuple[WorldParams, WorldState]:
+        """Return parameters and state of all worlds."""
+        return self._loop.worlds()
+
+    def delivered(self) -> np.ndarray:
+        """Return the number of balls delivered in each world (B,)."""
+        return self._counts.balls.is_delivered.sum(axis=1)
+
+    def measures(self, world: int) -> Measures:
+        """Return the measures of a world so far."""
+        counts = self._counts
+        finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
+        return measure(counts.balls, world, int(counts.collisions[world]), finished_at)
+
+    def stage_times(self) -> dict[str, float]:
+        """Return the median seconds that a control step spends in sense, policy and physics."""
+        return self._loop.stage_times()

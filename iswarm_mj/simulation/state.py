@@ -1,0 +1,87 @@
+"""What a run consists of: the state of a world, its parameters, and the record of a control step.
+
+All are pytrees of arrays of one world, or of B worlds with a leading axis.
+"""
+
+from typing import Any, NamedTuple
+
+from jaxtyping import Bool, Float, Int
+
+from iswarm_mj.config import Conditions
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.utils.arrays import Array
+
+
+class WorldParams(NamedTuple):
+    """What stays the same in a world during a run."""
+
+    strategy: Strategy
+    conditions: Conditions
+    key: Array
+    """Random key of the world's noise and of its robots' chances."""
+    is_present: Bool[Array, "*B N"]
+    """The other places are empty."""
+    goal: Int[Array, "*B"]
+    """The world is finished when this many balls are delivered."""
+
+
+class SwarmState(NamedTuple):
+    """Everything about a world that is not rigid-body physics."""
+
+    memory: Any
+    """What the robots remember, the strategy's own."""
+    balls: Balls
+    is_alive: Bool[Array, "*B N"]
+    """The others neither sense, nor send, nor move: they only stand in the way."""
+
+
+class Fault(NamedTuple):
+    """The first thing that went wrong in a world; it stays."""
+
+    bits: Int[Array, "*B"]
+    """Of `FaultKind`, 0 for nothing."""
+    step: Int[Array, "*B"]
+    """Control step, counted from 1."""
+    robot: Int[Array, "*B"]
+    """First robot concerned; no meaning for faults of the contact buffers or the solver."""
+
+
+class WorldState(NamedTuple):
+    """Everything that changes in a world."""
+
+    bodies: Any
+    """Mechanical state, the engine's own."""
+    swarm: SwarmState
+    touching: Bool[Array, "*B N N"]
+    """Pairs of robots in contact during the last control step, upper triangle."""
+    collisions: Int[Array, "*B"]
+    """Counted so far."""
+    is_finished: Bool[Array, "*B"]
+    """The goal is reached."""
+    finished_at: Int[Array, "*B"]
+    """After this control step; 0 if not finished."""
+    fault: Fault
+
+
+class StepRecord(NamedTuple):
+    """What an observer sees of a control step; step 0 is the start."""
+
+    step: Int[Array, "*T"]
+    """Control steps taken."""
+    poses: Float[Array, "*T N 3"]
+    """x, y [mm] and yaw [rad] after the step."""
+    swarm: SwarmState
+    links: Links
+    """By which the robots heard each other in this step; none at the start."""
+    has_priority: Bool[Array, "*T N"]
+    """The robot sent the priority flag as the step began."""
+    balls: Float[Array, "*T K 3"]
+    """Centres of the balls [mm]."""
+    collisions: Int[Array, "*T"]
+    """Counted so far."""
+    speed: Float[Array, "*T"]
+    """Mean distance that the robots moved in this step, per second [mm/s]."""
+    is_running: Bool[Array, "*T"]
+    """The world took this step; false once it is finished or faulty."""
