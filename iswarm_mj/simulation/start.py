@@ -21,8 +21,8 @@ from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.robot import Robot
 
 
 def start_loop(
@@ -76,9 +76,7 @@ def _mjx_engine(
     return MjxEngine(arena, config, is_masked=any(world.n_robots < capacity for world in worlds))
 
 
-def start_record(
-    state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot
-) -> StepRecord:
+def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot) -> StepRecord:
     """Record of the start of W worlds (1, W, ...), in which nobody has heard anybody.
 
     Args:

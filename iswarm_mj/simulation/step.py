@@ -21,7 +21,13 @@ Decide = Callable[..., Decision]
 
 
 def control_step(
-    engine: Engine, config: SwarmConfig, decide: Decide, params: WorldParams, state: WorldState, step: Array, last: Array
+    engine: Engine,
+    config: SwarmConfig,
+    decide: Decide,
+    params: WorldParams,
+    state: WorldState,
+    step: Array,
+    last: Array,
 ) -> tuple[WorldState, StepRecord]:
     """Take one control step, unless the world is finished or faulty or the run over.
 
@@ -142,9 +148,7 @@ def mean_step(before: Float[Array, "*B N 3"], after: Float[Array, "*B N 3"], is_
     return xp.where(is_present, moved, 0).sum(axis=-1) / is_present.sum(axis=-1)
 
 
-def ball_centres(
-    balls: Balls, poses: Float[Array, "*B N 3"], robot: Robot
-) -> Float[Array, "*B K 3"]:
+def ball_centres(balls: Balls, poses: Float[Array, "*B N 3"], robot: Robot) -> Float[Array, "*B K 3"]:
     """Positions of the balls' centres after the robots moved to `poses` [mm]."""
     xp, probe = array_module(poses), robot.probe_tip
     radius, held, holder, position = (
