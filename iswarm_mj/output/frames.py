@@ -1,21 +1,28 @@
-"""From steps of a run to frames of a trajectory: the door from arena units to SI."""
+"""From records of a run to frames of a trajectory: the door from arena units to SI."""
 
-from dataclasses import fields
-from typing import Any
+from collections.abc import Sequence
 
+import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import Frames, Scene
-from iswarm_mj.simulation.run_mujoco import StepView
+from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 LYING, HELD, DELIVERED = 0, 1, 2
 
 
-def scene_of(config: SwarmConfig, robot: Robot, start: StepView, world: int) -> Scene:
-    """What does not change in one world of a run."""
+def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int) -> Scene:
+    """What does not change in one world of a run.
+
+    Args:
+        config: of the run.
+        robot: its geometry.
+        start: record of the start (1, W, ...).
+        world: which of the W worlds.
+    """
     arena = config.arena
 
     def square(x: float, edge: float) -> list[float]:
@@ -24,8 +31,8 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepView, world: int) -> 
     dust = [square(side * arena.dust_area_offset, arena.dust_area_size) for side in (-1, 1)]
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
-        is_scout=np.asarray(start.state.mind.is_scout[world]),
-        ball_radius=np.asarray(start.state.balls.radius[world]),
+        is_scout=start.swarm.memory.is_scout[0, world],
+        ball_radius=start.swarm.balls.radius[0, world],
         arena_size=arena.size * ROBOT_DIAMETER,
         dump=np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER,
         dust_areas=np.array(dust) * ROBOT_DIAMETER,
@@ -33,57 +40,41 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepView, world: int) -> 
     )
 
 
-class FrameBuffer:
-    """Collects the steps of one world and hands them out as blocks of frames."""
+def frames_of(records: Sequence[StepRecord], world: int) -> Frames:
+    """Frames of one world.
 
-    def __init__(self, world: int):
-        self._world = world
-        self._views: list[dict[str, Any]] = []
+    Args:
+        records: of consecutive steps (T, W, ...).
+        world: which of the W worlds.
+    """
+    record: StepRecord = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
+    memory, balls = record.swarm.memory, record.swarm.balls
+    n_steps, n_robots = record.poses.shape[:2]
+    is_loaded = np.zeros((n_steps, n_robots), bool)
+    step, ball = np.nonzero(balls.is_held)
+    is_loaded[step, balls.holder[step, ball]] = True
+    return Frames(
+        step=record.step.astype(np.int32),
+        pose=_metres(record.poses, 2),
+        is_loaded=is_loaded,
+        has_priority=record.has_priority,
+        ball_position=_metres(record.balls),
+        ball_state=np.where(balls.is_held, HELD, np.where(balls.is_delivered, DELIVERED, LYING)).astype(np.uint8),
+        link_sender=record.links.sender.astype(np.int16),
+        link_valid=record.links.valid,
+        dust_vector=_metres(memory.dust.vector),
+        dust_known=memory.dust.known,
+        dump_vector=_metres(memory.dump.vector),
+        dump_known=memory.dump.known,
+        delivered=balls.is_delivered.sum(axis=1, dtype=np.int32),
+        picked=balls.was_picked.sum(axis=1, dtype=np.int32),
+        collisions=record.collisions.astype(np.int32),
+        mean_speed=(record.speed * MM).astype(np.float32),
+    )
 
-    def __len__(self) -> int:
-        """Return the number of frames that wait."""
-        return len(self._views)
 
-    def add(self, view: StepView) -> None:
-        """Take in a step."""
-        self._views.append(_frame(view, self._world))
-
-    def take(self) -> Frames:
-        """Hand out what was taken in since the last time; there must be something."""
-        views, self._views = self._views, []
-        block = {f.name: np.stack([v[f.name] for v in views]) for f in fields(Frames)}
-        for name in ("pose", "ball_position", "dust_vector", "dump_vector"):
-            block[name] = block[name].astype(np.float32)
-        for name in ("pose", "ball_position"):
-            block[name][..., : 2 if name == "pose" else 3] *= MM
-        for name in ("dust_vector", "dump_vector", "mean_speed"):
-            block[name] = (block[name] * MM).astype(np.float32)
-        block["step"] = block["step"].astype(np.int32)
-        block["link_sender"] = block["link_sender"].astype(np.int16)
-        return Frames(**block)
-
-
-def _frame(view: StepView, world: int) -> dict[str, Any]:
-    """One world's step, in arena units; `take` converts whole blocks."""
-    mind, balls = view.state.mind, view.state.balls
-    held, delivered = np.asarray(balls.is_held)[world], np.asarray(balls.is_delivered)[world]
-    is_loaded = np.zeros(view.poses.shape[1], bool)
-    is_loaded[np.asarray(balls.holder)[world][held]] = True
-    return {
-        "step": np.asarray(view.step),
-        "pose": view.poses[world],
-        "is_loaded": is_loaded,
-        "has_priority": view.has_priority[world],
-        "ball_position": view.balls[world],
-        "ball_state": np.where(held, HELD, np.where(delivered, DELIVERED, LYING)).astype(np.uint8),
-        "link_sender": view.links.sender[world],
-        "link_valid": view.links.valid[world],
-        "dust_vector": np.asarray(mind.dust.vector)[world],
-        "dust_known": np.asarray(mind.dust.known)[world],
-        "dump_vector": np.asarray(mind.dump.vector)[world],
-        "dump_known": np.asarray(mind.dump.known)[world],
-        "delivered": np.int32(delivered.sum()),
-        "picked": np.int32(np.asarray(balls.was_picked)[world].sum()),
-        "collisions": np.int32(view.collisions[world]),
-        "mean_speed": view.speed[world],
-    }
+def _metres(values: np.ndarray, n_lengths: int | None = None) -> np.ndarray:
+    """Values (..., C) as float32, of which the first columns are lengths, from mm to m."""
+    converted = values.astype(np.float32)
+    converted[..., :n_lengths] *= MM
+    return converted

@@ -1,9 +1,10 @@
 """What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from iswarm_mj import __version__
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.simulation.metrics import Measures, fitness
-from iswarm_mj.simulation.run_mujoco import RunSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.files import remove, whole
 from iswarm_mj.utils.profiling import Stopwatch
@@ -23,32 +25,18 @@ def clear(out: Path, record: bool) -> None:
         remove(out / name)
 
 
-class Finished(Protocol):
-    """What a result tells of a run."""
+def result(
+    run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float
+) -> dict[str, Any]:
+    """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
 
-    genome: Genome
-    settings: RunSettings
-    watch: Stopwatch
-
-    @property
-    def config(self) -> SwarmConfig:
-        """The configuration."""
-        ...
-
-    @property
-    def step(self) -> int:
-        """Control steps taken."""
-        ...
-
-    def measures(self, world: int) -> Measures:
-        """Return the measures of a world."""
-        ...
-
-
-def result(run: Finished, engine: str, wall_s: float) -> dict[str, Any]:
-    """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists."""
-    settings = run.settings
-    measures = [run.measures(world) for world in range(settings.n_worlds)]
+    Args:
+        run: of this process.
+        settings: of the run of all processes.
+        measures: of all worlds.
+        steps: control steps taken.
+        wall_s: how long it took.
+    """
     scores = [fitness(m, settings.n_robots, run.config.arena.n_dust, settings.steps) for m in measures]
 
     def each(values: list[Any]) -> Any:
@@ -57,13 +45,13 @@ def result(run: Finished, engine: str, wall_s: float) -> dict[str, Any]:
     return {
         "version": __version__,
         "seed": settings.seed,
-        "engine": engine,
+        **run.identity,
         "n_worlds": settings.n_worlds,
         "n_robots": settings.n_robots,
         "n_dust": run.config.arena.n_dust,
         "max_steps": settings.steps,
         "stop_at": settings.stop_at,
-        "steps": run.step,
+        "steps": steps,
         **{name: each([getattr(m, name) for m in measures]) for name in Measures._fields},
         "fitness": each(scores),
         "wall_s": round(wall_s, 3),

@@ -57,7 +57,7 @@ class CompiledLoop:
         """
         self._config, self._chunk = config, chunk
         n_worlds = len(poses)
-        devices = list(devices)[:n_worlds]
+        self.devices = devices = list(devices)[:n_worlds]
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         self.worlds_per_device = -(-n_worlds // len(devices))
         # Two at least: with one, its axis would vanish from the program, and with it the last bits.

@@ -174,16 +174,6 @@ def join(timeout_s: float) -> Hosts:
     return Hosts(jax.process_index(), jax.process_count())
 
 
-@contextmanager
-def numbered(share: Sequence[int]) -> Iterator[None]:
-    """Have a fault name worlds by their numbers in the run, `share`, not by their places in this process's batch."""
-    try:
-        yield
-    except SimulationFault as fault:
-        said = re.sub(r"\bworld (\d+)", lambda place: f"world {share[int(place[1])]}", str(fault))
-        raise SimulationFault(said) from None
-
-
 def _given() -> tuple[str | None, int | None, int | None]:
     """Address, number of processes and number of this one, where the environment gives them.
 

@@ -28,6 +28,9 @@ class Counts(NamedTuple):
 class Loop(Protocol):
     """Carries B worlds through control steps."""
 
+    devices: list[Any]
+    """JAX devices that the worlds are spread over; none where the CPU's threads do all."""
+
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
         """Take some control steps.
 
@@ -59,6 +62,7 @@ class HostLoop:
 
     def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
         self._engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
+        self.devices: list[Any] = []
         cpu = jax.devices("cpu")[0]
         self._goal, self._is_present = params.goal, params.is_present
         self._params: WorldParams = jax.device_put(params, cpu)

@@ -1,16 +1,19 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import check_robots
 from iswarm_mj.simulation.metrics import Measures, measure
 from iswarm_mj.simulation.settings import EngineSettings, MujocoSettings, RunSettings
-from iswarm_mj.simulation.start import start_loop
+from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import Genome
@@ -33,12 +36,13 @@ class Run:
         worlds: B of them.
         starts: how each of them began.
         start: record of the start of the W recorded worlds, with axes (1, W).
+        robot: geometry of the robots.
         watch: where the time goes.
     """
 
     def __init__(
         self, config: SwarmConfig, genome: Genome, settings: RunSettings, engine: EngineSettings | None = None, *,
-        worlds: Sequence[World] | None = None, strategy: Strategy | None = None,
+        worlds: Sequence[World] | None = None, strategy: Strategy | None = None, robot_file: Path | None = None,
     ):  # fmt: skip
         """Prepare the worlds.
 
@@ -49,6 +53,7 @@ class Run:
             engine: settings of the engine, by default `MujocoSettings()`.
             worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
             strategy: another strategy in place of the paper's, its arrays with a first axis of worlds.
+            robot_file: MJCF file of the robots, by default `models/robot.xml`.
 
         Raises:
             UserError: robots, worlds or settings that do not fit.
@@ -62,9 +67,9 @@ class Run:
         check_robots(config.arena, max(world.n_robots for world in self.worlds))
         self.watch = Stopwatch()
         self.starts = starts_of(config, self.worlds)
-        self._loop, self.start = start_loop(
-            config, self.worlds, self.starts, strategy, settings, self.engine, self.watch
-        )
+        self.robot = read_robot(robot_file)
+        plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file)
+        self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0
         self._counts = self._loop.counts()
 
@@ -79,6 +84,16 @@ class Run:
     def is_over(self) -> bool:
         """Whether the time is up or every world has ended."""
         return self._taken >= self.settings.steps or bool(self._has_ended.all())
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Name and main settings of the engine, as results state them."""
+        return self.engine.identity
+
+    @property
+    def devices(self) -> list[str]:
+        """Devices that the worlds are spread over; none where the CPU's threads do all."""
+        return [device.device_kind for device in self._loop.devices]
 
     @property
     def faults(self) -> list[SimulationFault]:
@@ -129,3 +144,9 @@ class Run:
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""
         return self._loop.stage_times()
+
+    def peak_memory_gb(self) -> float | None:
+        """Return the most memory that a device had in use [GB]; None where no device reports it."""
+        stats = [device.memory_stats() for device in self._loop.devices]
+        peaks = [found["peak_bytes_in_use"] for found in stats if found and "peak_bytes_in_use" in found]
+        return round(max(peaks) / 1e9, 2) if peaks else None

@@ -58,9 +58,9 @@ class MujocoSettings:
     """Threads for the physics, 0 for one a core; the results do not depend on it."""
 
     @property
-    def name(self) -> str:
-        """What results call the engine."""
-        return "mujoco"
+    def identity(self) -> dict[str, Any]:
+        """Name and main settings, as results state them."""
+        return {"engine": "mujoco"}
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ class MjxSettings:
         check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
 
     @property
-    def name(self) -> str:
-        """What results call the engine."""
-        return "mjx"
+    def identity(self) -> dict[str, Any]:
+        """Name and main settings, as results state them."""
+        return {"engine": "mjx", "impl": self.impl, "solver_iterations": self.solver_iterations}
 
 
 EngineSettings = MujocoSettings | MjxSettings

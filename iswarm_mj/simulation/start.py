@@ -1,16 +1,20 @@
 """How a run begins: the engine is made, and the worlds are placed in it."""
 
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.simulation.initial import Start
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
@@ -25,55 +29,56 @@ from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robot
 
 
-def start_loop(
-    config: SwarmConfig, worlds: Sequence[World], starts: Sequence[Start], strategy: Strategy | None,
-    settings: RunSettings, engine: EngineSettings, watch: Stopwatch,
-) -> tuple[Loop, StepRecord]:  # fmt: skip
-    """Make the engine and place the worlds in it.
+class Plan(NamedTuple):
+    """What a run is made of."""
+
+    config: SwarmConfig
+    """What all worlds share."""
+    settings: RunSettings
+    engine: EngineSettings
+    worlds: Sequence[World]
+    """B of them."""
+    starts: Sequence[Start]
+    """How each of them begins."""
+    strategy: Strategy | None
+    """With a first axis of B worlds; None for the paper's, with the genome of each world."""
+    robot_file: Path | None
+    """MJCF file of the robots; None for `models/robot.xml`."""
+
+
+def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
+    """Make the engine of a run and place its worlds in it.
 
     Args:
-        config: what all worlds share.
-        worlds: B of them.
-        starts: how each begins.
-        strategy: with a first axis of B worlds; None for the paper's, with the genome of each world.
-        settings: of the run.
-        engine: settings of the engine.
-        watch: takes the times of the engine's stages.
+        plan: of the run.
+        watch: takes the times of the stages on the host.
 
     Returns:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
+    config, settings, worlds, robot = plan.config, plan.settings, plan.worlds, read_robot(plan.robot_file)
     n_robots = max(world.n_robots for world in worlds)
     capacity = settings.capacity or n_robots
-    goal = settings.stop_at or config.arena.n_dust
-
-    def begin(robot: Robot) -> tuple[WorldParams, np.ndarray, WorldState]:
-        own = vector_strategies(config, robot.probe_tip[0], worlds) if strategy is None else strategy
-        params = world_params(config, worlds, own, goal, capacity)
-        return params, *first_state(starts, params)
-
-    match engine:
-        case MujocoSettings():
-            arena = compile_arena(config, n_robots, np.zeros(0))
-            made = MujocoEngine(config, arena, len(worlds), engine.threads, capacity)
-            params, poses, state = begin(made.robot)
-            state = state._replace(bodies=made.place(poses, params.is_present))
-            loop: Loop = HostLoop(made, config, params, state, watch)
-        case MjxSettings():
-            devices = list(engine.devices or jax.local_devices())
-            made = _mjx_engine(config, worlds, capacity, engine, len(devices))
-            params, poses, state = begin(made.robot)
-            loop = CompiledLoop(made, config, params, state, poses, engine.chunk, devices)
-    return loop, start_record(state, poses, settings.record_worlds, made.robot)
-
-
-def _mjx_engine(
-    config: SwarmConfig, worlds: Sequence[World], capacity: int, settings: MjxSettings, n_devices: int
-) -> MjxEngine:
-    buffers = contact_capacity(config, capacity, settings.contact_capacity)
-    each = -(-len(worlds) // min(n_devices, len(worlds)))
-    arena = compile_mjx_arena(config, capacity, settings.impl, each, buffers, settings.solver_iterations)
-    return MjxEngine(arena, config, is_masked=any(world.n_robots < capacity for world in worlds))
+    strategy = plan.strategy
+    if strategy is None:
+        strategy = vector_strategies(config, robot.probe_tip[0], worlds)
+    params = world_params(config, worlds, strategy, settings.stop_at or config.arena.n_dust, capacity)
+    poses, state = first_state(plan.starts, params)
+    start = start_record(state, poses, settings.record_worlds, robot)
+    match plan.engine:
+        case MujocoSettings(threads):
+            arena = compile_arena(config, n_robots, np.zeros(0), robot_file=plan.robot_file)
+            engine = MujocoEngine(config, arena, len(worlds), threads, capacity)
+            state = state._replace(bodies=engine.place(poses, params.is_present))
+            return HostLoop(engine, config, params, state, watch), start
+        case MjxSettings() as mjx:
+            devices = list(mjx.devices or jax.local_devices())[: len(worlds)]
+            buffers = contact_capacity(config, capacity, mjx.contact_capacity)
+            each = -(-len(worlds) // len(devices))
+            compiled = compile_mjx_arena(config, capacity, mjx.impl, each, buffers, mjx.solver_iterations, plan.robot_file)
+            is_masked = any(world.n_robots < capacity for world in worlds)
+            engine = MjxEngine(compiled, config, is_masked)
+            return CompiledLoop(engine, config, params, state, poses, mjx.chunk, devices), start
 
 
 def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot) -> StepRecord:

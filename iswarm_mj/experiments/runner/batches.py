@@ -5,20 +5,19 @@ from collections.abc import Generator, Sequence
 from typing import Any
 
 import jax
-import numpy as np
 
-from iswarm_mj.engines.mjx.motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS
-from iswarm_mj.experiments.runner.jobs import PLACES, Job, Outcome, outcome
+from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, outcome
 from iswarm_mj.simulation.initial import free_cells
 from iswarm_mj.simulation.metrics import Measures
-from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MjxSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
-from iswarm_mj.utils.errors import SimulationFault
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.errors import FaultKind
 
-FIRST_ROOM = {"jax": 1.0, "warp": 4.0}
+FIRST_CAPACITY = {"jax": 1.0, "warp": 4.0}
 """Room for contacts at first, by implementation, relative to the rule of `engines.mjx_arena.capacities`."""
-MOST_ROOM = 8.0
+MAX_CAPACITY = 8.0
+_BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 """Room for contacts at most. A batch that finds too little begins again with twice as much, up to this.
 
 In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the rule's, swarms that do not avoid
@@ -44,7 +43,6 @@ def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, Non
         SimulationFault: a run could not go on.
         UserError: a job is not possible.
     """
-    keep_compiled_programs()
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
         alike.setdefault((job.config, job.steps, job.stop_at), []).append(index)
@@ -55,43 +53,33 @@ def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, Non
 
 
 def _measured(jobs: Sequence[Job]) -> list[Measures]:
-    """Measures of jobs of equal settings, with as much room as they need."""
+    """Measures of jobs of equal settings, with contact buffers as large as they need."""
     impl = implementation()
-    room, worlds = FIRST_ROOM[impl], _worlds(jobs)
+    contact_capacity = FIRST_CAPACITY[impl]
     while True:
-        settings = BatchSettings(jobs[0].steps, impl, stop_at=jobs[0].stop_at, contact_room=room)
-        run = BatchRun(jobs[0].config, worlds, settings)
-        try:
-            return _run(run, len(jobs))
-        except SimulationFault:
-            if not _lacks_room(run) or 2 * room > MOST_ROOM:
-                raise
-            room *= 2
+        run = _run(jobs, MjxSettings(impl, contact_capacity=contact_capacity))
+        faults = run.faults
+        if not faults:
+            return [run.measures(world) for world in range(len(jobs))]
+        if not all(fault.kind & _BUFFER_FULL for fault in faults) or 2 * contact_capacity > MAX_CAPACITY:
+            run.raise_faults()
+        contact_capacity *= 2
 
 
-def _worlds(jobs: Sequence[Job]) -> list[World]:
-    """Worlds of the jobs. Of different sizes, one more: batches that are alike up to `PLACES` share a program.
+def _run(jobs: Sequence[Job], engine: MjxSettings) -> Run:
+    """Run the jobs as worlds of one batch until all have ended, or contact buffers were too small.
 
-    In that one, robots are dead: they do nothing but take up places.
+    Batches whose largest swarms are alike up to `CAPACITY_STEP` share a program.
     """
+    job, largest = jobs[0], max(job.n_robots for job in jobs)
+    capacity = largest
+    if any(job.n_robots < largest for job in jobs):
+        capacity = min(-(-largest // CAPACITY_STEP) * CAPACITY_STEP, len(free_cells(job.config.arena)))
+    settings = RunSettings(
+        largest, job.steps, n_worlds=len(jobs), stop_at=job.stop_at, capacity=capacity, record_worlds=()
+    )
     worlds = [World(job.genome, job.n_robots, job.seed, failed_fraction=job.failed_fraction) for job in jobs]
-    most = max(job.n_robots for job in jobs)
-    if any(job.n_robots < most for job in jobs):
-        places = min(-(-most // PLACES) * PLACES, len(free_cells(jobs[0].config.arena)))
-        worlds.append(World(jobs[0].genome, places, failed_fraction=1.0))
-    return worlds
-
-
-def _run(run: BatchRun, n_jobs: int) -> list[Measures]:
-    """Measures of the first worlds at the end, when all of them are finished or the time is up."""
-    while True:
-        measures = [run.measures(world) for world in range(n_jobs)]
-        if run.is_over or all(found.finished_at is not None for found in measures):
-            return measures
+    run = Run(job.config, job.genome, settings, engine, worlds=worlds)
+    while not run.is_over and not any(fault.kind & _BUFFER_FULL for fault in run.faults):
         run.advance()
-
-
-def _lacks_room(run: BatchRun) -> bool:
-    """Whether contacts found no room in a world."""
-    bits = np.asarray(run.arrays()[1].fault.bits)
-    return bool((bits & (TOO_MANY_PAIRS | TOO_MANY_CONTACTS)).any())
+    return run

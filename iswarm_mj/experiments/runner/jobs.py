@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.metrics import Measures, fitness
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import SimulationFault
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
 
-PLACES = 64
+CAPACITY_STEP = 64
 """Jobs whose numbers of robots are alike up to a multiple of this share a compiled program."""
 
 
@@ -60,16 +58,18 @@ def run_job(job: Job) -> Outcome:
         UserError: the robots find no room.
         SimulationFault: the run cannot go on; the message names the job.
     """
-    keep_compiled_programs()
     settings = RunSettings(
-        job.n_robots, job.steps, job.seed, n_threads=1, stop_at=job.stop_at, failed_fraction=job.failed_fraction,
-        n_places=-(-job.n_robots // PLACES) * PLACES,
-    )  # fmt: skip
-    with jax.default_device(jax.devices("cpu")[0]):
-        run = Run(job.config, job.genome, settings)
-        try:
-            while not run.is_over:
-                run.advance()
-        except SimulationFault as fault:
-            raise SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}") from None
-        return outcome(job, run.measures(0), run.step)
+        job.n_robots,
+        job.steps,
+        job.seed,
+        stop_at=job.stop_at,
+        failed_fraction=job.failed_fraction,
+        capacity=-(-job.n_robots // CAPACITY_STEP) * CAPACITY_STEP,
+        record_worlds=(),
+    )
+    run = Run(job.config, job.genome, settings, MujocoSettings(threads=1))
+    while not run.is_over:
+        run.advance()
+    for fault in run.faults:
+        raise SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}")
+    return outcome(job, run.measures(0), run.step)
