@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from iswarm_mj.config import check
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 
 

@@ -1,4 +1,4 @@
-"""The command `iswarm`."""
+"""Simulator of the I-SWARM micro-robot swarm; `iswarm --version` prints the version."""
 
 import difflib
 import os
@@ -53,11 +53,11 @@ def parse(arguments: Sequence[str]) -> Command:
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
         return tyro.cli(COMMANDS[name], prog=f"iswarm {name}", args=rest)
-    if name in ("-h", "--help"):
-        return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="iswarm", args=["--help"])
     if name == "--version":
         print(f"iswarm {__version__}")
         raise SystemExit(0)
+    if name.startswith("-"):  # help, or the completion of a shell
+        return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="iswarm", description=__doc__, args=arguments)
     similar = "".join(f"; perhaps you meant {match}" for match in difflib.get_close_matches(name, COMMANDS, n=1))
     fact = f"{name!r} is not a command{similar}" if name else "no command was given"
     raise UserError(f"{fact}. Commands: {', '.join(COMMANDS)}; `iswarm --help` describes them.")

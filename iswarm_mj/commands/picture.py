@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from iswarm_mj.config import check
+from iswarm_mj.utils.constraints import check
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.arena import EXACT, IMPLEMENTATIONS, MjxArena, capacities, compile_mjx_arena, without_absent
 from iswarm_mj.engines.mjx.motion import Bodies
 from iswarm_mj.simulation.faults import describe
@@ -20,6 +20,7 @@ from iswarm_mj.simulation.step import SwarmState
 from iswarm_mj.simulation.step_mjx import Fault, StepRecord, WorldState, control_step
 from iswarm_mj.simulation.worlds import Given, World, conditions_of_all, padded, stacked, starts_of, vector_strategies
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.jax_setup import without_shardy
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import mujoco.batch
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig, check, conditions_of
+from iswarm_mj.config import SwarmConfig, conditions_of
 from iswarm_mj.engines.arena import ArenaModel, compile_arena
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
@@ -23,6 +23,7 @@ from iswarm_mj.simulation.step import SwarmState
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import mm_from_rd

@@ -60,7 +60,7 @@ def validate(settings: Any, group: str = "") -> None:
 
     Raises:
         ConfigError: a field is out of range, not one of a `Literal`'s values, or of another type. Whole numbers do
-            as floats.
+            as floats, and None where the type allows it.
     """
     for name, kind, constraint in _rules(type(settings)):
         value = getattr(settings, name)
@@ -69,7 +69,7 @@ def validate(settings: Any, group: str = "") -> None:
             check(full, value, "true or false", isinstance(value, bool))
         elif get_origin(kind) is Literal:
             check(full, value, " or ".join(get_args(kind)), value in get_args(kind))
-        elif constraint is not None:
+        elif constraint is not None and not (value is None and type(None) in get_args(kind)):
             whole = "a whole number " if kind is int else ""
             number = numbers.Integral if whole else numbers.Real
             is_number = isinstance(value, number) and not isinstance(value, bool)
