@@ -17,7 +17,7 @@ class Grasp:
     rh: tuple[float, ...] = (10.0, 30.0, 50.0)
     """Relative humidities [%]."""
     repeats: int = 5
-    """Trials at each radius and humidity, each with works of adhesion of its own."""
+    """Trials at each radius and humidity, each with its own works of adhesion."""
     seed: int = 0
     """Seed of the works of adhesion."""
     gap: tuple[float, ...] = (5e-6,)
@@ -29,11 +29,11 @@ class Grasp:
     impl: str = "jax"
     """Implementation of MJX: jax or warp."""
     threads: int = 0
-    """Threads of the C engine, 0 for one a core; the results do not depend on it."""
+    """Threads of the C engine, 0 for one per core; the results do not depend on it."""
     record: tuple[int, ...] = (0,)
-    """Numbers of the trials to record, by radius, then humidity, then repeat; none if empty."""
+    """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
     force_curve: bool = False
-    """Write force-distance curves instead, of the radii at the first humidity; trials are not run."""
+    """Write force-distance curves of the radii at the first humidity instead of running trials."""
     voltages: tuple[float, ...] = (0.0, 10.0, 20.0)
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
@@ -42,7 +42,31 @@ class Grasp:
 
     def run(self) -> None:
         """Run the command."""
-        radii = _radii(self.radius)
+        radii, humidities = parse_radii(self.radius), tuple(dict.fromkeys(self.rh))
+        self._check_trials(radii)
+        self._check_output(len(radii) * len(humidities) * self.repeats, len(radii) * len(self.voltages))
+        from iswarm_mj.workflows.grasp import run_force_curves, run_grasp
+        from iswarm_mj.workflows.grasp_settings import GraspSettings
+
+        settings = GraspSettings(
+            radii=radii,
+            humidities=humidities,
+            repeats=self.repeats,
+            seed=self.seed,
+            release_gaps=self.gap,
+            no_contact_gaps=self.no_contact_gap,
+            engine=self.engine,
+            impl=self.impl,
+            threads=self.threads,
+            protocol=self.protocol,
+        )
+        if self.force_curve:
+            run_force_curves(settings, self.voltages, self.out)
+        else:
+            run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
+
+    def _check_trials(self, radii: tuple[float, ...]) -> None:
+        """Check what the trials are made of, and their engine."""
         check("repeats", self.repeats, "between 1 and 100000", 1 <= self.repeats <= 100_000)
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
@@ -56,54 +80,49 @@ class Grasp:
             for gap in gaps:
                 check(name, gap, "between 0.5e-6 and 50e-6 m", 0.5e-6 <= gap <= 50e-6)
                 check(name, gap, "at most 4 times the least radius", gap <= 4 * min(radii))
-        humidities = tuple(dict.fromkeys(self.rh))
-        count = len(radii) * len(humidities) * self.repeats
-        check("repeats", self.repeats, "so that there are at most 1000000 trials", count <= 1_000_000)
+
+    def _check_output(self, n_trials: int, n_curves: int) -> None:
+        """Check the numbers of trials and curves, and what is recorded of them."""
+        check("repeats", self.repeats, "so that there are at most 1000000 trials", n_trials <= 1_000_000)
         for number in self.record:
-            check("record", number, f"the number of a trial, 0 to {count - 1}", 0 <= number < count)
+            check("record", number, f"the number of a trial, 0 to {n_trials - 1}", 0 <= number < n_trials)
         for voltage in self.voltages:
             check("voltages", voltage, "between 0 and 200 V", 0 <= voltage <= 200)
-        if self.force_curve and len(radii) * len(self.voltages) not in range(1, 101):
+        if self.force_curve and not 1 <= n_curves <= 100:
             raise UserError(
-                f"--voltages and --radius ask for {len(radii) * len(self.voltages)} force-distance curves; "
+                f"--voltages and --radius ask for {n_curves} force-distance curves; "
                 "from 1 to 100 are possible: choose fewer."
             )
-        from iswarm_mj.workflows.grasp import GraspSettings, run_force_curves, run_grasp
-
-        settings = GraspSettings(
-            radii, humidities, self.repeats, self.seed, self.gap, self.no_contact_gap,
-            self.engine, self.impl, self.threads, self.protocol,
-        )  # fmt: skip
-        if self.force_curve:
-            run_force_curves(settings, self.voltages, self.out)
-        else:
-            run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
 
 
-def _radii(given: tuple[str, ...]) -> tuple[float, ...]:
+_RADII = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
+
+
+def parse_radii(texts: tuple[str, ...]) -> tuple[float, ...]:
     """Radii from numbers and ranges start:stop:count, each once [m].
 
     Raises:
-        UserError: it is neither, or out of range.
+        UserError: a text is neither, or a radius is out of range.
     """
-    allowed = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
-    if not given:
-        raise UserError(f"--radius was empty; it must be {allowed}: give at least one.")
-    radii: list[float] = []
-    for text in given:
-        parts = text.split(":")
-        try:
-            if len(parts) == 1:
-                radii.append(float(text))
-            else:
-                start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
-                check(
-                    "radius", text, f"{allowed}, with a count from 1 to 10000", len(parts) == 3 and 1 <= count <= 10000
-                )
-                step = (stop - start) / max(1, count - 1)
-                radii += [round(start + i * step, 15) for i in range(count)]
-        except (ValueError, IndexError):
-            check("radius", text, allowed, False)
+    if not texts:
+        raise UserError(f"--radius was empty; it must be {_RADII}: give at least one.")
+    radii = [radius for text in texts for radius in _parse_range(text)]
     for radius in radii:
-        check("radius", radius, allowed, 10e-6 <= radius <= 50e-6)
+        check("radius", radius, _RADII, 10e-6 <= radius <= 50e-6)
     return tuple(dict.fromkeys(radii))
+
+
+def _parse_range(text: str) -> list[float]:
+    """Radii of one number or range [m]."""
+    parts = text.split(":")
+    check("radius", text, _RADII, len(parts) in (1, 3))
+    try:
+        if len(parts) == 1:
+            return [float(text)]
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except ValueError:
+        check("radius", text, _RADII, False)
+        raise
+    check("radius", text, f"{_RADII}, with a count from 1 to 10000", 1 <= count <= 10_000)
+    step = (stop - start) / max(1, count - 1)
+    return [round(start + i * step, 15) for i in range(count)]
