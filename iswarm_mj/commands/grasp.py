@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
 
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import Within, check, validate
 
 
 @dataclass(frozen=True)
@@ -16,19 +16,19 @@ class Grasp:
     """Radii of the balls, a list or start:stop:count [m]."""
     rh: tuple[float, ...] = (10.0, 30.0, 50.0)
     """Relative humidities [%]."""
-    repeats: int = 5
+    repeats: Annotated[int, Within(1, 100_000)] = 5
     """Trials at each radius and humidity, each with its own works of adhesion."""
-    seed: int = 0
+    seed: Annotated[int, Within(0, 2**32 - 1)] = 0
     """Seed of the works of adhesion."""
     gap: tuple[float, ...] = (5e-6,)
     """Gaps to the plate at which a ball is released [m]."""
     no_contact_gap: tuple[float, ...] = (1e-6, 2e-6, 5e-6)
     """Gaps to the ball at which the tool stops in attempts without contact [m]."""
-    engine: str = "mujoco"
-    """Physics engine: mujoco (C, on CPUs) or mjx (JAX)."""
-    impl: str = "jax"
-    """Implementation of MJX: jax or warp."""
-    threads: int = 0
+    engine: Literal["mujoco", "mjx"] = "mujoco"
+    """Physics engine: mujoco (C, on CPUs), or mjx (JAX, on GPUs and CPUs)."""
+    impl: Literal["jax", "warp"] = "jax"
+    """Implementation of mjx."""
+    threads: Annotated[int, Within(0, 1024)] = 0
     """Threads of the C engine, 0 for one per core; the results do not depend on it."""
     record: tuple[int, ...] = (0,)
     """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
@@ -39,6 +39,9 @@ class Grasp:
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
     protocol: Protocol = field(default_factory=Protocol)
+
+    def __post_init__(self):
+        validate(self)
 
     def run(self) -> None:
         """Run the command."""
@@ -66,14 +69,8 @@ class Grasp:
             run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
 
     def _check_trials(self, radii: tuple[float, ...]) -> None:
-        """Check what the trials are made of, and their engine."""
-        check("repeats", self.repeats, "between 1 and 100000", 1 <= self.repeats <= 100_000)
-        check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
-        check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
-        check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
-        check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
-        if not self.rh:
-            raise UserError("--rh was empty; it must be one or more humidities from 0 to 100 %: give at least one.")
+        """Check the conditions of the trials."""
+        check("rh", self.rh, "one or more relative humidities from 0 to 100 %", len(self.rh) > 0)
         for rh in self.rh:
             check("rh", rh, "a relative humidity from 0 to 100 %", 0 <= rh <= 100)
         for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
@@ -82,17 +79,14 @@ class Grasp:
                 check(name, gap, "at most 4 times the least radius", gap <= 4 * min(radii))
 
     def _check_output(self, n_trials: int, n_curves: int) -> None:
-        """Check the numbers of trials and curves, and what is recorded of them."""
-        check("repeats", self.repeats, "so that there are at most 1000000 trials", n_trials <= 1_000_000)
+        """Check the numbers of trials and curves, and the trials to record."""
+        check("repeats", self.repeats, "such that there are at most 1000000 trials", n_trials <= 1_000_000)
         for number in self.record:
-            check("record", number, f"the number of a trial, 0 to {n_trials - 1}", 0 <= number < n_trials)
+            check("record", number, f"the index of a trial, 0 to {n_trials - 1}", 0 <= number < n_trials)
         for voltage in self.voltages:
             check("voltages", voltage, "between 0 and 200 V", 0 <= voltage <= 200)
-        if self.force_curve and not 1 <= n_curves <= 100:
-            raise UserError(
-                f"--voltages and --radius ask for {n_curves} force-distance curves; "
-                "from 1 to 100 are possible: choose fewer."
-            )
+        if self.force_curve:
+            check("voltages", self.voltages, "such that there are 1 to 100 curves in all", 1 <= n_curves <= 100)
 
 
 _RADII = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
@@ -102,10 +96,9 @@ def parse_radii(texts: tuple[str, ...]) -> tuple[float, ...]:
     """Radii from numbers and ranges start:stop:count, each once [m].
 
     Raises:
-        UserError: a text is neither, or a radius is out of range.
+        ConfigError: a text is neither, or a radius is out of range.
     """
-    if not texts:
-        raise UserError(f"--radius was empty; it must be {_RADII}: give at least one.")
+    check("radius", texts, f"one or more {_RADII}", len(texts) > 0)
     radii = [radius for text in texts for radius in _parse_range(text)]
     for radius in radii:
         check("radius", radius, _RADII, 10e-6 <= radius <= 50e-6)
