@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import fields, is_dataclass
+from typing import get_type_hints
 
 import pytest
 
@@ -12,14 +13,13 @@ from iswarm_mj.config import (
     OpticsConfig,
     StrategyConfig,
     SwarmConfig,
-    check,
 )
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
 
 GROUPS = [ArenaConfig, DriveConfig, OpticsConfig, GripperConfig, StrategyConfig]
-FLOATS = [(group, f.name) for group in GROUPS for f in fields(group) if f.type is float]
+FLOATS = [(group, name) for group in GROUPS for name, kind in get_type_hints(group).items() if kind is float]
 
 
 def test_defaults_are_table_1():
@@ -59,7 +59,7 @@ def test_physics_step(drive, timestep):
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("group, name", FLOATS)
 def test_every_float_refuses_what_is_not_finite(group, name, value):
-    with pytest.raises(UserError, match=r"--[a-z]+\.[a-z-]+ was .*(nan|inf)"):
+    with pytest.raises(UserError, match=r"^[a-z]+\.[a-z_]+ must be .* \(got (nan|-?inf)\)$"):
         group(**{name: value})
 
 
@@ -108,21 +108,15 @@ def test_limits(group, name, good, bad):
     for value in good:
         assert getattr(group(**{name: value}), name) == value
     for value in bad:
-        with pytest.raises(UserError, match=r"^--[a-z]+\.[a-z-]+ was .*; it must be .*: choose such a value\.$"):
+        with pytest.raises(UserError, match=r"^[a-z]+\.[a-z_]+ must be .* \(got .*\)$"):
             group(**{name: value})
 
 
 def test_dust_lies_between_dump_and_walls():
-    with pytest.raises(UserError, match="lie inside the walls"):
+    with pytest.raises(UserError, match="lies within the walls"):
         ArenaConfig(dust_area_offset=22)
-    with pytest.raises(UserError, match="lie outside the dump"):
+    with pytest.raises(UserError, match="lies outside the dump"):
         ArenaConfig(dust_area_offset=5)
-
-
-def test_message_says_what_was_given_what_is_allowed_and_how_to_mend_it():
-    with pytest.raises(UserError) as caught:
-        check("arena.dump_size", -3.5, "positive", False)
-    assert str(caught.value) == "--arena.dump-size was -3.5; it must be positive: choose such a value."
 
 
 def test_the_floats_are_found():
@@ -137,12 +131,12 @@ def test_configurations_can_be_keys():
 
 
 def test_an_unknown_mode_of_the_optics_is_refused():
-    with pytest.raises(UserError, match=r"--optics.mode was laser; it must be sector or power"):
+    with pytest.raises(UserError, match=r"^optics\.mode must be sector or power \(got 'laser'\)$"):
         OpticsConfig(mode="laser")
 
 
 def test_an_unknown_update_order_is_refused():
-    with pytest.raises(UserError, match=r"^--strategy.update-order was at-once; it must be synchronous or "):
+    with pytest.raises(UserError, match=r"^strategy\.update_order must be synchronous or sequential \(got"):
         StrategyConfig(update_order="at-once")
 
 

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import check
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,15 @@ class Bench(Swarm):
             self.impl,
             chunk=chunk,
             solver_iterations=self.solver_iterations,
-            contact_room=self.contact_room,
+            contact_room=self.contact_capacity,
         )
         hosts = self.joined()
         with hosts.together():
             bench(self.mjx_run(config, genome, n_robots, settings, hosts), n_chunks, hosts)
 
     def _grasp(self) -> None:
-        check("what", self.what, "swarm with --hosts", not self.hosts)
-        check("engine", self.engine, "mujoco or mjx with --what grasp", self.engine in ("mujoco", "mjx"))
+        check("what", self.what, "swarm with `hosts`", not self.hosts)
+        check("engine", self.engine, "mujoco or mjx with `what` grasp", self.engine in ("mujoco", "mjx"))
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)

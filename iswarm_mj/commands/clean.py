@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.config import check
+from iswarm_mj.utils.constraints import check
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Clean(Swarm):
             stop_at,
             record_worlds=recorded,
             solver_iterations=self.solver_iterations,
-            contact_room=self.contact_room,
+            contact_room=self.contact_capacity,
         )
         hosts = self.joined()
         with hosts.together():

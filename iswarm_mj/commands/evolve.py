@@ -11,9 +11,9 @@ from iswarm_mj.config import (
     OpticsConfig,
     StrategyConfig,
     SwarmConfig,
-    check,
 )
 from iswarm_mj.strategy.evolution import Operators
+from iswarm_mj.utils.constraints import check
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Evolve:
         check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
         if self.method == "paper":
             elite = self.operators.elite
-            check("operators.elite", elite, "below --population", elite < self.population)
+            check("operators.elite", elite, "below `population`", elite < self.population)
         from iswarm_mj.experiments.runner.search import Search, evolve
 
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)

@@ -13,9 +13,9 @@ from iswarm_mj.config import (
     OpticsConfig,
     StrategyConfig,
     SwarmConfig,
-    check,
 )
 from iswarm_mj.strategy.genome import load_genome
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 
 

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
 
-from iswarm_mj.config import check
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import Within, check, validate
 
 
 @dataclass(frozen=True)
@@ -16,94 +16,106 @@ class Grasp:
     """Radii of the balls, a list or start:stop:count [m]."""
     rh: tuple[float, ...] = (10.0, 30.0, 50.0)
     """Relative humidities [%]."""
-    repeats: int = 5
-    """Trials at each radius and humidity, each with works of adhesion of its own."""
-    seed: int = 0
+    repeats: Annotated[int, Within(1, 100_000)] = 5
+    """Trials at each radius and humidity, each with its own works of adhesion."""
+    seed: Annotated[int, Within(0, 2**32 - 1)] = 0
     """Seed of the works of adhesion."""
     gap: tuple[float, ...] = (5e-6,)
     """Gaps to the plate at which a ball is released [m]."""
     no_contact_gap: tuple[float, ...] = (1e-6, 2e-6, 5e-6)
     """Gaps to the ball at which the tool stops in attempts without contact [m]."""
-    engine: str = "mujoco"
-    """Physics engine: mujoco (C, on CPUs) or mjx (JAX)."""
-    impl: str = "jax"
-    """Implementation of MJX: jax or warp."""
-    threads: int = 0
-    """Threads of the C engine, 0 for one a core; the results do not depend on it."""
+    engine: Literal["mujoco", "mjx"] = "mujoco"
+    """Physics engine: mujoco (C, on CPUs), or mjx (JAX, on GPUs and CPUs)."""
+    impl: Literal["jax", "warp"] = "jax"
+    """Implementation of mjx."""
+    threads: Annotated[int, Within(0, 1024)] = 0
+    """Threads of the C engine, 0 for one per core; the results do not depend on it."""
     record: tuple[int, ...] = (0,)
-    """Numbers of the trials to record, by radius, then humidity, then repeat; none if empty."""
+    """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
     force_curve: bool = False
-    """Write force-distance curves instead, of the radii at the first humidity; trials are not run."""
+    """Write force-distance curves of the radii at the first humidity instead of running trials."""
     voltages: tuple[float, ...] = (0.0, 10.0, 20.0)
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
     protocol: Protocol = field(default_factory=Protocol)
 
+    def __post_init__(self):
+        validate(self)
+
     def run(self) -> None:
         """Run the command."""
-        radii = _radii(self.radius)
-        check("repeats", self.repeats, "between 1 and 100000", 1 <= self.repeats <= 100_000)
-        check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
-        check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
-        check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
-        check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
-        if not self.rh:
-            raise UserError("--rh was empty; it must be one or more humidities from 0 to 100 %: give at least one.")
+        radii, humidities = parse_radii(self.radius), tuple(dict.fromkeys(self.rh))
+        self._check_trials(radii)
+        self._check_output(len(radii) * len(humidities) * self.repeats, len(radii) * len(self.voltages))
+        from iswarm_mj.workflows.grasp import run_force_curves, run_grasp
+        from iswarm_mj.workflows.grasp_settings import GraspSettings
+
+        settings = GraspSettings(
+            radii=radii,
+            humidities=humidities,
+            repeats=self.repeats,
+            seed=self.seed,
+            release_gaps=self.gap,
+            no_contact_gaps=self.no_contact_gap,
+            engine=self.engine,
+            impl=self.impl,
+            threads=self.threads,
+            protocol=self.protocol,
+        )
+        if self.force_curve:
+            run_force_curves(settings, self.voltages, self.out)
+        else:
+            run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
+
+    def _check_trials(self, radii: tuple[float, ...]) -> None:
+        """Check the conditions of the trials."""
+        check("rh", self.rh, "one or more relative humidities from 0 to 100 %", len(self.rh) > 0)
         for rh in self.rh:
             check("rh", rh, "a relative humidity from 0 to 100 %", 0 <= rh <= 100)
         for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
             for gap in gaps:
                 check(name, gap, "between 0.5e-6 and 50e-6 m", 0.5e-6 <= gap <= 50e-6)
                 check(name, gap, "at most 4 times the least radius", gap <= 4 * min(radii))
-        humidities = tuple(dict.fromkeys(self.rh))
-        count = len(radii) * len(humidities) * self.repeats
-        check("repeats", self.repeats, "so that there are at most 1000000 trials", count <= 1_000_000)
+
+    def _check_output(self, n_trials: int, n_curves: int) -> None:
+        """Check the numbers of trials and curves, and the trials to record."""
+        check("repeats", self.repeats, "such that there are at most 1000000 trials", n_trials <= 1_000_000)
         for number in self.record:
-            check("record", number, f"the number of a trial, 0 to {count - 1}", 0 <= number < count)
+            check("record", number, f"the index of a trial, 0 to {n_trials - 1}", 0 <= number < n_trials)
         for voltage in self.voltages:
             check("voltages", voltage, "between 0 and 200 V", 0 <= voltage <= 200)
-        if self.force_curve and len(radii) * len(self.voltages) not in range(1, 101):
-            raise UserError(
-                f"--voltages and --radius ask for {len(radii) * len(self.voltages)} force-distance curves; "
-                "from 1 to 100 are possible: choose fewer."
-            )
-        from iswarm_mj.workflows.grasp import GraspSettings, run_force_curves, run_grasp
-
-        settings = GraspSettings(
-            radii, humidities, self.repeats, self.seed, self.gap, self.no_contact_gap,
-            self.engine, self.impl, self.threads, self.protocol,
-        )  # fmt: skip
         if self.force_curve:
-            run_force_curves(settings, self.voltages, self.out)
-        else:
-            run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
+            check("voltages", self.voltages, "such that there are 1 to 100 curves in all", 1 <= n_curves <= 100)
 
 
-def _radii(given: tuple[str, ...]) -> tuple[float, ...]:
+_RADII = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
+
+
+def parse_radii(texts: tuple[str, ...]) -> tuple[float, ...]:
     """Radii from numbers and ranges start:stop:count, each once [m].
 
     Raises:
-        UserError: it is neither, or out of range.
+        ConfigError: a text is neither, or a radius is out of range.
     """
-    allowed = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
-    if not given:
-        raise UserError(f"--radius was empty; it must be {allowed}: give at least one.")
-    radii: list[float] = []
-    for text in given:
-        parts = text.split(":")
-        try:
-            if len(parts) == 1:
-                radii.append(float(text))
-            else:
-                start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
-                check(
-                    "radius", text, f"{allowed}, with a count from 1 to 10000", len(parts) == 3 and 1 <= count <= 10000
-                )
-                step = (stop - start) / max(1, count - 1)
-                radii += [round(start + i * step, 15) for i in range(count)]
-        except (ValueError, IndexError):
-            check("radius", text, allowed, False)
+    check("radius", texts, f"one or more {_RADII}", len(texts) > 0)
+    radii = [radius for text in texts for radius in _parse_range(text)]
     for radius in radii:
-        check("radius", radius, allowed, 10e-6 <= radius <= 50e-6)
+        check("radius", radius, _RADII, 10e-6 <= radius <= 50e-6)
     return tuple(dict.fromkeys(radii))
+
+
+def _parse_range(text: str) -> list[float]:
+    """Radii of one number or range [m]."""
+    parts = text.split(":")
+    check("radius", text, _RADII, len(parts) in (1, 3))
+    try:
+        if len(parts) == 1:
+            return [float(text)]
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except ValueError:
+        check("radius", text, _RADII, False)
+        raise
+    check("radius", text, f"{_RADII}, with a count from 1 to 10000", 1 <= count <= 10_000)
+    step = (stop - start) / max(1, count - 1)
+    return [round(start + i * step, 15) for i in range(count)]

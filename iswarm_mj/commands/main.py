@@ -1,8 +1,6 @@
-"""The command `iswarm`."""
+"""Simulator of the I-SWARM micro-robot swarm; `iswarm --version` prints the version."""
 
-import contextlib
-import io
-import itertools
+import difflib
 import os
 import sys
 from collections.abc import Sequence
@@ -10,10 +8,12 @@ from typing import Protocol
 
 import tyro
 
+from iswarm_mj import __version__
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
+from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
@@ -23,7 +23,7 @@ from iswarm_mj.utils.jax_setup import quieten
 
 
 class Command(Protocol):
-    """What every subcommand is: a dataclass of its flags."""
+    """A subcommand: a dataclass of its flags."""
 
     def run(self) -> None:
         """Run the command."""
@@ -42,42 +42,38 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 
-def parse(arguments: Sequence[str] | None) -> Command:
-    """Return the command that the arguments ask for.
+def parse(arguments: Sequence[str]) -> Command:
+    """Return the command that the arguments describe.
 
     Raises:
-        UserError: a flag is unknown or its value not of its type; tyro's box of text as one sentence.
+        UserError: there is no such command, or a value is out of range.
+        SystemExit: help or the version was printed, or tyro has explained why it cannot read the arguments.
     """
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(said):
-            return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="iswarm", args=arguments)
-    except SystemExit as stop:
-        if not stop.code:
-            raise
-    lines = [line.strip("│╭╮╰╯ ") for line in said.getvalue().splitlines()]
-    lines = [line for line in lines[1:] if line.strip("─ ")] or ["The command line could not be read."]
-    ends = ("Got errors", "Argument helptext", "For full", "Perhaps")
-    fact = " ".join(itertools.takewhile(lambda line: not line.startswith(ends), lines))
-    asked = (sys.argv[1:] if arguments is None else list(arguments))[:1]
-    command = " ".join(["iswarm", *(name for name in asked if name in COMMANDS)])
-    raise UserError(f"{fact.rstrip('.')}; `{command} --help` lists what is allowed.")
+    name, *rest = arguments or [""]
+    if name in COMMANDS:
+        # Not as subcommands of one parser, whose hints would be about all commands.
+        return tyro.cli(COMMANDS[name], prog=f"iswarm {name}", args=rest)
+    if name == "--version":
+        print(f"iswarm {__version__}")
+        raise SystemExit(0)
+    if name.startswith("-"):  # help, or the completion of a shell
+        return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="iswarm", description=__doc__, args=arguments)
+    similar = "".join(f"; perhaps you meant {match}" for match in difflib.get_close_matches(name, COMMANDS, n=1))
+    fact = f"{name!r} is not a command{similar}" if name else "no command was given"
+    raise UserError(f"{fact}. Commands: {', '.join(COMMANDS)}; `iswarm --help` describes them.")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input and 1 on a fault of the simulation."""
     quieten()
     try:
-        parse(arguments).run()
-    except UserError as error:
-        print(f"iswarm: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except SimulationFault as fault:
-        print(f"iswarm: {fault}", file=sys.stderr)
-        raise SystemExit(1) from None
-    except BrokenPipeError:  # whoever read the output has seen enough
+        parse(sys.argv[1:] if arguments is None else arguments).run()
+    except (UserError, SimulationFault) as error:
+        print(f"iswarm: {in_flags(error, COMMANDS.values())}", file=sys.stderr)
+        raise SystemExit(2 if isinstance(error, UserError) else 1) from None
+    except BrokenPipeError:  # whatever read the output, such as `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(141) from None
     except KeyboardInterrupt:
-        print("iswarm: interrupted; what was recorded so far, if anything, is kept.", file=sys.stderr)
+        print("iswarm: interrupted; anything recorded so far is kept.", file=sys.stderr)
         raise SystemExit(130) from None

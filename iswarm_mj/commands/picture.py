@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
-from iswarm_mj.config import check
+from iswarm_mj.utils.constraints import Within, validate
 
 
 @dataclass(frozen=True)
@@ -18,20 +19,20 @@ class Picture:
     """Control step, from 0 for the start."""
     camera: str = "above"
     """above or oblique."""
-    width: int = 1280
+    width: Annotated[int, Within(16, 8192, "pixels")] = 1280
     """[pixels]"""
-    height: int = 1280
+    height: Annotated[int, Within(16, 8192, "pixels")] = 1280
     """[pixels]"""
-    ball_scale: float = 15.0
-    """The balls are drawn this many times larger, or they would not show."""
+    ball_scale: Annotated[float, Within(1, 1000)] = 15.0
+    """Magnification of the balls, which are too small to see at their true size."""
     out: Path = Path("swarm.png")
     """The file to write."""
 
+    def __post_init__(self):
+        validate(self)
+
     def run(self) -> None:
         """Run the command."""
-        check("width", self.width, "between 16 and 8192 pixels", 16 <= self.width <= 8192)
-        check("height", self.height, "between 16 and 8192 pixels", 16 <= self.height <= 8192)
-        check("ball_scale", self.ball_scale, "between 1 and 1000", 1 <= self.ball_scale <= 1000)
         from iswarm_mj.output.render import render
 
         render(self.directory, self.step, self.camera, (self.width, self.height), self.ball_scale, self.out)

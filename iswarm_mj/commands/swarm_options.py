@@ -1,73 +1,64 @@
-"""Flags that every command on a swarm has."""
+"""Flags that the commands on a swarm share."""
 
 import importlib.util
 from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
-from iswarm_mj.config import (
-    ArenaConfig,
-    DriveConfig,
-    GripperConfig,
-    OpticsConfig,
-    StrategyConfig,
-    SwarmConfig,
-    check,
-)
+from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
+from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import UserError
 
 GenomeOverrides = make_dataclass(
     "GenomeOverrides",
     [
-        (f.name, Annotated[f.type | None, tyro.conf.arg(help="Instead of the genome's value.")], None)  # type: ignore
+        (f.name, Annotated[f.type | None, tyro.conf.arg(help="Replaces the genome's value.")], None)  # type: ignore
         for f in fields(Genome)
     ],
     frozen=True,
 )
 GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
 
+MAX_ROBOTS = {"mujoco": 200_000, "mjx": 5_000_000}
+"""Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
-MOST_ROBOTS = 200_000
-"""Robots in all worlds together that the memory of an ordinary machine holds (about 0.1 MB each)."""
-MOST_ROBOTS_MJX = 5_000_000
-"""Likewise on GPUs, several of them together."""
-_MJX_ONLY = ("impl", "solver_iterations", "contact_room", "devices", "hosts", "hosts_timeout")
-_OWN = {"devices", "hosts_timeout", "threads", "out"}  # what each of several processes may have of its own
-_RESOLVED = {"genome", "override", "robots", "density"}  # what `checked` makes the genome and the number of robots of
+_MJX_ONLY = ("impl", "solver_iterations", "contact_capacity", "devices", "hosts", "hosts_timeout")
+_PER_PROCESS = {"devices", "hosts_timeout", "threads", "out"}  # may differ between the processes of a job
+_RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genome and the number of robots
 
 
 @dataclass(frozen=True)
 class Swarm:
-    """Settings that every command on a swarm has."""
+    """Settings that the commands on a swarm share."""
 
     genome: str = "type1"
-    """A preset, type1 or type2 of the paper's Table 2 or evolved, or a JSON file of the parameters."""
+    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: int | None = None
-    """Number of robots; given neither this nor the density, the genome's density counts."""
+    """Number of robots; by default it follows from the density."""
     density: float | None = None
-    """Robots per 1 x 1 rd cell outside the dump."""
-    seed: int = 0
+    """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
+    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     """Seed of all random numbers."""
-    worlds: int = 1
-    """Number of independent worlds at once."""
-    engine: str = "mujoco"
+    worlds: Annotated[int, Within(1)] = 1
+    """Number of independent worlds, simulated together."""
+    engine: Literal["mujoco", "mjx"] = "mujoco"
     """Physics engine: mujoco (C, on CPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
-    impl: str = "jax"
-    """Implementation of mjx: jax (everywhere), or warp (NVIDIA GPUs, the fastest there; slow on CPUs)."""
+    impl: Literal["jax", "warp"] = "jax"
+    """Implementation of mjx: jax (everywhere), or warp (fastest on NVIDIA GPUs, slow on CPUs)."""
     solver_iterations: int = 100
-    """Iterations of the contact solver of mjx at most: 100 for MuJoCo's own result, 20 for speed."""
-    contact_room: float = 1.0
-    """Room for contacts in mjx, relative to the rule's; jammed swarms need more."""
+    """Maximum number of iterations of mjx's contact solver: 100 for MuJoCo's own result, 20 for speed."""
+    contact_capacity: float = 1.0
+    """Size of mjx's contact buffers, relative to the default rule; jammed swarms need more."""
     devices: str = "all"
-    """Devices that mjx spreads the worlds over: all, or how many of those that JAX sees."""
+    """Devices that mjx distributes the worlds over: all, or a number of those that JAX sees."""
     hosts: bool = False
-    """Share the worlds of mjx among the processes of a job on several hosts; each uses its own `devices`."""
-    hosts_timeout: float = 300.0
-    """Seconds for which a process waits for the others when it begins."""
-    threads: int = 0
-    """Threads for the physics, 0 for one a core; the results do not depend on it."""
+    """Distribute the worlds of mjx over the processes of a job on several hosts; each uses its own `devices`."""
+    hosts_timeout: Annotated[float, Within(1, 86_400, "s")] = 300.0
+    """How long a process waits for the others at the start [s]."""
+    threads: Annotated[int, Within(0, 1024)] = 0
+    """Number of threads for the physics, 0 for one per core; results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
@@ -75,42 +66,48 @@ class Swarm:
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
 
+    def __post_init__(self):
+        validate(self)
+
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """Return the configuration, the genome and the number of robots.
 
         Raises:
-            UserError: something given is out of range.
+            UserError: a setting is out of range, does not apply to the engine, or contradicts another one.
         """
-        from iswarm_mj.simulation.initial import check_robots, robots_for
-
-        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
-        check("worlds", self.worlds, "at least 1", self.worlds >= 1)
-        check("threads", self.threads, "between 0 and 1024", 0 <= self.threads <= 1024)
-        check("engine", self.engine, "mujoco or mjx", self.engine in ("mujoco", "mjx"))
-        for name in _MJX_ONLY:
-            is_fit = self.engine == "mjx" or getattr(self, name) == getattr(Swarm, name)
-            check("engine", self.engine, f"mjx with --{name.replace('_', '-')}", is_fit)
-        check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
-        check("hosts_timeout", self.hosts_timeout, "between 1 and 86400 s", 1 <= self.hosts_timeout <= 86_400)
-        if self.impl == "warp" and self.engine == "mjx" and importlib.util.find_spec("warp") is None:
-            raise UserError("--impl was warp, which needs the package warp-lang: pip install 'iswarm-mj[warp]'.")
+        self._check_engine()
         genome = overridden(load_genome(self.genome), vars(self.override))
         config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
-        if self.robots is not None and self.density is not None:
-            raise UserError("--robots and --density were both given; one of them is enough: leave the other out.")
-        density = genome.density_of_robots if self.density is None else self.density
-        name = "density_of_robots of the genome" if self.density is None else "--density"
-        n_robots = robots_for(config.arena, density, name) if self.robots is None else self.robots
-        check_robots(config.arena, n_robots)
-        most = (MOST_ROBOTS if self.engine == "mujoco" else MOST_ROBOTS_MJX) // n_robots
-        check("worlds", self.worlds, f"between 1 and {most} with {n_robots} robots in each", self.worlds <= most)
+        n_robots = self._n_robots(config, genome)
+        n_worlds = MAX_ROBOTS[self.engine] // n_robots
+        constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
+        check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
         return config, genome, n_robots
 
+    def _check_engine(self) -> None:
+        for name in _MJX_ONLY:
+            applies = self.engine == "mjx" or getattr(self, name) == getattr(Swarm, name)
+            check("engine", self.engine, f"mjx with `{name}`", applies)
+        if self.impl == "warp" and importlib.util.find_spec("warp") is None:
+            raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
+
+    def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
+        from iswarm_mj.simulation.initial import check_robots, robots_for
+
+        if self.robots is not None and self.density is not None:
+            raise UserError("--robots and --density exclude each other; give one of them.")
+        if self.robots is not None:
+            check_robots(config.arena, self.robots)
+            return self.robots
+        if self.density is not None:
+            return robots_for(config.arena, self.density, "density")
+        return robots_for(config.arena, genome.density_of_robots, "density_of_robots")
+
     def joined(self) -> Any:
-        """Return the `Hosts` that share the worlds: with --hosts the processes of the job, else this one alone.
+        """Return the `Hosts` that share the worlds: the processes of the job with --hosts, else this one alone.
 
         Raises:
-            UserError: they cannot be joined.
+            UserError: the processes cannot be joined.
         """
         from iswarm_mj.simulation.distributed import ALONE, join
 
@@ -120,30 +117,31 @@ class Swarm:
         """Return a `BatchRun` of this process's share of the worlds.
 
         Args:
-            config: as `checked` returned it.
-            genome: likewise.
-            n_robots: likewise.
+            config: as returned by `checked`.
+            genome: as returned by `checked`.
+            n_robots: as returned by `checked`.
             batch: `BatchSettings` of the whole run.
-            hosts: as `joined` returned them.
+            hosts: as returned by `joined`.
 
         Raises:
-            UserError: too few worlds, or too many recorded, for so many processes; or these were given different runs.
+            UserError: there are too few worlds, or too many recorded ones, for the number of processes; or the
+                processes were given different settings.
         """
         from iswarm_mj.simulation.distributed import devices
         from iswarm_mj.simulation.run_mjx import BatchRun, worlds_of_seed
         from iswarm_mj.simulation.worlds import World
 
-        hosts.agree(self._deciding(genome, n_robots))
+        hosts.agree(self._shared(genome, n_robots))
         share = hosts.share(self.worlds, batch.record_worlds)
         every = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
         recorded = tuple(share.index(world) for world in batch.record_worlds) if hosts.index == 0 else ()
         batch = replace(batch, record_worlds=recorded)
         return BatchRun(config, [every[world] for world in share], batch, devices=devices(self.devices))
 
-    def _deciding(self, genome: Genome, n_robots: int) -> dict[str, Any]:
-        """All that decides a run in MJX: the command with its flags, and the versions of what computes it."""
+    def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
+        """Return what must be the same in all processes of a job: the command, its flags and the versions."""
         from iswarm_mj.utils.versions import versions
 
-        flags = {name: value for name, value in asdict(self).items() if name not in _OWN | _RESOLVED}
+        flags = {name: value for name, value in asdict(self).items() if name not in _PER_PROCESS | _RESOLVED}
         run = {"command": type(self).__name__.lower(), "robots": n_robots, "genome": asdict(genome)}
         return {**run, **flags, "versions": versions()}

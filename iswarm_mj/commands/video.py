@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
-from iswarm_mj.config import check
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import Within, check, validate
 
 
 @dataclass(frozen=True)
@@ -16,32 +16,30 @@ class Video:
     directory: tyro.conf.Positional[Path] = Path("runs/clean")
     """The --out of a run of `iswarm clean`."""
     title: str = ""
-    """Stands in the upper left corner."""
-    steps: int | None = None
-    """Control steps from the start; all by default."""
-    frames_per_step: int = 2
-    """Frames in each control step, at 24 a second."""
+    """Text in the upper left corner."""
+    steps: Annotated[int | None, Within(1)] = None
+    """Number of control steps from the start; all by default."""
+    frames_per_step: Annotated[int, Within(1, 24)] = 2
+    """Frames per control step; a second has 24."""
     camera: str = "oblique"
     """above or oblique."""
-    width: int = 1280
+    width: Annotated[int, Within(64, 4096, "pixels")] = 1280
     """[pixels]"""
-    height: int = 720
+    height: Annotated[int, Within(64, 4096, "pixels")] = 720
     """[pixels]"""
-    ball_scale: float = 15.0
-    """The balls are drawn this many times larger, or they would not show."""
+    ball_scale: Annotated[float, Within(1, 1000)] = 15.0
+    """Magnification of the balls, which are too small to see at their true size."""
     out: Path = Path("swarm.mp4")
     """The file to write."""
 
+    def __post_init__(self):
+        validate(self)
+        for name in ("width", "height"):
+            check(name, getattr(self, name), "an even number of pixels", getattr(self, name) % 2 == 0)
+        check("out", str(self.out), "a name ending in .mp4", self.out.suffix == ".mp4")
+
     def run(self) -> None:
         """Run the command."""
-        for name in ("width", "height"):
-            value = getattr(self, name)
-            check(name, value, "an even number between 64 and 4096 pixels", 64 <= value <= 4096 and value % 2 == 0)
-        check("steps", self.steps, "at least 1", self.steps is None or self.steps >= 1)
-        check("frames_per_step", self.frames_per_step, "between 1 and 24", 1 <= self.frames_per_step <= 24)
-        check("ball_scale", self.ball_scale, "between 1 and 1000", 1 <= self.ball_scale <= 1000)
-        if self.out.suffix != ".mp4":
-            raise UserError(f"--out was {self.out}; it must be a name ending in .mp4: give such a one.")
         from iswarm_mj.output.video import write_video
 
         write_video(

@@ -16,7 +16,7 @@ from typing import Any
 
 import jax
 
-from iswarm_mj.config import check
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 HEARTBEAT_S = 60

@@ -8,7 +8,7 @@ from iswarm_mj.config import ArenaConfig, GripperConfig, SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
 
@@ -31,7 +31,7 @@ def free_cells(arena: ArenaConfig) -> np.ndarray:
     return np.column_stack([x, y])[outside]
 
 
-def robots_for(arena: ArenaConfig, density: float, name: str = "--density") -> int:
+def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:
     """Number of robots that covers a share `density` of the free cells; 0.118 gives 280, 0.132 gives 314.
 
     Args:
@@ -40,18 +40,16 @@ def robots_for(arena: ArenaConfig, density: float, name: str = "--density") -> i
         name: what an error message calls the density.
     """
     if not 0.0 < density <= 1.0:
-        raise UserError(f"{name} was {density:g}; it must lie above 0 and at most 1: choose such a share.")
+        raise ConfigError(name, density, "above 0 and at most 1")
     return max(1, round(density * len(free_cells(arena))))
 
 
 def check_robots(arena: ArenaConfig, n_robots: int) -> None:
-    """Raise a UserError unless `n_robots` find room."""
+    """Raise a ConfigError unless the arena has room for `n_robots`."""
     room = len(free_cells(arena))
     if not 1 <= n_robots <= room:
-        raise UserError(
-            f"--robots was {n_robots}; an arena of {arena.size:g} x {arena.size:g} rd starts with 1 to {room}: "
-            "choose fewer robots or a larger --arena.size."
-        )
+        constraint = f"between 1 and {room} in an arena of {arena.size:g} x {arena.size:g} rd"
+        raise ConfigError("n_robots", n_robots, constraint, "use fewer robots or a larger `arena.size`")
 
 
 def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator) -> np.ndarray:

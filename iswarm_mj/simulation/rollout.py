@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.arena import EXACT
 from iswarm_mj.simulation.initial import check_robots, draw_radii
@@ -19,6 +19,7 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.signatures import check_strategy
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 
 

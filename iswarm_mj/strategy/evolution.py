@@ -22,12 +22,12 @@ the other. What it leaves open is chosen here:
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from iswarm_mj.config import check
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.genome import Genome, Share
+from iswarm_mj.utils.constraints import Above, Within, check, validate
 
 NAMES = [f.name for f in fields(Genome)]
 IS_BOOLEAN = np.array([f.type is bool for f in fields(Genome)])
@@ -38,32 +38,29 @@ IS_BOOLEAN = np.array([f.type is bool for f in fields(Genome)])
 class Operators:
     """Rates of the evolution; the defaults are the paper's where the module's docstring says so."""
 
-    elite: int = 2
+    elite: Annotated[int, Within(0)] = 2
     """Fittest swarms that pass to the next generation without any change."""
-    dependent_rate: float = 0.5
+    dependent_rate: Share = 0.5
     """Probability that a parameter mutates to a value near its own; a Boolean turns over."""
-    span: float = 0.05
+    span: Share = 0.05
     """How far from its own value."""
     relative_span: bool = False
     """The span is a share of the value."""
-    independent_rate: float = 0.05
+    independent_rate: Share = 0.05
     """Probability that a parameter gets a totally random new value."""
-    crossover_rate: float = 0.2
+    crossover_rate: Share = 0.2
     """Probability that an offspring has two parents."""
-    intermediate_share: float = 0.5
+    intermediate_share: Share = 0.5
     """Share of the crossovers that average both parents; in the others each value comes from one of them."""
-    density_min: float = 0.01
+    density_min: Annotated[float, Above(0, 1)] = 0.01
     """Smallest density of robots; 24 robots in the paper's arena."""
-    density_max: float = 0.3304
+    density_max: Annotated[float, Above(0, 1)] = 0.3304
     """Largest density of robots; 785 robots in the paper's arena."""
 
     def __post_init__(self):
-        check("operators.elite", self.elite, "0 or more", self.elite >= 0)
-        for name in ("dependent_rate", "span", "independent_rate", "crossover_rate", "intermediate_share"):
-            check(f"operators.{name}", getattr(self, name), "within 0 to 1", 0 <= getattr(self, name) <= 1)
-        check("operators.density_min", self.density_min, "above 0 and at most 1", 0 < self.density_min <= 1)
-        check("operators.density_max", self.density_max, "between density-min and 1",
-              self.density_min <= self.density_max <= 1)  # fmt: skip
+        validate(self, "operators")
+        is_ordered = self.density_min <= self.density_max
+        check("operators.density_max", self.density_max, "at least `operators.density_min`", is_ordered)
 
 
 class Individual(NamedTuple):

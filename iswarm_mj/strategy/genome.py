@@ -4,8 +4,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Annotated
 
+from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.utils.errors import UserError
+
+Share = Annotated[float, Within(0, 1)]
 
 
 @dataclass(frozen=True)
@@ -16,37 +20,31 @@ class Genome:
     p(vector-forget) of type 2 as "14%"; the text of section 4.6.1 says 0.14.
     """
 
-    density_of_robots: float = 0.118
+    density_of_robots: Share = 0.118
     """Robots per 1 x 1 rd cell of the arena outside the dump."""
-    fraction_scouts: float = 0.08
+    fraction_scouts: Share = 0.08
     """Share of the robots that scout."""
-    p_vector_forget: float = 0.29
+    p_vector_forget: Share = 0.29
     """Probability per step that a robot forgets the vectors in its memory."""
     use_hop_count: bool = True
     """A robot takes over a vector only if its hop count is smaller than that of its own."""
-    priority_coll_avoid_dist: float = 0.40
+    priority_coll_avoid_dist: Share = 0.40
     """Distance that empty robots keep from robots that send the priority flag [sr]."""
-    empty_coll_avoid_dist: float = 0.65
+    empty_coll_avoid_dist: Share = 0.65
     """Distance that empty robots keep from other robots [sr]."""
-    loaded_coll_avoid_dist: float = 0.25
+    loaded_coll_avoid_dist: Share = 0.25
     """Distance that loaded robots keep from any robot [sr]."""
     priority_signal_scouts: bool = False
     """Scouts send the priority flag."""
     priority_signal_loaded: bool = True
     """Loaded robots send the priority flag."""
-    weight_find_dust: float = 0.83
+    weight_find_dust: Share = 0.83
     """Probability per step that an empty robot follows its vector to dust."""
-    weight_find_dump: float = 0.94
+    weight_find_dump: Share = 0.94
     """Probability per step that a loaded robot follows its vector to the dump."""
 
     def __post_init__(self):
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.type is bool:
-                if not isinstance(value, bool):
-                    raise UserError(f"{f.name} was {value!r}; it is true or false: correct it in the genome.")
-            elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
-                raise UserError(f"{f.name} was {value!r}; it lies within 0 to 1: correct it in the genome.")
+        validate(self)
 
 
 PRESETS = {

@@ -4,13 +4,14 @@ import json
 import re
 import subprocess
 import sys
-import time
 from dataclasses import asdict, fields
+from typing import get_type_hints
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from iswarm_mj import __version__ as version
 from iswarm_mj.commands import main as cli
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation import run_mujoco as rollout
@@ -20,9 +21,12 @@ ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5,
 ARENA_FLAGS = ["--threads=1", *(f"--arena.{name}={value}" for name, value in ARENA.items())]
 SMALL = [*ARENA_FLAGS, "--robots=30"]
 CONFIG_FLOATS = [
-    f"{group.name}.{f.name}" for group in fields(SwarmConfig) for f in fields(group.default_factory) if f.type is float
+    f"{group.name}.{name}"
+    for group in fields(SwarmConfig)
+    for name, kind in get_type_hints(group.default_factory).items()
+    if kind is float
 ]
-GENOME_FLOATS = [f.name for f in fields(Genome) if f.type is float]
+GENOME_FLOATS = [name for name, kind in get_type_hints(Genome).items() if kind is float]
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +56,7 @@ def refused(capfd, here, *arguments):
     assert code_of(*arguments) == 2
     out, error = capfd.readouterr()
     assert out == "" and sorted(here.rglob("*")) == before
-    assert re.fullmatch(r"iswarm: [^\n]*\.\n", error), error
+    assert re.fullmatch(r"iswarm: [^\n]*\n", error), error
     return error
 
 
@@ -122,30 +126,32 @@ class TestRefusals:
     @pytest.mark.parametrize(
         "flags, message",
         [
-            ("--robots 217", r"--robots was 217; .* 1 to 216: choose fewer robots or a larger --arena\.size"),
-            ("--robots 0", r"--robots was 0;"),
-            ("--robots -5", r"--robots was -5;"),
-            ("--density 0", r"--density was 0; it must lie above 0 and at most 1"),
-            ("--density 1.5", r"--density was 1\.5;"),
-            ("--density -0.1", r"--density was -0\.1;"),
-            ("--density nan", r"--density was nan;"),
-            ("--density inf", r"--density was inf;"),
-            ("--density 0.1 --robots 10", r"--robots and --density were both given"),
-            ("--steps -1", r"--steps was -1; it must be between 1 and 1000000"),
-            ("--steps 0", r"--steps was 0;"),
-            ("--seed -1", r"--seed was -1;"),
-            ("--seed 4294967295", r"--seed was 4294967295;"),
-            ("--worlds 0", r"--worlds was 0;"),
-            ("--threads -1", r"--threads was -1;"),
-            ("--engine xyz", r"--engine was xyz; it must be mujoco"),
-            ("--stop-at 100", r"--stop-at was 100; it must be between 1 and the number of balls, 24"),
-            ("--stop-at 0", r"--stop-at was 0;"),
-            ("--arena.dump-size 9", r"--arena\.dump-size was 9"),
-            ("--drive.control-period -1", r"--drive\.control-period was -1"),
+            (
+                "--robots 217",
+                r"--robots must be between 1 and 216 .*217\); use fewer robots or a larger --arena\.size",
+            ),
+            ("--robots 0", r"--robots must be .*\(got 0\)"),
+            ("--robots -5", r"--robots must be .*\(got -5\)"),
+            ("--density 0", r"--density must be above 0 and at most 1 \(got 0\.0\)$"),
+            ("--density 1.5", r"--density must be .*\(got 1\.5\)"),
+            ("--density -0.1", r"--density must be .*\(got -0\.1\)"),
+            ("--density nan", r"--density must be .*\(got nan\)"),
+            ("--density inf", r"--density must be .*\(got inf\)"),
+            ("--density 0.1 --robots 10", r"--robots and --density exclude each other"),
+            ("--steps -1", r"--steps must be between 1 and 1000000.*\(got -1\)"),
+            ("--steps 0", r"--steps must be .*\(got 0\)"),
+            ("--seed -1", r"--seed must be .*\(got -1\)"),
+            ("--seed 4294967295", r"--seed must be .*\(got 4294967295\)"),
+            ("--worlds 0", r"--worlds must be .*\(got 0\)"),
+            ("--threads -1", r"--threads must be .*\(got -1\)"),
+            ("--stop-at 100", r"--stop-at must be between 1 and the number of balls, 24.*\(got 100\)"),
+            ("--stop-at 0", r"--stop-at must be .*\(got 0\)"),
+            ("--arena.dump-size 9", r"--arena\.dump-size must be .*\(got 9\.0\)"),
+            ("--drive.control-period -1", r"--drive\.control-period must be .*\(got -1\.0\)"),
             ("--genome type3", r"genome was 'type3'; give one of the presets type1, type2, evolved or the path"),
             ("--genome nowhere.json", r"genome was 'nowhere\.json'"),
             ("--genome .", r"genome was '\.'"),
-            ("--p-vector-forget 1.5", r"p_vector_forget was 1\.5"),
+            ("--p-vector-forget 1.5", r"--p-vector-forget must be .*\(got 1\.5\)"),
         ],
     )
     def test_values_out_of_range(self, capfd, here, flags, message):
@@ -155,16 +161,23 @@ class TestRefusals:
     @pytest.mark.parametrize("command", ["clean", "bench"])
     @pytest.mark.parametrize(
         "flag",
-        ["--impl warp", "--solver-iterations 20", "--contact-room 2", "--devices 1", "--hosts", "--hosts-timeout 9"],
+        [
+            "--impl warp",
+            "--solver-iterations 20",
+            "--contact-capacity 2",
+            "--devices 1",
+            "--hosts",
+            "--hosts-timeout 9",
+        ],
     )
     def test_flags_of_mjx_without_it(self, capfd, here, command, flag):
         error = refused(capfd, here, command, *SMALL, *flag.split())
-        assert error.startswith(f"iswarm: --engine was mujoco; it must be mjx with {flag.split()[0]}:")
+        assert error.startswith(f"iswarm: --engine must be mjx with {flag.split()[0]} (got 'mujoco')")
 
     @pytest.mark.parametrize("chunk", [0, -1, 10_001])
     def test_chunks_of_a_benchmark(self, capfd, here, chunk):
         error = refused(capfd, here, "bench", *SMALL, "--engine", "mjx", f"--chunk={chunk}")
-        assert f"--chunk was {chunk}; it must be between 1 and 10000" in error
+        assert f"--chunk must be between 1 and 10000 (got {chunk})" in error
 
     @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
     def test_every_float_must_be_finite(self, capfd, here, value):
@@ -172,7 +185,7 @@ class TestRefusals:
         for name in CONFIG_FLOATS + GENOME_FLOATS:
             flag = "--" + name.replace("_", "-")
             error = refused(capfd, here, "clean", f"{flag}={value}")
-            assert f"{value}; it " in error and name.split(".")[-1].replace("_", "-") in error.replace("_", "-")
+            assert f"(got {value})" in error and name.split(".")[-1].replace("_", "-") in error.replace("_", "-")
 
     @pytest.mark.parametrize(
         "text, message",
@@ -181,10 +194,10 @@ class TestRefusals:
             ("", "not readable JSON"),
             ("[]", "holds a list"),
             ('{"wings": 2}', "names 'wings'; allowed names are density_of_robots, "),
-            ('{"fraction_scouts": 2}', "fraction_scouts was 2; it lies within 0 to 1"),
-            ('{"fraction_scouts": "few"}', "fraction_scouts was 'few'"),
-            ('{"use_hop_count": 0}', "use_hop_count was 0; it is true or false"),
-            ('{"fraction_scouts": NaN}', "fraction_scouts was nan"),
+            ('{"fraction_scouts": 2}', "fraction_scouts must be between 0 and 1 (got 2)"),
+            ('{"fraction_scouts": "few"}', "fraction_scouts must be between 0 and 1 (got 'few')"),
+            ('{"use_hop_count": 0}', "use_hop_count must be true or false (got 0)"),
+            ('{"fraction_scouts": NaN}', "fraction_scouts must be between 0 and 1 (got nan)"),
         ],
     )
     def test_broken_genome_files(self, capfd, here, text, message):
@@ -199,17 +212,14 @@ class TestRefusals:
             assert f"--out was {out}, which cannot be written to" in error and "choose another" in error
         assert (here / "file").read_text() == "mine"
 
-    @pytest.mark.parametrize("flags", ["--robots many", "--steps 1.5", "--optics.mode laser", "--wings 2", "extra"])
+    @pytest.mark.parametrize(
+        "flags", ["--robots many", "--steps 1.5", "--engine xyz", "--optics.mode laser", "--wings 2", "extra"]
+    )
     def test_what_cannot_be_parsed(self, capfd, here, flags):
         assert code_of("clean", *flags.split()) == 2
         out, error = capfd.readouterr()
         assert out == "" and flags.split()[0].removeprefix("--") in error and "Traceback" not in error
         assert list(here.iterdir()) == []
-
-    @pytest.mark.parametrize("arguments", [[], ["wash"]])
-    def test_unknown_commands(self, capfd, arguments):
-        assert code_of(*arguments) == 2
-        assert "clean" in capfd.readouterr().err
 
 
 def test_a_fault_ends_with_code_1_and_readable_files(capfd, here, monkeypatch):
@@ -259,10 +269,8 @@ class TestHelp:
             "except SystemExit as end:\n"
             "    print('code', end.code, sorted({'jax', 'mujoco', 'rerun', 'scipy'} & set(sys.modules)))\n"
         )
-        started = time.perf_counter()
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout.rstrip().endswith("code 0 []") and done.stderr == ""
-        assert time.perf_counter() - started < 5.0
 
     def test_lists_every_option(self, capfd):
         assert code_of("clean", "--help") == 0
@@ -284,7 +292,7 @@ class TestProcess:
         command = [sys.executable, "-m", "iswarm_mj", "clean", "--density", "7"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr.startswith("iswarm: --density was 7;") and done.stderr.count("\n") == 1
+        assert done.stderr == "iswarm: --density must be above 0 and at most 1 (got 7.0)\n"
         assert list(here.iterdir()) == []
 
 
@@ -298,25 +306,41 @@ def test_bench_prints_one_line(capfd, here):
 
 
 @pytest.mark.parametrize(
-    "arguments, fact",
+    "arguments, facts",
     [
-        (["clean", "--robots", "many"], "--robots"),
-        (["clean", "--gripper.grasp-voltage", "high"], "could not convert string to float: 'high'"),
-        (["clean", "--optics.mode", "laser"], "Expected one of ('sector', 'power')"),
-        (["clean", "--strategy.update-order", "random"], "Expected one of ('synchronous', 'sequential')"),
-        (["clean", "--robotss", "3"], "--robotss"),
-        (["grasp", "--repeats", "some"], "--repeats"),
-        (["sweep"], "Available subcommands: clean, picture, bench"),
-        ([], "Expected one of {clean, picture, bench, "),
+        ("clean --robots many", ["--robots", "'many'", "iswarm clean --help"]),
+        ("clean --gripper.grasp-voltage high", ["could not convert string to float: 'high'"]),
+        ("clean --optics.mode laser", ["Expected one of ('sector', 'power')"]),
+        ("clean --strategy.update-order random", ["Expected one of ('synchronous', 'sequential')"]),
+        ("clean --robotss 3", ["--robotss, 3", "Perhaps you meant: --robots ", "iswarm clean --help"]),
+        ("clean --robot 5", ["Perhaps you meant: ", " --robots "]),
+        ("grasp --repeats some", ["--repeats", "iswarm grasp --help"]),
+        ("--verssion", ["Available subcommands: clean, picture, bench, grasp, evolve, experiment, report, video"]),
     ],
 )
-def test_flags_that_cannot_be_read_get_one_line(arguments, fact, capfd, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
-    said = capfd.readouterr().err
-    assert stop.value.code == 2
-    assert said.startswith("iswarm: ") and said.count("\n") == 1
-    command = " ".join(["iswarm", *arguments[:1]]) if arguments != ["sweep"] else "iswarm"
-    assert fact in said and said.endswith(f"; `{command} --help` lists what is allowed.\n")
-    assert not list(tmp_path.iterdir())
+def test_the_parser_explains_what_it_cannot_read_in_a_few_lines(arguments, facts, capfd, here):
+    assert code_of(*arguments.split()) == 2
+    out, error = capfd.readouterr()
+    assert out == "" and error.count("\n") < 20 and "Traceback" not in error
+    text = re.sub(r"[\s│─]+", " ", error)
+    assert [fact for fact in facts if fact not in text] == []
+    assert "iswarm bench" not in text and not list(here.iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments, fact",
+    [
+        (["claen"], "'claen' is not a command; perhaps you meant clean. Commands: clean, picture, bench, "),
+        (["experimnt", "types"], "'experimnt' is not a command; perhaps you meant experiment. "),
+        (["wash"], "'wash' is not a command. Commands: clean, "),
+        ([], "no command was given. Commands: clean, "),
+    ],
+)
+def test_unknown_commands(arguments, fact, capfd, here):
+    error = refused(capfd, here, *arguments)
+    assert error.startswith(f"iswarm: {fact}") and "`iswarm --help`" in error
+
+
+def test_version(capfd):
+    assert code_of("--version") == 0
+    assert capfd.readouterr() == (f"iswarm {version}\n", "")

@@ -156,42 +156,45 @@ def test_force_curves(here):
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--radius 15e-6:25e-6", r"--radius was 15e-6:25e-6; it must be radii from 10e-6 to 50e-6 m"),
-        ("--radius a:b:c", r"--radius was a:b:c;"),
-        ("--radius 1e-6", r"--radius was 1e-06;"),
-        ("--radius 15e-6:25e-6:0", r"--radius was 15e-6:25e-6:0;"),
-        ("--radius nan", r"--radius was nan;"),
-        ("--radius", r"--radius was empty"),
-        ("--rh", r"--rh was empty"),
-        ("--rh 101", r"--rh was 101\.0; it must be a relative humidity from 0 to 100 %"),
-        ("--rh nan", r"--rh was nan;"),
-        ("--repeats 0", r"--repeats was 0;"),
-        ("--seed -1", r"--seed was -1;"),
-        ("--threads -1", r"--threads was -1;"),
-        ("--engine arena", r"--engine was arena; it must be mujoco or mjx"),
-        ("--impl c", r"--impl was c; it must be jax or warp"),
-        ("--gap 1e-8", r"--gap was 1e-08;"),
-        ("--no-contact-gap 1", r"--no-contact-gap was 1\.0;"),
-        ("--record 75", r"--record was 75; it must be the number of a trial, 0 to 74"),
-        ("--force-curve --voltages 500", r"--voltages was 500\.0;"),
-        ("--force-curve --voltages", r"ask for 0 force-distance curves"),
-        ("--protocol.step-voltage 0", r"step_voltage of the protocol was 0\.0;"),
-        ("--protocol.step-voltage 1e-9", r"step_voltage of the protocol was 1e-09; it must be between 0\.002 and 200:"),
-        ("--protocol.ramp-rate inf", r"ramp_rate of the protocol was inf;"),
-        ("--protocol.ramp-rate 1e-3", r"ramp_rate of the protocol was 0\.001; it must be between 1000 and 1e\+07:"),
-        ("--protocol.approach-time 1e9", r"approach_time of the protocol was 1000000000\.0;"),
-        ("--protocol.press 1e-3", r"press of the protocol was 0\.001;"),
-        ("--protocol.grasp-limit 201", r"grasp_limit of the protocol was 201\.0; it must be between 0\.1 and 200:"),
-        ("--protocol.step-voltage 100", r"step_voltage of the protocol was 100\.0; it must be below its grasp_limit"),
-        ("--protocol.lift 1e-7", r"away of the protocol was 2e-07; it must be below its lift, 1e-07:"),
-        ("--radius 10e-6 --gap 45e-6", r"--gap was 4\.5e-05; it must be at most 4 times the least radius"),
+        ("--radius 15e-6:25e-6", r"--radius must be radii from 10e-6 to 50e-6 m.*\(got '15e-6:25e-6'\)"),
+        ("--radius a:b:c", r"--radius must be .*\(got 'a:b:c'\)"),
+        ("--radius 1e-6", r"--radius must be .*\(got 1e-06\)"),
+        ("--radius 15e-6:25e-6:0", r"--radius must be .*\(got '15e-6:25e-6:0'\)"),
+        ("--radius nan", r"--radius must be .*\(got nan\)"),
+        ("--radius", r"--radius must be one or more radii"),
+        ("--rh", r"--rh must be one or more relative humidities"),
+        ("--rh 101", r"--rh must be a relative humidity from 0 to 100 %.*\(got 101\.0\)"),
+        ("--rh nan", r"--rh must be .*\(got nan\)"),
+        ("--repeats 0", r"--repeats must be .*\(got 0\)"),
+        ("--seed -1", r"--seed must be .*\(got -1\)"),
+        ("--threads -1", r"--threads must be .*\(got -1\)"),
+        ("--engine arena", r"--engine must be mujoco or mjx.*\(got 'arena'\)"),
+        ("--impl c", r"--impl must be jax or warp.*\(got 'c'\)"),
+        ("--gap 1e-8", r"--gap must be .*\(got 1e-08\)"),
+        ("--no-contact-gap 1", r"--no-contact-gap must be .*\(got 1\.0\)"),
+        ("--record 75", r"--record must be the index of a trial, 0 to 74.*\(got 75\)"),
+        ("--force-curve --voltages 500", r"--voltages must be .*\(got 500\.0\)"),
+        ("--force-curve --voltages", r"--voltages must be such that there are 1 to 100 curves"),
+        ("--protocol.step-voltage 0", r"--protocol.step-voltage must be between 0\.002 and 200 V \(got 0\.0\)"),
+        ("--protocol.step-voltage 1e-9", r"--protocol.step-voltage must be .*\(got 1e-09\)"),
+        ("--protocol.ramp-rate inf", r"--protocol.ramp-rate must be .*\(got inf\)"),
+        ("--protocol.ramp-rate 1e-3", r"--protocol.ramp-rate must be between 1000 and 1e\+07 V/s \(got 0\.001\)"),
+        ("--protocol.approach-time 1e9", r"--protocol.approach-time must be .*\(got 1000000000\.0\)"),
+        ("--protocol.press 1e-3", r"--protocol.press must be .*\(got 0\.001\)"),
+        ("--protocol.grasp-limit 201", r"--protocol.grasp-limit must be between 0\.1 and 200 V \(got 201\.0\)"),
+        (
+            "--protocol.step-voltage 100",
+            r"--protocol.step-voltage must be below --protocol.grasp-limit, 80 \(got 100\.0\)",
+        ),
+        ("--protocol.lift 1e-7", r"--protocol.away must be below --protocol.lift, 1e-07 \(got 2e-07\)"),
+        ("--radius 10e-6 --gap 45e-6", r"--gap must be at most 4 times the least radius \(got 4\.5e-05\)"),
     ],
 )
 def test_values_out_of_range(flags, message, capfd, here):
     assert code_of("grasp", *flags.split()) == 2
     out, error = capfd.readouterr()
     assert out == "" and list(here.iterdir()) == []
-    assert re.fullmatch(r"iswarm: [^\n]*\.\n", error) and re.search(message, error), error
+    assert re.fullmatch(r"iswarm: [^\n]*\n", error) and re.search(message, error), error
 
 
 def test_a_directory_that_cannot_be(here, capfd):
@@ -209,7 +212,7 @@ def test_bench_prints_one_line(capfd, here):
     assert list(here.iterdir()) == []
 
 
-@pytest.mark.parametrize("flags, message", [("--what lunch", "--what was lunch"), ("--impl x", "--impl was x")])
+@pytest.mark.parametrize("flags, message", [("--what lunch", "--what must be swarm"), ("--impl x", "('jax', 'warp')")])
 def test_bench_refuses(flags, message, capfd):
     assert code_of("bench", "--what", "grasp", *flags.split()) == 2
     assert message in capfd.readouterr().err

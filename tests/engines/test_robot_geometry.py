@@ -208,9 +208,10 @@ class TestOutput:
         np.testing.assert_allclose(np.abs(corners), [[1e-3, 0.5e-3]] * 4, atol=1e-12)
 
     @pytest.mark.skipif(not has_off_screen_opengl(), reason="no off-screen OpenGL")
-    def test_picture_shows_half_the_area(self, file):
+    def test_picture_shows_a_smaller_robot(self, file):
+        """The solar cell of 0.92 mm covers the middle of the area."""
         whole, half = (blue_area(robot_file) for robot_file in (None, file))
-        assert whole > 500 and 0.4 < half / whole < 0.6
+        assert half / whole == pytest.approx((2 - 0.92**2) / (4 - 0.92**2), abs=0.04)
 
 
 def blue_area(robot_file):

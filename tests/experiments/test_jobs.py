@@ -56,7 +56,7 @@ def test_faults_name_the_job(small, monkeypatch, tmp_path):
 
 
 def test_a_job_that_is_not_possible_is_refused(small):
-    with pytest.raises(UserError, match="--robots was 217"):
+    with pytest.raises(UserError, match=r"n_robots must be .*got 217"):
         run_job(Job(small, GENOME, 217, seed=7, steps=3))
 
 

@@ -234,7 +234,7 @@ class TestRay:
 
 class TestMjx:
     def test_other_engines_and_backends_are_refused(self, jobs):
-        with pytest.raises(UserError, match=r"^--engine was abacus; it must be mujoco or mjx: "):
+        with pytest.raises(UserError, match=r"^engine must be mujoco or mjx \(got 'abacus'\)"):
             map_jobs(jobs, engine="abacus")
         with pytest.raises(UserError, match=r"^--backend was ray, whose workers do not run --engine mjx; "):
             map_jobs(jobs, engine="mjx", backend="ray")

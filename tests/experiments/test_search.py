@@ -355,20 +355,20 @@ def test_generations_as_batches(small, tmp_path):
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--engine abacus", r"Expected one of \('mujoco', 'mjx'\)"),
+        ("--engine abacus", r"\('mujoco', 'mjx'\)"),
         ("--engine mjx --backend ray", r"--backend was ray, whose workers do not run --engine mjx"),
-        ("--generations 0", r"--generations was 0; it must be between 1 and 100000"),
-        ("--population 1", r"--population was 1;"),
-        ("--population 2", r"--operators\.elite was 2; it must be below --population"),
-        ("--evaluations 0", r"--evaluations was 0;"),
-        ("--steps 0", r"--steps was 0;"),
-        ("--seed -1", r"--seed was -1;"),
-        ("--workers -1", r"--workers was -1;"),
-        ("--method bees", r"Expected one of \('paper', 'cmaes', 'random'\)"),
-        ("--backend abacus", r"Expected one of \('processes', 'ray'\)"),
-        ("--operators.span nan", r"--operators\.span was nan;"),
-        ("--operators.density-max 2", r"--operators\.density-max was 2\.0;"),
-        ("--arena.n-dust 0", r"--arena\.n-dust was 0;"),
+        ("--generations 0", r"--generations must be between 1 and 100000.*\(got 0\)"),
+        ("--population 1", r"--population must be .*\(got 1\)"),
+        ("--population 2", r"--operators\.elite must be below --population \(got 2\)"),
+        ("--evaluations 0", r"--evaluations must be .*\(got 0\)"),
+        ("--steps 0", r"--steps must be .*\(got 0\)"),
+        ("--seed -1", r"--seed must be .*\(got -1\)"),
+        ("--workers -1", r"--workers must be .*\(got -1\)"),
+        ("--method bees", r"\('paper', 'cmaes', 'random'\)"),
+        ("--backend abacus", r"\('processes', 'ray'\)"),
+        ("--operators.span nan", r"--operators\.span must be .*\(got nan\)"),
+        ("--operators.density-max 2", r"--operators\.density-max must be .*\(got 2\.0\)"),
+        ("--arena.n-dust 0", r"--arena\.n-dust must be .*\(got 0\)"),
     ],
 )
 def test_refusals(capfd, tmp_path, monkeypatch, flags, message):
@@ -376,8 +376,8 @@ def test_refusals(capfd, tmp_path, monkeypatch, flags, message):
     with pytest.raises(SystemExit) as stop:
         cli.main(["evolve", *flags.split()])
     out, error = capfd.readouterr()
-    assert stop.value.code == 2 and out == "" and error.count("\n") == 1
-    assert re.search(message, error) and not list(tmp_path.iterdir())
+    assert stop.value.code == 2 and out == "" and error.count("\n") < 9
+    assert re.search(message, re.sub(r"[\s│]+", " ", error)) and not list(tmp_path.iterdir())
 
 
 @pytest.mark.filterwarnings("error")

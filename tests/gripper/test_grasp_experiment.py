@@ -11,7 +11,8 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import Gaps, run_trials
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.workflows.grasp import GraspSettings, cases, table
+from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
+from iswarm_mj.workflows.grasp_table import trial_rows
 
 RADII = np.linspace(15e-6, 25e-6, 5)
 SETTINGS = GraspSettings(tuple(RADII.tolist()), (10.0, 30.0, 50.0), repeats=5, seed=0)
@@ -20,13 +21,13 @@ SETTINGS = GraspSettings(tuple(RADII.tolist()), (10.0, 30.0, 50.0), repeats=5, s
 @pytest.fixture(scope="module")
 def rows():
     outcomes = run_trials([case.trial for case in cases(SETTINGS)], SETTINGS.protocol, gaps=SETTINGS.gaps)
-    return table(SETTINGS, cases(SETTINGS), outcomes)
+    return trial_rows(SETTINGS, cases(SETTINGS), outcomes)
 
 
 def voltages(rows, experiment, humidity):
     """Voltages (5 radii, 5 repeats)."""
-    found = [r for r in rows if (r["experiment"], r["relative_humidity"]) == (experiment, humidity)]
-    return np.array([r["voltage"] for r in found], float).reshape(5, 5)
+    found = [r for r in rows if (r.experiment, r.relative_humidity) == (experiment, humidity)]
+    return np.array([r.voltage for r in found], float).reshape(5, 5)
 
 
 def test_grasp_voltages_at_ten_percent_humidity_are_the_papers(rows):
@@ -72,30 +73,30 @@ def test_without_contact_a_ball_jumps_where_the_law_says():
 
 
 def test_released_balls_land_and_stay(rows):
-    release = [row for row in rows if row["experiment"] == "release"]
-    assert len(release) == 75 and all(row["landed"] for row in release)
-    assert all(0.05e-3 < row["flight_time"] < 0.3e-3 for row in release)
-    assert all(0.05 < row["landing_speed"] < 0.5 for row in release)
+    release = [row for row in rows if row.experiment == "release"]
+    assert len(release) == 75 and all(row.landed for row in release)
+    assert all(0.05e-3 < row.flight_time < 0.3e-3 for row in release)
+    assert all(0.05 < row.landing_speed < 0.5 for row in release)
 
 
 def test_seventy_volts_in_contact_are_flagged_as_melting(rows):
-    assert not any(row["melted"] for row in rows if row["experiment"] != "release" and row["voltage"] != 70)
+    assert not any(row.melted for row in rows if row.experiment != "release" and row.voltage != 70)
     sticky = Trial(20e-6, WORK_TOOL_OBJECT, 20 * WORK_OBJECT_SUBSTRATE)
     for limit, melted in ((69.75, False), (70.0, True)):
         settings = GraspSettings((20e-6,), (10.0,), 1, 0, protocol=Protocol(grasp_limit=limit))
         listed = [cases(settings)[0]._replace(trial=sticky)]
-        (row,) = table(settings, listed, run_trials([sticky], settings.protocol))
-        assert (row["experiment"], row["voltage"], row["melted"]) == ("grasp", None, melted)
+        (row,) = trial_rows(settings, listed, run_trials([sticky], settings.protocol))
+        assert (row.experiment, row.voltage, row.melted) == ("grasp", None, melted)
 
 
 def test_nothing_is_faulty(rows):
-    assert len(rows) == 225 and not any(row["faulty"] for row in rows)
+    assert len(rows) == 225 and not any(row.faulty for row in rows)
 
 
 def test_each_voltage_is_the_laws(rows):
     for row in rows:
-        if row["voltage"] is not None:
-            assert row["voltage"] == pytest.approx(row["quasi_static_voltage"], abs=row["step_voltage"] + 0.1)
+        if row.voltage is not None:
+            assert row.voltage == pytest.approx(row.quasi_static_voltage, abs=row.step_voltage + 0.1)
 
 
 @pytest.mark.slow

@@ -181,7 +181,7 @@ def test_what_decides_a_run():
     assert deciding(robots=same["robots"]) == same
     for flags in (
         {"seed": 1}, {"worlds": 2}, {"robots": 7}, {"density": 0.05}, {"genome": "type2"}, {"steps": 9}, {"stop_at": 3},
-        {"solver_iterations": 20}, {"contact_room": 2.0}, {"record_worlds": ()}, {"record": False},
+        {"solver_iterations": 20}, {"contact_capacity": 2.0}, {"record_worlds": ()}, {"record": False},
         {"override": GenomeOverrides(fraction_scouts=0.4)}, {"arena": ArenaConfig(n_dust=10)},
     ):  # fmt: skip
         assert deciding(**flags) != same, flags
@@ -192,10 +192,12 @@ def test_what_decides_a_run():
 def test_two_processes_with_different_settings_end(tmp_path):
     port = free_port()
     arguments = ["-m", "iswarm_mj", *TINY, "--hosts", "--out", str(tmp_path / "out")]
-    ran = ended([started([*arguments, f"--contact-room={1 + index}"], index, 2, port) for index in range(2)])
+    ran = ended([started([*arguments, f"--contact-capacity={1 + index}"], index, 2, port) for index in range(2)])
     for code, output, errors in ran:
         assert (code, output) == (2, "")
-        assert errors.startswith("iswarm: --hosts was given, but process 1 of 2 has contact_room 2.0 instead of 1.0,")
+        assert errors.startswith(
+            "iswarm: --hosts was given, but process 1 of 2 has contact_capacity 2.0 instead of 1.0,"
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -209,8 +211,8 @@ def test_shares():
 @pytest.mark.parametrize(
     ("n_worlds", "recorded", "says"),
     [
-        (2, (), "--worlds was 2; it must be at least 3, one for each process"),
-        (4, (0, 1, 3), r"--record-worlds was \(0, 1, 3\); it must be at most 2 worlds, the share"),
+        (2, (), r"worlds must be at least 3, one for each process.*\(got 2\)"),
+        (4, (0, 1, 3), r"record_worlds must be at most 2 worlds, the share.*\(got \(0, 1, 3\)\)"),
     ],
 )
 def test_worlds_that_cannot_be_shared_are_refused(n_worlds, recorded, says):

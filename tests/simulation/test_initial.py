@@ -35,13 +35,13 @@ def test_number_of_robots(density, n_robots):
 
 @pytest.mark.parametrize("density", [0.0, -0.1, 1.01, np.nan, np.inf])
 def test_density_has_limits(density):
-    with pytest.raises(UserError, match=r"--density was .* above 0 and at most 1"):
+    with pytest.raises(UserError, match=r"density must be above 0 and at most 1 \(got"):
         layout.robots_for(PAPER, density)
 
 
 @pytest.mark.parametrize("n_robots", [0, -3, 2377])
 def test_there_is_room_for_so_many(n_robots):
-    with pytest.raises(UserError, match=rf"--robots was {n_robots};.* 1 to 2376"):
+    with pytest.raises(UserError, match=rf"n_robots must be between 1 and 2376 .*\(got {n_robots}\); use"):
         layout.place_robots(PAPER, n_robots, generator())
 
 

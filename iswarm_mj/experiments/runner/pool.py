@@ -16,8 +16,8 @@ from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky.process_executor import BrokenProcessPool
 from tqdm import tqdm
 
-from iswarm_mj.config import check
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 BACKENDS = ("processes", "ray")

@@ -1,0 +1,34 @@
+"""Errors in the words of the command line: settings as flags."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, is_dataclass
+
+from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
+
+RENAMED = {"n_robots": "robots", "n_worlds": "worlds"}
+"""Settings whose flag is called otherwise."""
+NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
+"""A setting that a message names."""
+
+
+def in_flags(error: UserError | SimulationFault, commands: Iterable[type]) -> str:
+    """Return an error's message with flags of the commands, as `--arena.size`, in place of the settings it names.
+
+    Settings without a flag keep their names.
+    """
+    flags = {name: "--" + name.replace("_", "-") for command in commands for name in _names(command)}
+    flags |= {name: flags[flag] for name, flag in RENAMED.items() if flag in flags}
+    if isinstance(error, ConfigError) and error.field in flags:
+        error = ConfigError(flags[error.field], error.value, error.constraint, error.remedy)
+    return NAME.sub(lambda found: flags.get(found[1], found[0]), str(error))
+
+
+def _names(settings: type) -> Iterator[str]:
+    """Names of the settings of a command, as `robots` and `arena.size`."""
+    for f in fields(settings):
+        if is_dataclass(f.default_factory):
+            group = "" if f.name == "override" else f"{f.name}."
+            yield from (f"{group}{name}" for name in _names(f.default_factory))
+        else:
+            yield f.name

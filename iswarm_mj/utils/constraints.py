@@ -1,0 +1,90 @@
+"""Allowed values of settings, declared in their annotations and checked where an object is made."""
+
+import functools
+import math
+import numbers
+from dataclasses import dataclass
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from iswarm_mj.utils.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Within:
+    """Numbers from `low` to `high`, both included; in an annotation, as `Annotated[float, Within(0, 10, "rd")]`."""
+
+    low: float
+    high: float = math.inf
+    unit: str = ""
+    reason: str = ""
+    """Why there is no more, where that is not obvious."""
+
+    def allows(self, value: float) -> bool:
+        """Return whether the value lies within; NaN and infinite values never do."""
+        return self.low <= value <= self.high and math.isfinite(value)
+
+    def __str__(self) -> str:
+        limits = f"at least {_text(self.low)}"
+        if math.isfinite(self.high):
+            limits = self._limits()
+        return " ".join(filter(None, [limits, self.unit])) + (f", since {self.reason}" if self.reason else "")
+
+    def _limits(self) -> str:
+        return f"between {_text(self.low)} and {_text(self.high)}"
+
+
+@dataclass(frozen=True)
+class Above(Within):
+    """Numbers above `low` and up to `high`, which is included."""
+
+    def allows(self, value: float) -> bool:
+        """Return whether the value lies within."""
+        return value > self.low and super().allows(value)
+
+    def _limits(self) -> str:
+        return f"above {_text(self.low)} and at most {_text(self.high)}"
+
+
+def check(name: str, value: Any, constraint: str, ok: bool) -> None:
+    """Raise a `ConfigError` unless `ok`, or if the value is a float that is not finite."""
+    if not ok or (isinstance(value, float) and not math.isfinite(value)):
+        raise ConfigError(name, value, constraint)
+
+
+def validate(settings: Any, group: str = "") -> None:
+    """Check the fields of a dataclass against their types and their `Within`; to be called by `__post_init__`.
+
+    Args:
+        settings: the object.
+        group: its name as part of a configuration, which precedes the fields' names in errors.
+
+    Raises:
+        ConfigError: a field is out of range, not one of a `Literal`'s values, or of another type. Whole numbers do
+            as floats, and None where the type allows it.
+    """
+    for name, kind, constraint in _rules(type(settings)):
+        value = getattr(settings, name)
+        full = f"{group}.{name}" if group else name
+        if kind is bool:
+            check(full, value, "true or false", isinstance(value, bool))
+        elif get_origin(kind) is Literal:
+            check(full, value, " or ".join(get_args(kind)), value in get_args(kind))
+        elif constraint is not None and not (value is None and type(None) in get_args(kind)):
+            whole = "a whole number " if kind is int else ""
+            number = numbers.Integral if whole else numbers.Real
+            is_number = isinstance(value, number) and not isinstance(value, bool)
+            check(full, value, f"{whole}{constraint}", is_number and constraint.allows(value))
+
+
+@functools.cache
+def _rules(cls: type) -> list[tuple[str, Any, Within | None]]:
+    """Name, type without annotations, and constraint of each field."""
+    plain, annotated = get_type_hints(cls), get_type_hints(cls, include_extras=True)
+    return [
+        (name, kind, next((c for c in getattr(annotated[name], "__metadata__", ()) if isinstance(c, Within)), None))
+        for name, kind in plain.items()
+    ]
+
+
+def _text(number: float) -> str:
+    return str(number) if isinstance(number, int) else f"{number:g}"

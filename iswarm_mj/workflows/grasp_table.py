@@ -1,0 +1,158 @@
+"""The table of the gripper's experiments, a row for each experiment on each ball, and its summary."""
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from iswarm_mj.gripper.bench.run_trials import Outcomes
+from iswarm_mj.gripper.laws.detachment import grasp_voltage, melts, release_voltage
+from iswarm_mj.gripper.laws.humidity import humid_work
+from iswarm_mj.workflows.grasp_settings import Case, GraspSettings
+
+
+class TrialRow(NamedTuple):
+    """One experiment on one ball. SI units."""
+
+    radius: float
+    """Of the ball [m]."""
+    relative_humidity: float
+    """[%]"""
+    repeat: int
+    """Number of the trial at this radius and humidity."""
+    seed: int
+    work_tool_object: float
+    """W_TO at this humidity [J/m^2]."""
+    work_object_substrate: float
+    """W_OS at this humidity [J/m^2]."""
+    engine: str
+    """"mujoco" or "mjx"."""
+    impl: str
+    """"c", "jax" or "warp"."""
+    experiment: str
+    """"grasp", "release" or "no_contact"."""
+    gap: float
+    """To the plate in a release, to the tool without contact [m]."""
+    voltage: float | None
+    """At which it happened; None: not up to `limit_voltage` [V]."""
+    limit_voltage: float
+    """[V]"""
+    step_voltage: float
+    """Resolution of `voltage` [V]."""
+    melted: bool
+    """Whether the voltage in contact reached the melting voltage."""
+    quasi_static_voltage: float
+    """What the force laws give without dynamics [V]."""
+    flight_time: float | None = None
+    """Only of a release [s]."""
+    landing_speed: float | None = None
+    """Only of a release [m/s]."""
+    landed: bool | None = None
+    """Only of a release: the ball came to rest on the plate and stayed."""
+    faulty: bool = False
+    """The state became infinite or nan."""
+
+
+def trial_rows(settings: GraspSettings, cases: Sequence[Case], outcomes: Outcomes) -> list[TrialRow]:
+    """Rows of the table, case by case; a ball that was not lifted has no release."""
+    return [row for i, case in enumerate(cases) for row in _rows(settings, case, outcomes, i)]
+
+
+def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> Iterator[TrialRow]:
+    """Rows of the i-th case."""
+    protocol, trial = settings.protocol, case.trial
+    tool, substrate = (
+        float(humid_work(work, trial.relative_humidity))
+        for work in (trial.work_tool_object, trial.work_object_substrate)
+    )
+    row = partial(
+        TrialRow,
+        radius=trial.radius,
+        relative_humidity=trial.relative_humidity,
+        repeat=case.repeat,
+        seed=settings.seed,
+        work_tool_object=tool,
+        work_object_substrate=substrate,
+        engine=settings.engine,
+        impl=settings.impl if settings.engine == "mjx" else "c",
+    )
+    ramp_step = protocol.ramp_rate * outcomes.timestep
+    for gap, attempt in outcomes.no_contact.items():
+        limit = protocol.no_contact_limit
+        yield row(
+            experiment="no_contact",
+            gap=gap,
+            voltage=_number(attempt.voltage[i]),
+            limit_voltage=limit,
+            step_voltage=ramp_step,
+            melted=_melted(attempt.voltage[i], limit, in_contact=not np.isnan(attempt.voltage[i])),
+            quasi_static_voltage=float(grasp_voltage(trial.radius, 0.0, substrate, gap)),
+            faulty=bool(attempt.faulty[i]),
+        )
+    grasp, limit = outcomes.grasp, protocol.highest_rung * protocol.step_voltage
+    yield row(
+        experiment="grasp",
+        gap=0.0,
+        voltage=_number(grasp.voltage[i]),
+        limit_voltage=limit,
+        step_voltage=protocol.step_voltage,
+        melted=_melted(grasp.voltage[i], limit),
+        quasi_static_voltage=float(grasp_voltage(trial.radius, tool, substrate)),
+        faulty=bool(grasp.faulty[i]),
+    )
+    if np.isnan(grasp.voltage[i]):
+        return
+    for gap, release in outcomes.release.items():
+        yield row(
+            experiment="release",
+            gap=gap,
+            voltage=_number(release.voltage[i]),
+            limit_voltage=protocol.release_limit,
+            step_voltage=ramp_step,
+            melted=_melted(release.voltage[i], protocol.release_limit),
+            quasi_static_voltage=float(release_voltage(trial.radius, tool, gap)),
+            flight_time=_number(release.flight_time[i]),
+            landing_speed=_number(release.landing_speed[i]),
+            landed=bool(release.landed[i]),
+            faulty=bool(release.faulty[i]),
+        )
+
+
+def _melted(voltage: float, limit: float, in_contact: bool = True) -> bool:
+    """Whether the ball melted at the highest voltage that was applied: `voltage`, or the limit if that is nan."""
+    return bool(melts(limit if np.isnan(voltage) else voltage, in_contact))
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
+    """Names and texts of the lines of a readable summary."""
+    lines = [("trials", f"{len(settings.radii) * len(settings.humidities) * settings.repeats}, seed {settings.seed}")]
+    names = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}
+    for (experiment, name), rh in product(names.items(), settings.humidities):
+        found = [row for row in rows if row.experiment == experiment and row.relative_humidity == rh]
+        for gap in dict.fromkeys(row.gap for row in found):
+            here = [row for row in found if row.gap == gap]
+            where = "" if experiment == "grasp" else f" at {gap * 1e6:g} um"
+            lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
+    faulty = sum(row.faulty for row in rows)
+    return [*lines, ("faulty", f"{faulty} rows, whose state was not finite")] if faulty else lines
+
+
+def _voltage_text(rows: Sequence[TrialRow]) -> str:
+    """Mean and range of the voltages; how many had none, landed, melted."""
+    voltages = [row.voltage for row in rows if row.voltage is not None]
+    parts = []
+    if voltages:
+        parts.append(f"{np.mean(voltages):.1f} V ({min(voltages):.1f}-{max(voltages):.1f})")
+    if len(voltages) < len(rows):
+        parts.append(f"{len(rows) - len(voltages)} of {len(rows)} not up to {rows[0].limit_voltage:g} V")
+    landed = [row.landed for row in rows if row.landed is not None]
+    if landed:
+        parts.append(f"{sum(landed)} landed and stayed")
+    melted = sum(row.melted for row in rows)
+    return ", ".join([*parts, f"{melted} melted"] if melted else parts)

@@ -1,0 +1,76 @@
+"""Limits of settings, their sentences, and which fields of a dataclass are checked."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pytest
+
+from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    "constraint, text, inside, outside",
+    [
+        (Within(10, 150, "rd"), "between 10 and 150 rd", [10, 150], [9.99, 151]),
+        (Within(0, 0.9), "between 0 and 0.9", [0, 0.9], [-1e-9, 1]),
+        (Within(1e-6, 2e-5, "m"), "between 1e-06 and 2e-05 m", [1e-6], [9e-7]),
+        (Within(1), "at least 1", [1, 1e300], [0]),
+        (Within(1, 100_000), "between 1 and 100000", [100_000], [100_001]),
+        (Above(0, 1, "rd"), "above 0 and at most 1 rd", [1e-9, 1], [0, -1, 1.1]),
+        (Within(0, 69, "V", "70 V melts the ball"), "between 0 and 69 V, since 70 V melts the ball", [69], [70]),
+    ],
+)
+def test_limits(constraint, text, inside, outside):
+    assert str(constraint) == text
+    assert all(map(constraint.allows, inside))
+    assert not any(map(constraint.allows, [*outside, math.nan, math.inf, -math.inf]))
+
+
+@dataclass(frozen=True)
+class Settings:
+    length: Annotated[float, Within(0, 10, "m")] = 1.0
+    count: Annotated[int, Within(1, 5)] = 1
+    mode: Literal["fast", "slow"] = "fast"
+    is_on: bool = True
+    anything: Any = None
+    width: Annotated[float | None, Within(0, 10)] = None
+
+    def __post_init__(self):
+        validate(self, "motor")
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"length": 3}, {"length": np.float32(3)}, {"count": np.int64(3)}, {"mode": "slow"}, {"anything": math.nan}],
+)
+def test_allowed(values):
+    assert vars(Settings(**values)) == vars(Settings()) | values
+
+
+@pytest.mark.parametrize(
+    "values, message",
+    [
+        ({"length": 10.5}, "motor.length must be between 0 and 10 m (got 10.5)"),
+        ({"length": "3"}, "motor.length must be between 0 and 10 m (got '3')"),
+        ({"length": True}, "motor.length must be between 0 and 10 m (got True)"),
+        ({"count": 2.0}, "motor.count must be a whole number between 1 and 5 (got 2.0)"),
+        ({"mode": "still"}, "motor.mode must be fast or slow (got 'still')"),
+        ({"is_on": 1}, "motor.is_on must be true or false (got 1)"),
+        ({"width": 11}, "motor.width must be between 0 and 10 (got 11)"),
+    ],
+)
+def test_refused(values, message):
+    with pytest.raises(ConfigError) as caught:
+        Settings(**values)
+    assert str(caught.value) == message
+
+
+def test_a_check_by_hand():
+    check("size", 3.0, "odd", True)
+    with pytest.raises(ConfigError, match=r"^size must be odd \(got 4\)$"):
+        check("size", 4, "odd", False)
+    with pytest.raises(ConfigError, match=r"got nan"):
+        check("size", math.nan, "odd", True)
