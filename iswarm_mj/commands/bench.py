@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.config import SwarmConfig
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import check
 
 
@@ -34,33 +32,16 @@ class Bench(Swarm):
         check("steps", self.steps, "between 1 and 100000", 1 <= self.steps <= 100_000)
         check("warm_up", self.warm_up, "between 1 and 100000", 1 <= self.warm_up <= 100_000)
         check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
-        if self.engine == "mjx":
-            self._swarm_in_mjx(config, genome, n_robots)
-            return
-        from iswarm_mj.simulation.run_mujoco import RunSettings
+        from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.benchmark import bench
 
-        settings = RunSettings(n_robots, self.warm_up + self.steps, self.seed, self.worlds, self.threads)
-        bench(config, genome, settings, self.engine, self.warm_up, self.record)
-
-    def _swarm_in_mjx(self, config: SwarmConfig, genome: Genome, n_robots: int) -> None:
-        from iswarm_mj.simulation.run_mjx import BatchSettings
-        from iswarm_mj.utils.jax_setup import keep_compiled_programs
-        from iswarm_mj.workflows.benchmark_mjx import bench
-
-        keep_compiled_programs()
-        chunk = min(self.chunk, self.steps)
-        n_chunks = -(-self.steps // chunk)
-        settings = BatchSettings(
-            chunk * (n_chunks + 1),
-            self.impl,
-            chunk=chunk,
-            solver_iterations=self.solver_iterations,
-            contact_room=self.contact_capacity,
-        )
+        chunk = min(self.chunk, self.steps) if self.engine == "mjx" else 1
+        warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
+        recorded = (0,) if self.record else ()
+        settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=recorded)
         hosts = self.joined()
         with hosts.together():
-            bench(self.mjx_run(config, genome, n_robots, settings, hosts), n_chunks, hosts)
+            bench(self.run_of(config, genome, settings, hosts, chunk), warm_up, self.record, hosts)
 
     def _grasp(self) -> None:
         check("what", self.what, "swarm with `hosts`", not self.hosts)

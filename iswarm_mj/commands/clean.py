@@ -25,36 +25,14 @@ class Clean(Swarm):
     def run(self) -> None:
         """Run the command."""
         config, genome, n_robots = self.checked()
-        check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
+        from iswarm_mj.simulation.settings import RunSettings
+        from iswarm_mj.workflows.clean import clean
+
         n_dust = config.arena.n_dust
         stop_at = n_dust if self.stop_at is None else self.stop_at
         check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
-        unknown = [w for w in self.record_worlds if not 0 <= w < self.worlds]
-        check("record_worlds", self.record_worlds, f"different numbers of worlds, from 0 to {self.worlds - 1}",
-              not unknown and len(set(self.record_worlds)) == len(self.record_worlds))  # fmt: skip
-        from iswarm_mj.simulation.run_mujoco import RunSettings
-
-        settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, self.threads, stop_at)
-        if self.engine == "mujoco":
-            from iswarm_mj.workflows.clean import clean
-
-            clean(config, genome, settings, self.engine, self.out, self.record_worlds if self.record else ())
-            return
-        from iswarm_mj.simulation.run_mjx import BatchSettings
-        from iswarm_mj.utils.jax_setup import keep_compiled_programs
-        from iswarm_mj.workflows import clean_mjx as cleaning_mjx
-
-        keep_compiled_programs()
         recorded = self.record_worlds if self.record else ()
-        batch = BatchSettings(
-            self.steps,
-            self.impl,
-            stop_at,
-            record_worlds=recorded,
-            solver_iterations=self.solver_iterations,
-            contact_room=self.contact_capacity,
-        )
+        settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
         hosts = self.joined()
         with hosts.together():
-            run = self.mjx_run(config, genome, n_robots, batch, hosts)
-            cleaning_mjx.clean(run, genome, settings, self.out, hosts)
+            clean(self.run_of(config, genome, settings, hosts), settings, self.out, hosts)

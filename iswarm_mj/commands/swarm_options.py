@@ -113,30 +113,38 @@ class Swarm:
 
         return join(self.hosts_timeout) if self.hosts else ALONE
 
-    def mjx_run(self, config: SwarmConfig, genome: Genome, n_robots: int, batch: Any, hosts: Any) -> Any:
-        """Return a `BatchRun` of this process's share of the worlds.
+    def run_of(self, config: SwarmConfig, genome: Genome, settings: Any, hosts: Any, chunk: int = 25) -> Any:
+        """Return a `Run` of this process's share of the worlds.
 
         Args:
             config: as returned by `checked`.
             genome: as returned by `checked`.
-            n_robots: as returned by `checked`.
-            batch: `BatchSettings` of the whole run.
+            settings: `RunSettings` of the run of all processes.
             hosts: as returned by `joined`.
+            chunk: control steps that one call takes in MJX.
 
         Raises:
             UserError: there are too few worlds, or too many recorded ones, for the number of processes; or the
                 processes were given different settings.
         """
-        from iswarm_mj.simulation.distributed import devices
-        from iswarm_mj.simulation.run_mjx import BatchRun, worlds_of_seed
-        from iswarm_mj.simulation.worlds import World
+        from iswarm_mj.simulation.run import Run
+        from iswarm_mj.simulation.worlds import worlds_of_seed
 
-        hosts.agree(self._shared(genome, n_robots))
-        share = hosts.share(self.worlds, batch.record_worlds)
-        every = worlds_of_seed(World(genome, n_robots, self.seed), self.worlds)
-        recorded = tuple(share.index(world) for world in batch.record_worlds) if hosts.index == 0 else ()
-        batch = replace(batch, record_worlds=recorded)
-        return BatchRun(config, [every[world] for world in share], batch, devices=devices(self.devices))
+        hosts.agree(self._shared(genome, settings.n_robots))
+        share = hosts.share(self.worlds, settings.record_worlds)
+        worlds = worlds_of_seed(genome, settings)
+        recorded = tuple(share.index(world) for world in settings.record_worlds) if hosts.index == 0 else ()
+        settings = replace(settings, n_worlds=len(share), record_worlds=recorded)
+        return Run(config, genome, settings, self._engine(chunk), worlds=[worlds[world] for world in share])
+
+    def _engine(self, chunk: int) -> Any:
+        from iswarm_mj.simulation.distributed import devices
+        from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings
+
+        if self.engine == "mujoco":
+            return MujocoSettings(self.threads)
+        own = tuple(devices(self.devices))
+        return MjxSettings(self.impl, self.solver_iterations, self.contact_capacity, chunk, own)
 
     def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """Return what must be the same in all processes of a job: the command, its flags and the versions."""

@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.files import remove, whole
-from iswarm_mj.utils.profiling import Stopwatch
 
 
 def clear(out: Path, record: bool) -> None:
@@ -25,9 +22,7 @@ def clear(out: Path, record: bool) -> None:
         remove(out / name)
 
 
-def result(
-    run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float
-) -> dict[str, Any]:
+def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float) -> dict[str, Any]:
     """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
 
     Args:

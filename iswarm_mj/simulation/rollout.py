@@ -1,6 +1,7 @@
 """Rollouts of any strategy in many worlds at once: one call, arrays with a world axis."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -9,10 +10,9 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.mjx.arena import EXACT
-from iswarm_mj.simulation.initial import check_robots, draw_radii
-from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
-from iswarm_mj.simulation.run_mujoco import start_with
+from iswarm_mj.simulation.initial import draw_radii, start_with
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.controller import rules_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -20,7 +20,7 @@ from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.signatures import check_strategy
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import SimulationFault, UserError
 
 
 class Rollout(NamedTuple):
@@ -44,18 +44,20 @@ class Rollout(NamedTuple):
     """(B, C) balls at the dump after these steps."""
     poses: np.ndarray | None
     """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds asked for, from the start on; None without any."""
+    faults: list[SimulationFault]
+    """Worlds that could not go on; their numbers count up to there."""
 
 
 def rollout(
-    config: SwarmConfig, strategy: Strategy, keys: jax.Array, *, n_robots: int, steps: int, impl: str = "jax",
-    strategy_per_world: bool = False, stop_at: int | None = None, every: int = 10, poses_of: Sequence[int] = (),
-    contact_room: float = 1.0, solver_iterations: int = EXACT, devices: Sequence[Any] | None = None,
+    config: SwarmConfig, strategy: Strategy, keys: jax.Array, *, n_robots: int, steps: int,
+    engine: EngineSettings | None = None, strategy_per_world: bool = False, stop_at: int | None = None,
+    every: int = 10, poses_of: Sequence[int] = (),
 ) -> Rollout:  # fmt: skip
-    """Let a strategy clean the floor of B worlds, in one compiled program on all devices.
+    """Let a strategy clean the floor of B worlds.
 
-    A key settles its world: where robots and balls are at the start, how large the balls are and how strongly they
-    stick (NumPy's generator, seeded by the key's data), then the noise and what chance there is in the strategy
-    (the key itself). Another strategy under the same keys meets the same worlds.
+    A key determines its world: where robots and balls are at the start, how large the balls are and how strongly they
+    stick (NumPy's generator, seeded by the key's data), then the noise and the chances of the strategy (the key
+    itself). Another strategy under the same keys meets the same worlds.
 
     Programs are compiled for each configuration, class of strategy, number of robots and `every`; values of the
     strategy's arrays are free.
@@ -66,45 +68,35 @@ def rollout(
         keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
         n_robots: N, in each world.
         steps: control steps at most.
-        impl: MJX's implementation, jax or warp.
+        engine: `MjxSettings` (default) or `MujocoSettings`.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
         stop_at: a world is finished when this many balls are delivered; None for all.
-        every: deliveries are counted after so many control steps each, and after the last.
+        every: deliveries are counted after every so many control steps, and after the last.
         poses_of: W numbers of worlds whose poses after each step are kept.
-        contact_room: room for contacts, relative to that of the rule; jams need more.
-        solver_iterations: of the contact solver at most.
-        devices: all visible ones if not given.
 
     Raises:
         UserError: keys, robots, settings or a strategy that do not fit.
-        SimulationFault: a robot has no finite pose or is outside the walls, or contacts found no room.
     """
     _check_keys(keys)
-    check_robots(config.arena, n_robots)
     check("every", every, "between 1 and 10000", 1 <= every <= 10_000)
     many = _of_all_worlds(strategy, len(keys), strategy_per_world)
     check_strategy(jax.tree.map(lambda a: a[0], many), n_robots, keys[0])
-    # The genome of a world does not count: the strategy is given.
-    worlds = [World(PRESETS["type1"], n_robots, start=_start(config, n_robots, key), key=key) for key in keys]
-    settings = BatchSettings(
-        steps=steps, impl=impl, stop_at=stop_at, chunk=every, record_worlds=tuple(poses_of),
-        contact_room=contact_room, solver_iterations=solver_iterations,
-    )  # fmt: skip
-    run = BatchRun(config, worlds, settings, many, devices)
+    genome = PRESETS["type1"]  # ignored, since the strategy is given
+    engine = replace(engine, chunk=every) if isinstance(engine, MjxSettings) else engine
+    settings = RunSettings(n_robots, steps, n_worlds=len(keys), stop_at=stop_at, record_worlds=tuple(poses_of))
+    worlds = [
+        World(genome, n_robots, index=index, start=_start(config, n_robots, key), key=key)
+        for index, key in enumerate(keys)
+    ]
+    run = Run(config, genome, settings, engine or MjxSettings(chunk=every), worlds=worlds, strategy=many)
     counted = np.minimum(np.arange(every, steps + every, every), steps)
-    delivered = np.zeros((len(keys), len(counted)), int)
-    poses = np.zeros((len(poses_of), 1 + steps, n_robots, 3), np.float32)
-    for row, world in enumerate(poses_of):
-        poses[row] = run.starts[world].poses
-    for chunk, last in enumerate(counted):
-        if not run.is_over:
-            first = run.step
+    delivered, poses = np.zeros((len(keys), len(counted)), int), [run.start.poses]
+    for column, last in enumerate(counted):
+        while not run.is_over and run.step < last:
             record = run.advance()
-            if record is not None:
-                poses[:, 1 + first : 1 + last] = record.poses.swapaxes(0, 1)[:, : last - first]
-                poses[:, 1 + last :] = poses[:, last, None]
-        delivered[:, chunk] = run.delivered()
-    return _rollout(run, counted, delivered, poses if len(poses_of) else None)
+            poses += [] if record is None else [record.poses]
+        delivered[:, column] = run.delivered()
+    return _rollout(run, counted, delivered, _hold_last(poses, 1 + steps) if poses_of else None)
 
 
 def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
@@ -113,7 +105,7 @@ def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> Vector
     return VectorStrategy(rules_of(genome), jnp.asarray(round(genome.fraction_scouts * n_robots)), config, probe_reach)
 
 
-def _rollout(run: BatchRun, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
+def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
     measures = [run.measures(world) for world in range(len(run.worlds))]
     carriage = [m.mean_carriage_steps for m in measures]
     return Rollout(
@@ -126,7 +118,15 @@ def _rollout(run: BatchRun, steps: np.ndarray, delivered: np.ndarray, poses: np.
         steps=steps,
         delivered_after=delivered,
         poses=poses,
+        faults=run.faults,
     )
+
+
+def _hold_last(poses: Sequence[np.ndarray], n_frames: int) -> np.ndarray:
+    """Poses (W, F, N, 3) from blocks (T, W, N, 3); after the last block the robots rest."""
+    found = np.concatenate(poses).swapaxes(0, 1).astype(np.float32)
+    rest = np.repeat(found[:, -1:], n_frames - found.shape[1], axis=1)
+    return np.concatenate([found, rest], axis=1)
 
 
 def _start(config: SwarmConfig, n_robots: int, key: jax.Array) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig, check
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import check_robots
@@ -18,6 +18,7 @@ from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.jax_setup import keep_compiled_programs
 from iswarm_mj.utils.profiling import Stopwatch

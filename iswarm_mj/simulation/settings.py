@@ -1,11 +1,9 @@
 """Settings of a run, and of the engine that carries it out."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from iswarm_mj.config import check
-
-IMPLEMENTATIONS = ("jax", "warp")
+from iswarm_mj.utils.constraints import Within, check, validate
 
 EXACT, FAST = 100, 20
 """Iterations of MJX's contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo
@@ -16,17 +14,17 @@ in C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
 class RunSettings:
     """One run of B worlds; world w of seed s has its own random numbers."""
 
-    n_robots: int
+    n_robots: Annotated[int, Within(1)]
     """N, robots in each world, or in the largest."""
-    steps: int
+    steps: Annotated[int, Within(1, 1_000_000)]
     """Control steps at most."""
-    seed: int = 0
+    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     """Seed of all random numbers."""
-    n_worlds: int = 1
+    n_worlds: Annotated[int, Within(1)] = 1
     """B, independent worlds at once."""
-    stop_at: int | None = None
+    stop_at: Annotated[int | None, Within(1)] = None
     """A world is finished when this many balls are delivered; None for all."""
-    failed_fraction: float = 0.0
+    failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start: they only stand in the way."""
     capacity: int | None = None
     """Robots that the arrays of compiled programs have places for, at least `n_robots`; None for exactly those.
@@ -38,11 +36,7 @@ class RunSettings:
     """Worlds whose steps `Run.advance` returns."""
 
     def __post_init__(self):
-        check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
-        check("n_worlds", self.n_worlds, "at least 1", self.n_worlds >= 1)
-        check("failed_fraction", self.failed_fraction, "between 0 and 1", 0 <= self.failed_fraction <= 1)
-        if self.stop_at is not None:
-            check("stop_at", self.stop_at, "at least 1", self.stop_at >= 1)
+        validate(self)
         if self.capacity is not None:
             check("capacity", self.capacity, "at least the number of robots", self.capacity >= self.n_robots)
         known = all(0 <= world < self.n_worlds for world in self.record_worlds)
@@ -54,8 +48,11 @@ class RunSettings:
 class MujocoSettings:
     """MuJoCo in C, on CPUs."""
 
-    threads: int = 0
+    threads: Annotated[int, Within(0, 1024)] = 0
     """Threads for the physics, 0 for one a core; the results do not depend on it."""
+
+    def __post_init__(self):
+        validate(self)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -67,23 +64,19 @@ class MujocoSettings:
 class MjxSettings:
     """MJX: all worlds in one compiled program, on GPUs and CPUs."""
 
-    impl: str = "jax"
+    impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
-    solver_iterations: int = EXACT
+    solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
     """Iterations of the contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
-    contact_capacity: float = 1.0
+    contact_capacity: Annotated[float, Within(0.01, 100)] = 1.0
     """Size of the contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
-    chunk: int = 25
+    chunk: Annotated[int, Within(1, 10_000)] = 25
     """Control steps that one call of the compiled program takes; faults and progress are seen between calls."""
     devices: tuple[Any, ...] | None = None
     """JAX devices that share the worlds; None for all that this process sees."""
 
     def __post_init__(self):
-        check("impl", self.impl, " or ".join(IMPLEMENTATIONS), self.impl in IMPLEMENTATIONS)
-        iterations, capacity = self.solver_iterations, self.contact_capacity
-        check("solver_iterations", iterations, "between 1 and 1000", 1 <= iterations <= 1000)
-        check("contact_capacity", capacity, "between 0.01 and 100", 0.01 <= capacity <= 100)
-        check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
+        validate(self)
 
     @property
     def identity(self) -> dict[str, Any]:

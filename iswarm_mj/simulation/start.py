@@ -12,16 +12,13 @@ from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation.initial import Start
-from iswarm_mj.config import SwarmConfig
-from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, RunSettings
-from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
 from iswarm_mj.strategy.protocol import Strategy
@@ -75,7 +72,9 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             devices = list(mjx.devices or jax.local_devices())[: len(worlds)]
             buffers = contact_capacity(config, capacity, mjx.contact_capacity)
             each = -(-len(worlds) // len(devices))
-            compiled = compile_mjx_arena(config, capacity, mjx.impl, each, buffers, mjx.solver_iterations, plan.robot_file)
+            compiled = compile_mjx_arena(
+                config, capacity, mjx.impl, each, buffers, mjx.solver_iterations, plan.robot_file
+            )
             is_masked = any(world.n_robots < capacity for world in worlds)
             engine = MjxEngine(compiled, config, is_masked)
             return CompiledLoop(engine, config, params, state, poses, mjx.chunk, devices), start

@@ -102,7 +102,12 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
 def _gather(run: Run, hosts: Hosts) -> Outcome:
     """Bring together what the worlds of all processes came to."""
     numbers = [world.index for world in run.worlds]
-    own = run.step, run.devices, [(number, run.measures(k)) for k, number in enumerate(numbers)], [*map(str, run.faults)]
+    own = (
+        run.step,
+        run.devices,
+        [(number, run.measures(k)) for k, number in enumerate(numbers)],
+        [*map(str, run.faults)],
+    )
     shares = hosts.gathered("results", own)
     steps, devices, measures, faults = zip(*shares, strict=True)
     found = {number: Measures(*values) for share in measures for number, values in share}

@@ -32,6 +32,15 @@ _START = 1e-4  # how far outside its robot a ray starts, since `mjx.ray` cannot 
 
 
 def find_links(config: SwarmConfig, arena: MjxArena, poses: Array, sends: Array, is_present: Array) -> Links:
+    """Links of N robots: for each side the nearest sender in sight.
+
+    Args:
+        config: optics.
+        arena: compiled.
+        poses: (N, 3) x, y [mm] and yaw [rad].
+        sends: (N,) bool, which robots send light.
+        is_present: (N,) bool; the others do not stand in the way either.
+    """
     n_robots = len(poses)
     index = jnp.arange(n_robots, dtype=jnp.int32)
     x, y = poses[:, 0], poses[:, 1]

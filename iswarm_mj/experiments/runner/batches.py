@@ -15,15 +15,15 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import FaultKind
 
 FIRST_CAPACITY = {"jax": 1.0, "warp": 4.0}
-"""Room for contacts at first, by implementation, relative to the rule of `engines.mjx_arena.capacities`."""
+"""Size of the contact buffers at first, by implementation, relative to `engines.mjx.arena.contact_capacity`."""
 MAX_CAPACITY = 8.0
-_BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
-"""Room for contacts at most. A batch that finds too little begins again with twice as much, up to this.
+"""Largest size. A batch whose buffers are too small begins again with buffers twice as large, up to this.
 
-In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the rule's, swarms that do not avoid
+In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the default, swarms that do not avoid
 each other at all up to 3.6 times; robots side by side all over the floor would need 7 times. The JAX implementation
-takes time for room that is not used: 6 times as long with 4 times the rule's.
+takes time for unused space: 6 times as long with 4 times the default.
 """
+_BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
 def implementation() -> str:
@@ -36,7 +36,7 @@ def implementation() -> str:
 def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, None]:
     """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one.
 
-    Rounding differs a little with the size of the largest world, the room for contacts and, on GPUs, the number of
+    Rounding differs a little with the size of the largest world, the size of the contact buffers and, on GPUs, the number of
     worlds, so that another batch may bring a job to another, equally likely end.
 
     Raises:

@@ -29,7 +29,8 @@ from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.output.plot_swarm import draw_swarm
 from iswarm_mj.output.render import load
 from iswarm_mj.simulation.initial import robots_for
-from iswarm_mj.simulation.run_mujoco import RunSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean
@@ -103,7 +104,7 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         directory = out / f"{row['type']}-{row['repeat']}"
         settings = RunSettings(row["n_robots"], STEPS, row["seed"], stop_at=plan.goal)
         with redirect_stdout(io.StringIO()):
-            clean(plan.config, PRESETS[row["type"]], settings, "mujoco", directory, recorded=(0,))
+            clean(Run(plan.config, PRESETS[row["type"]], settings), settings, directory)
         frames = load(directory)[1]
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
