@@ -24,7 +24,7 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepView, world: int) -> 
     dust = [square(side * arena.dust_area_offset, arena.dust_area_size) for side in (-1, 1)]
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
-        is_scout=np.asarray(start.state.mind.is_scout[world]),
+        is_scout=np.asarray(start.state.memory.is_scout[world]),
         ball_radius=np.asarray(start.state.balls.radius[world]),
         arena_size=arena.size * ROBOT_DIAMETER,
         dump=np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER,
@@ -65,7 +65,7 @@ class FrameBuffer:
 
 def _frame(view: StepView, world: int) -> dict[str, Any]:
     """One world's step, in arena units; `take` converts whole blocks."""
-    mind, balls = view.state.mind, view.state.balls
+    memory, balls = view.state.memory, view.state.balls
     held, delivered = np.asarray(balls.is_held)[world], np.asarray(balls.is_delivered)[world]
     is_loaded = np.zeros(view.poses.shape[1], bool)
     is_loaded[np.asarray(balls.holder)[world][held]] = True
@@ -78,10 +78,10 @@ def _frame(view: StepView, world: int) -> dict[str, Any]:
         "ball_state": np.where(held, HELD, np.where(delivered, DELIVERED, LYING)).astype(np.uint8),
         "link_sender": view.links.sender[world],
         "link_valid": view.links.valid[world],
-        "dust_vector": np.asarray(mind.dust.vector)[world],
-        "dust_known": np.asarray(mind.dust.known)[world],
-        "dump_vector": np.asarray(mind.dump.vector)[world],
-        "dump_known": np.asarray(mind.dump.known)[world],
+        "dust_vector": np.asarray(memory.dust.vector)[world],
+        "dust_known": np.asarray(memory.dust.known)[world],
+        "dump_vector": np.asarray(memory.dump.vector)[world],
+        "dump_known": np.asarray(memory.dump.known)[world],
         "delivered": np.int32(delivered.sum()),
         "picked": np.int32(np.asarray(balls.was_picked)[world].sum()),
         "collisions": np.int32(view.collisions[world]),

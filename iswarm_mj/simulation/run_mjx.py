@@ -110,13 +110,13 @@ class BatchRun:
         present = jnp.asarray([np.arange(n_robots) < w.n_robots for w in self.worlds])
         goal = self.settings.stop_at or self.config.arena.n_dust
         given = Given(strategy, conditions_of_all(self.config, self.worlds), key, present, jnp.full(n_worlds, goal))
-        minds = jax.vmap(lambda strategy, key: strategy.init(n_robots, key))(strategy, key)
+        memories = jax.vmap(lambda strategy, key: strategy.init(n_robots, key))(strategy, key)
         poses = jnp.asarray(np.stack([start.poses for start in self.starts]), jnp.float32)
         zero, no = jnp.zeros(n_worlds, jnp.int32), jnp.zeros(n_worlds, bool)
         state = WorldState(
             bodies=Bodies(poses, jnp.zeros_like(poses)),
             swarm=SwarmState(
-                minds,
+                memories,
                 stacked([start.balls for start in self.starts]),
                 stacked([start.is_alive for start in self.starts]),
             ),

@@ -119,8 +119,8 @@ class Run:
         key = jax.random.key(s.seed)
         self._keys = jax.vmap(lambda w: jax.random.fold_in(key, w))(jnp.arange(s.n_worlds))
         places = s.n_places or s.n_robots
-        minds = jax.vmap(lambda strategy, key: strategy.init(places, key))(self._strategy, self._keys)
-        self._state = SwarmState(minds, balls, jnp.asarray(self._seated(self._sends)))
+        memories = jax.vmap(lambda strategy, key: strategy.init(places, key))(self._strategy, self._keys)
+        self._state = SwarmState(memories, balls, jnp.asarray(self._seated(self._sends)))
         self.step = 0
         self.collisions = np.zeros(s.n_worlds, int)
         self.finished_at: list[int | None] = [None] * s.n_worlds
@@ -131,8 +131,8 @@ class Run:
     @property
     def state(self) -> SwarmState:
         """State of all worlds, without empty places."""
-        n, (mind, balls, is_alive) = self.settings.n_robots, self._state
-        return self._state if is_alive.shape[1] == n else SwarmState(_first(mind, n), balls, _first(is_alive, n))
+        n, (memory, balls, is_alive) = self.settings.n_robots, self._state
+        return self._state if is_alive.shape[1] == n else SwarmState(_first(memory, n), balls, _first(is_alive, n))
 
     @property
     def is_over(self) -> bool:

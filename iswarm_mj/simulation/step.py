@@ -26,7 +26,7 @@ from iswarm_mj.utils.units import mm_from_rd
 class SwarmState(NamedTuple):
     """Everything about one world that is not rigid-body physics."""
 
-    mind: Any
+    memory: Any
     """What the robots remember, the strategy's memory."""
     balls: Balls
     """Where the balls are and who holds them."""
@@ -60,30 +60,30 @@ def decide(
     """
     n_robots = len(poses)
     step_key = jax.random.fold_in(key, step)
-    passage_key, fall_key, mind_key = jax.random.split(step_key, 3)
-    mind, balls, is_alive = state
-    content = strategy.say(mind, loaded(balls, n_robots))
+    channel_key, fall_key, memory_key = jax.random.split(step_key, 3)
+    memory, balls, is_alive = state
+    content = strategy.say(memory, loaded(balls, n_robots))
     content = content._replace(priority=content.priority & is_alive)
     longest = mm_from_rd(config.strategy.message_range)
 
-    def passage(content: Message) -> tuple[Message, Array, Array]:
+    def channel(content: Message) -> tuple[Message, Array, Array]:
         """Messages as received, with the same noise whenever in this step they are said."""
         return exchange(
             conditions, config.optics.independent_bit_errors, longest, content, links.sender, links.led, links.valid,
-            links.distance, passage_key,
+            links.distance, channel_key,
         )  # fmt: skip
 
-    message, is_heard, distance = passage(content)
+    message, is_heard, distance = channel(content)
 
     tips = probe_tips(poses, jnp.asarray(probe))
     balls = carry(balls, tips)
     reach = mm_from_rd(config.strategy.dust_range)
     view = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
     falls = jax.random.bernoulli(fall_key, conditions.drop_rate, balls.is_held.shape)
-    picks = strategy.picks(mind) & is_alive
+    picks = strategy.picks(memory) & is_alive
     balls, grasp_failed = handle(config.gripper, conditions, balls, tips, view, picks, falls)
 
-    seen = Observation(
+    observation = Observation(
         is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
         dust=message.dust, dump=message.dump, sees_wall=sees_wall, at_dust=view.at_dust,
         ball_vector=view.ball_vector, on_dump=view.on_dump, is_loaded=loaded(balls, n_robots),
@@ -92,15 +92,15 @@ def decide(
     if config.strategy.update_order == "sequential":
         relaying = _relaying(strategy)
 
-        def relay(seen: Observation) -> Message:
-            said = relaying.say(relaying.listen(mind, seen, mind_key), seen.is_loaded)
-            return passage(said._replace(priority=said.priority & is_alive))[0]
+        def relay(observation: Observation) -> Message:
+            said = relaying.say(relaying.listen(memory, observation, memory_key), observation.is_loaded)
+            return channel(said._replace(priority=said.priority & is_alive))[0]
 
         turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
-        seen = heard_in_turn(seen, turns, links.sender, relay)
-    mind, command = strategy.act(mind, seen, mind_key)
+        observation = heard_in_turn(observation, turns, links.sender, relay)
+    memory, command = strategy.act(memory, observation, memory_key)
     command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
-    return SwarmState(mind, balls, is_alive), command, content.priority
+    return SwarmState(memory, balls, is_alive), command, content.priority
 
 
 def _relaying(strategy: Strategy) -> RelayingStrategy:

@@ -103,7 +103,7 @@ def test_trajectory_is_in_si(done):
     np.testing.assert_allclose(frames["ball_position"], 1e-3 * balls, atol=1e-8)
     np.testing.assert_allclose(frames["mean_speed"], [1e-3 * view.speed[0] for view in views], rtol=1e-5)
     for name in ("dust", "dump"):
-        memory = [getattr(view.state.mind, name) for view in views]
+        memory = [getattr(view.state.memory, name) for view in views]
         vectors = np.stack([1e-3 * np.asarray(m.vector[0]) for m in memory])
         np.testing.assert_allclose(frames[f"{name}_vector"], vectors, atol=1e-8)
         np.testing.assert_array_equal(frames[f"{name}_known"], [m.known[0] for m in memory])

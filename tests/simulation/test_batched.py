@@ -92,7 +92,7 @@ def test_worlds_of_other_conditions():
     carried = np.asarray(run.swarm_state().balls.carried_steps).sum(axis=1)
     assert picked[0] > 0 and picked[1] == 0 and picked[2] > 0
     assert carried[0] > 2 * carried[2] > 0
-    hops = np.asarray(run.swarm_state().mind.dust.hop)
+    hops = np.asarray(run.swarm_state().memory.dust.hop)
     assert hops[0].max() > 0 and hops[3].max() == 0
     np.testing.assert_allclose(poses(run)[4], run.starts[4].poses, atol=1e-5)
 
