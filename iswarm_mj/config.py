@@ -9,7 +9,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, check, validate
-from iswarm_mj.utils.serialization import later
+from iswarm_mj.utils.serialization import added_later
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class StrategyConfig:
     """A robot forgets a vector that led it to where there is nothing."""
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
-    update_order: Literal["synchronous", "sequential"] = later("synchronous")
+    update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
     """`synchronous`: in a control step all robots hear what all said at the end of the step before. `sequential`: they
     hear, decide and speak one after the other, in an order drawn anew in each step, and so hear what those before
     them have just said; all move at once in either case."""

@@ -41,10 +41,10 @@ class Clean(Swarm):
             clean(config, genome, settings, self.engine, self.out, self.record_worlds if self.record else ())
             return
         from iswarm_mj.simulation.run_mjx import BatchSettings
-        from iswarm_mj.utils.jax_setup import keep_compiled_programs
+        from iswarm_mj.utils.jax_setup import configure_jax
         from iswarm_mj.workflows import clean_mjx as cleaning_mjx
 
-        keep_compiled_programs()
+        configure_jax()
         recorded = self.record_worlds if self.record else ()
         batch = BatchSettings(
             self.steps,

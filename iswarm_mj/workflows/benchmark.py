@@ -13,7 +13,7 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import processor
 from iswarm_mj.workflows.clean import Recorder
 
@@ -27,7 +27,7 @@ def bench(
 
     Times are milliseconds per control step of all worlds together: the median of the whole step, and of each stage.
     """
-    keep_compiled_programs()
+    configure_jax()
     with jax.default_device(jax.devices("cpu")[0]), ExitStack() as stack:
         run = Run(config, genome, settings)
         out = Path(stack.enter_context(tempfile.TemporaryDirectory()))

@@ -18,8 +18,8 @@ from iswarm_mj.output.frames import FrameBuffer, scene_of
 from iswarm_mj.output.trajectory import RECORDING, Frames, Scene
 from iswarm_mj.simulation.run_mujoco import Run, RunSettings, StepView
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.files import prepare
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
 
 BLOCK = 64
@@ -37,8 +37,8 @@ def clean(
     """
     places = [(out if k == 0 else out / f"world-{world}", world) for k, world in enumerate(recorded)]
     for place, _ in places or [(out, 0)]:
-        prepare(place)
-    keep_compiled_programs()
+        make_output_directory(place)
+    configure_jax()
     started = time.perf_counter()
     with jax.default_device(jax.devices("cpu")[0]):
         run = Run(config, genome, settings)

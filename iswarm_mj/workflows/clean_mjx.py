@@ -17,7 +17,7 @@ from iswarm_mj.simulation.run_mjx import BatchRun
 from iswarm_mj.simulation.run_mujoco import RunSettings
 from iswarm_mj.simulation.views_mjx import start_view, views
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.files import prepare
+from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.workflows.clean import Recorder, summary
 
@@ -99,7 +99,7 @@ def _record(told: Told, out: Path, hosts: Hosts) -> None:
     recorded = [batch.worlds[place].index for place in batch.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
     for place in places:
-        prepare(place)
+        make_output_directory(place)
     with ExitStack() as stack:
         recorders = []
         if recorded:

@@ -204,7 +204,7 @@ def test_choices_are_listed(flags, choices, capfd):
 def test_a_directory_that_cannot_be(here, capfd):
     (here / "file").write_text("mine")
     assert code_of("grasp", "--out", "file/below") == 2
-    assert "--out was file/below, which cannot be written to" in capfd.readouterr().err
+    assert "--out must be a writable directory (got file/below)" in capfd.readouterr().err
 
 
 def test_bench_prints_one_line(capfd, here):

@@ -188,22 +188,22 @@ class TestOut:
     def test_no_place_to_write(self, small, tmp_path):
         (tmp_path / "file").write_text("mine")
         for out in (tmp_path / "file", tmp_path / "file" / "below"):
-            with pytest.raises(UserError, match=rf"--out was {out}, which cannot be written to .*: choose another\."):
+            with pytest.raises(UserError, match=rf"^out must be a writable directory \(got {out}\); choose"):
                 run_clean(small, out)
         assert (tmp_path / "file").read_text() == "mine"
 
     def test_a_directory_in_the_place_of_a_file(self, tmp_path):
         (tmp_path / "result.json").mkdir()
-        said = r"result\.json cannot be written to \(Is a directory\); it must be a file .* or choose another --out\.$"
+        said = r"result\.json cannot be written \(Is a directory\); move it away or choose another `out`$"
         with pytest.raises(UserError, match=said):
             results.clear(tmp_path, record=False)
-        with pytest.raises(UserError, match=said), results.whole(tmp_path / "result.json") as part:
+        with pytest.raises(UserError, match=said), results.atomic_write(tmp_path / "result.json") as part:
             part.write_text("new")
         assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
     def test_a_file_appears_whole_or_not_at_all(self, tmp_path):
         (tmp_path / "result.json").write_text("old")
-        with pytest.raises(RuntimeError), results.whole(tmp_path / "result.json") as part:
+        with pytest.raises(RuntimeError), results.atomic_write(tmp_path / "result.json") as part:
             part.write_text("half")
             raise RuntimeError
         assert [path.name for path in tmp_path.iterdir()] == ["result.json"]

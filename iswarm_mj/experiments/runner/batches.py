@@ -14,7 +14,7 @@ from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import SimulationFault
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.jax_setup import configure_jax
 
 FIRST_ROOM = {"jax": 1.0, "warp": 4.0}
 """Room for contacts at first, by implementation, relative to the rule of `engines.mjx_arena.capacities`."""
@@ -44,7 +44,7 @@ def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, Non
         SimulationFault: a run could not go on.
         UserError: a job is not possible.
     """
-    keep_compiled_programs()
+    configure_jax()
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
         alike.setdefault((job.config, job.steps, job.stop_at), []).append(index)

@@ -10,7 +10,7 @@ from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import SimulationFault
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.jax_setup import configure_jax
 
 PLACES = 64
 """Jobs whose numbers of robots are alike up to a multiple of this share a compiled program."""
@@ -60,7 +60,7 @@ def run_job(job: Job) -> Outcome:
         UserError: the robots find no room.
         SimulationFault: the run cannot go on; the message names the job.
     """
-    keep_compiled_programs()
+    configure_jax()
     settings = RunSettings(
         job.n_robots, job.steps, job.seed, n_threads=1, stop_at=job.stop_at, failed_fraction=job.failed_fraction,
         n_places=-(-job.n_robots // PLACES) * PLACES,
