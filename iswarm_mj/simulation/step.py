@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.config import Conditions, SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
-from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.messages import Message
@@ -64,16 +64,8 @@ def decide(
     memory, balls, is_alive = state
     content = strategy.say(memory, loaded(balls, n_robots))
     content = content._replace(priority=content.priority & is_alive)
-    longest = mm_from_rd(config.strategy.message_range)
-
-    def channel(content: Message) -> tuple[Message, Array, Array]:
-        """Messages as received, with the same noise whenever in this step they are said."""
-        return exchange(
-            conditions, config.optics.independent_bit_errors, longest, content, links.sender, links.led, links.valid,
-            links.distance, channel_key,
-        )  # fmt: skip
-
-    message, is_heard, distance = channel(content)
+    channel = Channel(conditions, config.optics.independent_bit_errors, mm_from_rd(config.strategy.message_range))
+    message, is_heard, distance = exchange(channel, content, links, channel_key)
 
     tips = probe_tips(poses, jnp.asarray(probe))
     balls = carry(balls, tips)
@@ -93,8 +85,9 @@ def decide(
         relaying = _relaying(strategy)
 
         def relay(observation: Observation) -> Message:
+            """Messages as received, with the same noise at whatever time within this step they are sent."""
             said = relaying.say(relaying.listen(memory, observation, memory_key), observation.is_loaded)
-            return channel(said._replace(priority=said.priority & is_alive))[0]
+            return exchange(channel, said._replace(priority=said.priority & is_alive), links, channel_key).message
 
         turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
         observation = heard_in_turn(observation, turns, links.sender, relay)
