@@ -88,7 +88,7 @@ class OpticsConfig:
     error_in_communication: Annotated[float, Within(0, 0.9)] = 0.10
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
     independent_bit_errors: bool = False
-    """Bits flip independently, so that messages with two wrong bits pass the parity check; otherwise at most one flips."""
+    """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most."""
     p_communication_break: Annotated[float, Within(0, 1)] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
