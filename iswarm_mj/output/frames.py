@@ -12,6 +12,8 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 LYING, HELD, DELIVERED = 0, 1, 2
+_FROM_ARENA = {"m": MM, "m/s": MM}
+"""Arena units in SI."""
 
 
 def scene_of(config: SwarmConfig, robot: Robot, start: StepView, world: int) -> Scene:
@@ -51,16 +53,14 @@ class FrameBuffer:
     def take(self) -> Frames:
         """Hand out what was taken in since the last time; there must be something."""
         views, self._views = self._views, []
-        block = {f.name: np.stack([v[f.name] for v in views]) for f in fields(Frames)}
-        for name in ("pose", "ball_position", "dust_vector", "dump_vector"):
-            block[name] = block[name].astype(np.float32)
-        for name in ("pose", "ball_position"):
-            block[name][..., : 2 if name == "pose" else 3] *= MM
-        for name in ("dust_vector", "dump_vector", "mean_speed"):
-            block[name] = (block[name] * MM).astype(np.float32)
-        block["step"] = block["step"].astype(np.int32)
-        block["link_sender"] = block["link_sender"].astype(np.int16)
+        block = {f.name: _in_si(np.stack([v[f.name] for v in views]), **f.metadata) for f in fields(Frames)}
         return Frames(**block)
+
+
+def _in_si(values: np.ndarray, dtype: type, units: tuple[str, ...]) -> np.ndarray:
+    """Values in SI, from arena units; `units` are those of the last axis, or one for all, or none."""
+    scale = np.array([_FROM_ARENA.get(unit, 1.0) for unit in units], values.dtype)
+    return (values * scale).astype(dtype) if units else values.astype(dtype)
 
 
 def _frame(view: StepView, world: int) -> dict[str, Any]:
@@ -71,10 +71,10 @@ def _frame(view: StepView, world: int) -> dict[str, Any]:
     is_loaded[np.asarray(balls.holder)[world][held]] = True
     return {
         "step": np.asarray(view.step),
-        "pose": view.poses[world],
+        "pose": view.poses[world].astype(np.float32),
         "is_loaded": is_loaded,
         "has_priority": view.has_priority[world],
-        "ball_position": view.balls[world],
+        "ball_position": view.balls[world].astype(np.float32),
         "ball_state": np.where(held, HELD, np.where(delivered, DELIVERED, LYING)).astype(np.uint8),
         "link_sender": view.links.sender[world],
         "link_valid": view.links.valid[world],
