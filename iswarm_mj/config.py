@@ -1,7 +1,7 @@
-"""The configuration of a cleaning run: every number that is not evolved.
+"""The configuration of a cleaning run: every parameter that is not evolved, with its limits and unit.
 
-Defaults are the paper's Table 1 (Valdastri et al. 2006) where a docstring says so. The others are choices of
-this simulator where the paper is silent; none is presented as the paper's.
+Defaults marked "Table 1" are those of the paper (Valdastri et al. 2006). The others are choices of this simulator
+where the paper gives no value. An object outside its limits raises `ConfigError`.
 """
 
 from dataclasses import dataclass, field
@@ -9,12 +9,12 @@ from typing import Annotated, Literal, NamedTuple
 
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, check, validate
-from iswarm_mj.utils.serialization import later
+from iswarm_mj.utils.serialization import added_later
 
 
 @dataclass(frozen=True)
 class ArenaConfig:
-    """The floor, the dump, the dust. Lengths in robot diameters [rd] unless said otherwise."""
+    """Floor, dump and dust. Lengths are in robot diameters [rd] unless stated otherwise."""
 
     size: Annotated[float, Within(10, 150, "rd")] = 49.0
     """Edge of the square arena (Table 1) [rd]."""
@@ -36,13 +36,8 @@ class ArenaConfig:
         half, edge = self.size / 2, self.dust_area_size / 2
         nearest, farthest = self.dust_area_offset - edge, self.dust_area_offset + edge
         check("arena.dump_size", self.dump_size, "at most half of `arena.size`", self.dump_size <= half)
-        check(
-            "arena.dust_area_offset",
-            self.dust_area_offset,
-            "such that the dust lies within the walls",
-            farthest <= half,
-        )
-        is_outside = nearest >= self.dump_size / 2
+        is_inside, is_outside = farthest <= half, nearest >= self.dump_size / 2
+        check("arena.dust_area_offset", self.dust_area_offset, "such that the dust lies within the walls", is_inside)
         check("arena.dust_area_offset", self.dust_area_offset, "such that the dust lies outside the dump", is_outside)
         is_ordered = self.ball_radius_min <= self.ball_radius_max
         check("arena.ball_radius_max", self.ball_radius_max, "at least `arena.ball_radius_min`", is_ordered)
@@ -50,16 +45,16 @@ class ArenaConfig:
 
 @dataclass(frozen=True)
 class DriveConfig:
-    """How a robot moves in one control step: it turns on the spot, then walks straight."""
+    """Motion of a robot in one control step: it turns on the spot, then walks straight ahead."""
 
     step_length: Annotated[float, Above(0, 1, "rd")] = 0.5
     """Distance walked in one control step (Table 1) [rd]."""
     control_period: Annotated[float, Within(0.1, 100, "s")] = 1.0
     """Duration of a control step [s]."""
     turn_substeps: Annotated[int, Within(1, 100)] = 4
-    """Physics steps of a control step spent turning."""
+    """Number of physics steps of a control step in which the robot turns."""
     walk_substeps: Annotated[int, Within(1, 100)] = 6
-    """Physics steps of a control step spent walking."""
+    """Number of physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]."""
 
@@ -74,30 +69,30 @@ class DriveConfig:
 
 @dataclass(frozen=True)
 class OpticsConfig:
-    """Light messages between robots: four LEDs with beams, photodiodes in four sectors."""
+    """Optical messages between robots, which have an LED and photodiodes on each of four sides."""
 
     mode: Literal["sector", "power"] = "sector"
-    """`sector`: range and cones decide, as in the paper. `power`: the received power decides."""
+    """Whether a link exists depends on range and cones, as in the paper (`sector`), or on received power (`power`)."""
     communication_radius: Annotated[float, Above(0, 20, "rd")] = 3.5
     """Range on the axis of a beam (Table 1) [rd]."""
     led_beam_aperture: Annotated[float, Above(0, 90, "deg")] = 60.0
-    """Full opening angle of a LED's beam (Table 1) [deg]."""
+    """Full opening angle of an LED's beam (Table 1) [deg]."""
     photodiode_aperture: Annotated[float, Above(0, 90, "deg")] = 90.0
     """Full width of a side's photodiode sector in `sector` mode [deg]."""
     photodiode_splay: Annotated[float, Within(1, 44, "deg")] = 30.0
     """Angle by which each of a side's two photodiodes looks away from the side's normal in `power` mode [deg]."""
     line_of_sight: bool = True
-    """A robot that stands between two others cuts their link."""
+    """A robot that stands between two others blocks their link."""
     error_distance_measure: Annotated[float, Within(0, 1)] = 0.10
     """Relative standard deviation of a measured distance (Table 1: 10 %)."""
     error_in_communication: Annotated[float, Within(0, 0.9)] = 0.10
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
     independent_bit_errors: bool = False
-    """Bits flip independently, so that some messages have two wrong bits and pass the parity; else one at most."""
+    """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most."""
     p_communication_break: Annotated[float, Within(0, 1)] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
-    """Distance over which a robot sees its own light reflected by a wall [rd]."""
+    """Distance up to which a robot detects a wall by its own reflected light [rd]."""
 
     def __post_init__(self):
         validate(self, "optics")
@@ -105,18 +100,18 @@ class OpticsConfig:
 
 @dataclass(frozen=True)
 class GripperConfig:
-    """The electrostatic tool, and the calibrated adhesion (section 3.2 of the paper). SI units."""
+    """Electrostatic tool and calibrated adhesion (section 3.2 of the paper), in SI units."""
 
     grasp_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 40.0
-    """Voltage while lifting a ball [V]: the upper end of the 20-40 V that the paper holds feasible on board."""
+    """Voltage while lifting a ball [V]: the upper end of the 20-40 V that the paper considers feasible on board."""
     release_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 55.0
-    """Voltage while releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts."""
+    """Voltage while releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts the ball."""
     relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
     """Relative humidity of the air [%]."""
     release_gap: Annotated[float, Within(1e-6, 2e-5, "m")] = 5e-6
     """Gap between ball and floor while releasing (section 3.2.3) [m]."""
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
-    """How far the two-degree-of-freedom tool reaches from its place of rest [m]."""
+    """Reach of the tool, which has two degrees of freedom, from its rest position [m]."""
     work_tool_object: Annotated[float, Above(0, 10, "J/m^2")] = 1.41e-3
     """Median work of adhesion between tool and ball at 10 % RH, calibrated [J/m^2]."""
     work_object_substrate: Annotated[float, Above(0, 10, "J/m^2")] = 14.7e-3
@@ -134,28 +129,28 @@ class GripperConfig:
 
 @dataclass(frozen=True)
 class StrategyConfig:
-    """What the paper leaves open of the robots' rules."""
+    """Parameters of the robots' rules that the paper does not specify."""
 
     dust_range: Annotated[float, Above(0, 5, "rd")] = 0.75
-    """A ball is sensed within this distance of the robot's centre [rd]."""
+    """Distance from the robot's centre within which it senses a ball [rd]."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
-    """A random move turns by up to this angle to either side [deg]."""
+    """Largest turn of a random move, to either side [deg]."""
     scouts_pick: bool = False
-    """Scouts pick up dust too."""
+    """Scouts pick up dust as well."""
     avoidance_gain: Annotated[float, Within(0, 100)] = 8.0
-    """Weight of the repulsion against the wish to go somewhere, which has weight 1."""
+    """Weight of the repulsion relative to the desired direction, which has weight 1."""
     priority_factor: Annotated[float, Within(0, 100)] = 2.0
-    """Repulsion by robots that send the priority flag, relative to that by others."""
+    """Repulsion from robots that send the priority flag, relative to that from others."""
     wall_gain: Annotated[float, Within(0, 100)] = 2.0
     """Weight of a wall's repulsion on a robot that follows no vector."""
     forget_on_arrival: bool = True
-    """A robot forgets a vector that led it to where there is nothing."""
+    """A robot forgets a vector that has led it to a place without dust or dump."""
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
-    update_order: Literal["synchronous", "sequential"] = later("synchronous")
-    """`synchronous`: in a control step all robots hear what all said at the end of the step before. `sequential`: they
-    hear, decide and speak one after the other, in an order drawn anew in each step, and so hear what those before
-    them have just said; all move at once in either case."""
+    update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
+    """`synchronous`: all robots receive the messages sent at the end of the previous control step. `sequential`: robots
+    receive, decide and send one after the other, in an order drawn anew in each step, so that they receive messages
+    sent in the same step. In either case all robots move at the same time."""
 
     def __post_init__(self):
         validate(self, "strategy")
@@ -163,7 +158,7 @@ class StrategyConfig:
 
 @dataclass(frozen=True)
 class SwarmConfig:
-    """Everything about a cleaning run but the genome and the run's own settings."""
+    """Complete configuration of a cleaning run, except for the genome and the settings of the run itself."""
 
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
@@ -173,10 +168,10 @@ class SwarmConfig:
 
 
 class Conditions(NamedTuple):
-    """Noise and voltages of one world, or of many with a leading axis; named as in the configuration."""
+    """Noise and voltages of one world, as scalars, or of B worlds, as arrays (B,); named as in the configuration."""
 
     error_distance_measure: Array
-    """Standard deviation of a measured distance, relative."""
+    """Relative standard deviation of a measured distance."""
     error_in_communication: Array
     """Probability that a message arrives with a wrong bit."""
     p_communication_break: Array
@@ -184,15 +179,12 @@ class Conditions(NamedTuple):
     drop_rate: Array
     """Probability per control step that a held ball falls."""
     grasp_voltage: Array
-    """[V]"""
+    """Voltage while lifting a ball [V]."""
     release_voltage: Array
-    """[V]"""
+    """Voltage while releasing a ball [V]."""
 
 
 def conditions_of(config: SwarmConfig) -> Conditions:
-    """Return what a configuration says, as floats."""
-    optics, gripper = config.optics, config.gripper
-    return Conditions(
-        optics.error_distance_measure, optics.error_in_communication, optics.p_communication_break,
-        gripper.drop_rate, gripper.grasp_voltage, gripper.release_voltage,
-    )  # fmt: skip
+    """Return the conditions that a configuration sets, as floats."""
+    settings = vars(config.optics) | vars(config.gripper)
+    return Conditions(*(settings[name] for name in Conditions._fields))

@@ -5,10 +5,9 @@ import os
 import pytest
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.utils.jax_setup import keep_compiled_programs, quieten
+from iswarm_mj.utils.jax_setup import configure_jax
 
-quieten()
-keep_compiled_programs()
+configure_jax()
 
 
 def pytest_configure(config):

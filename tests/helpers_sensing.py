@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.controller import Observation
 from iswarm_mj.utils.units import RD
 
@@ -36,7 +36,7 @@ def remember(vector, hop=0, known=True):
     """Memories of vectors (..., 2), empty where not `known`."""
     vector = jnp.asarray(vector, jnp.float32)
     shape = vector.shape[:-1]
-    memory = Memory(vector, jnp.broadcast_to(jnp.asarray(hop, jnp.int32), shape), jnp.ones(shape, bool))
+    memory = VectorMemory(vector, jnp.broadcast_to(jnp.asarray(hop, jnp.int32), shape), jnp.ones(shape, bool))
     return memory.where(jnp.broadcast_to(jnp.asarray(known), shape))
 
 

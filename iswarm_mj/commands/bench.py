@@ -49,9 +49,9 @@ class Bench(Swarm):
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
-        from iswarm_mj.utils.jax_setup import keep_compiled_programs
+        from iswarm_mj.utils.jax_setup import configure_jax
         from iswarm_mj.workflows.benchmark_grasp import speed
 
         if self.engine == "mjx":
-            keep_compiled_programs()
+            configure_jax()
         speed(self.engine, self.impl, self.worlds if self.worlds > 1 else 100, self.seed)

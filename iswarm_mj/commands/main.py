@@ -19,7 +19,6 @@ from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.jax_setup import quieten
 
 
 class Command(Protocol):
@@ -65,7 +64,6 @@ def parse(arguments: Sequence[str]) -> Command:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input and 1 on a fault of the simulation."""
-    quieten()
     try:
         parse(sys.argv[1:] if arguments is None else arguments).run()
     except (UserError, SimulationFault) as error:

@@ -1,6 +1,7 @@
 """From records of a run to frames of a trajectory: the door from arena units to SI."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 import jax
 import numpy as np
@@ -12,6 +13,8 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 LYING, HELD, DELIVERED = 0, 1, 2
+_FROM_ARENA = {"m": MM, "m/s": MM}
+"""Arena units in SI."""
 
 
 def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int) -> Scene:
@@ -53,28 +56,28 @@ def frames_of(records: Sequence[StepRecord], world: int) -> Frames:
     is_loaded = np.zeros((n_steps, n_robots), bool)
     step, ball = np.nonzero(balls.is_held)
     is_loaded[step, balls.holder[step, ball]] = True
-    return Frames(
-        step=record.step.astype(np.int32),
-        pose=_metres(record.poses, 2),
-        is_loaded=is_loaded,
-        has_priority=record.has_priority,
-        ball_position=_metres(record.balls),
-        ball_state=np.where(balls.is_held, HELD, np.where(balls.is_delivered, DELIVERED, LYING)).astype(np.uint8),
-        link_sender=record.links.sender.astype(np.int16),
-        link_valid=record.links.valid,
-        dust_vector=_metres(memory.dust.vector),
-        dust_known=memory.dust.known,
-        dump_vector=_metres(memory.dump.vector),
-        dump_known=memory.dump.known,
-        delivered=balls.is_delivered.sum(axis=1, dtype=np.int32),
-        picked=balls.was_picked.sum(axis=1, dtype=np.int32),
-        collisions=record.collisions.astype(np.int32),
-        mean_speed=(record.speed * MM).astype(np.float32),
-    )
+    values = {
+        "step": record.step,
+        "pose": record.poses.astype(np.float32),
+        "is_loaded": is_loaded,
+        "has_priority": record.has_priority,
+        "ball_position": record.balls.astype(np.float32),
+        "ball_state": np.where(balls.is_held, HELD, np.where(balls.is_delivered, DELIVERED, LYING)),
+        "link_sender": record.links.sender,
+        "link_valid": record.links.valid,
+        "dust_vector": memory.dust.vector,
+        "dust_known": memory.dust.known,
+        "dump_vector": memory.dump.vector,
+        "dump_known": memory.dump.known,
+        "delivered": balls.is_delivered.sum(axis=1),
+        "picked": balls.was_picked.sum(axis=1),
+        "collisions": record.collisions,
+        "mean_speed": record.speed,
+    }
+    return Frames(**{f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames)})
 
 
-def _metres(values: np.ndarray, n_lengths: int | None = None) -> np.ndarray:
-    """Values (..., C) as float32, of which the first columns are lengths, from mm to m."""
-    converted = values.astype(np.float32)
-    converted[..., :n_lengths] *= MM
-    return converted
+def _in_si(values: np.ndarray, dtype: type, units: tuple[str, ...]) -> np.ndarray:
+    """Values in SI, from arena units; `units` are those of the last axis, or one for all, or none."""
+    scale = np.array([_FROM_ARENA.get(unit, 1.0) for unit in units], values.dtype)
+    return (values * scale).astype(dtype) if units else values.astype(dtype)

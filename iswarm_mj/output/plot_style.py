@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from iswarm_mj.utils.files import whole
+from iswarm_mj.utils.files import atomic_write
 
 STYLE: Any = {
     "font.size": 9,
@@ -40,5 +40,5 @@ def figure(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float
         FigureCanvasAgg(drawing)
         yield list(drawing.subplots(rows, columns, squeeze=False).flat)
         for suffix, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
-            with whole(path.with_name(path.name + suffix)) as part:
+            with atomic_write(path.with_name(path.name + suffix)) as part:
                 drawing.savefig(part, format=suffix[1:], metadata=metadata)

@@ -14,7 +14,7 @@ from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.rerun_trial_view import NN, UM
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.files import whole
+from iswarm_mj.utils.files import atomic_write
 
 SAMPLES = 4000
 """Longer traces are thinned to about so many samples."""
@@ -49,7 +49,7 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     require_recordings()
     stream = rr.RecordingStream(_APPLICATION)
     try:
-        with whole(path) as part:
+        with atomic_write(path) as part:
             part.open("wb").close()
             stream.save(part, default_blueprint=look.layout(trace))
             try:

@@ -13,7 +13,7 @@ from iswarm_mj.output.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, S
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.utils.files import remove, whole
+from iswarm_mj.utils.files import atomic_write, remove
 
 
 def clear(out: Path, record: bool) -> None:
@@ -58,7 +58,7 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
 
 def write_result(out: Path, content: dict[str, Any]) -> None:
     """Write result.json."""
-    with whole(out / RESULT) as part:
+    with atomic_write(out / RESULT) as part:
         part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
@@ -66,5 +66,5 @@ def write_trajectory(out: Path, scene: Scene, frames: Frames) -> None:
     """Write trajectory.npz: the arrays of `Frames` and, with the prefix scene_, of `Scene`."""
     arrays = {f.name: getattr(frames, f.name) for f in fields(frames)}
     arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
-    with whole(out / TRAJECTORY) as part, part.open("wb") as file:
+    with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
         np.savez(file, **arrays)

@@ -1,72 +1,79 @@
-"""What a run leaves behind: the scene once, and frames along time."""
+"""Records of a run: the constants of a world, and its frames over time."""
 
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
 
 RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
-"""Names of a run's files."""
+"""Names of the files of a run."""
 
 
 class Scene(NamedTuple):
-    """What does not change during the run of one world. SI units throughout."""
+    """Constants of one world with N robots, K balls and A dust areas. SI units throughout.
 
-    robot_size: np.ndarray
-    """(3,) edge lengths of a robot [m]."""
-    is_scout: np.ndarray
-    """(N,) bool."""
-    ball_radius: np.ndarray
-    """(K,) radii of the balls [m]."""
+    Rectangles are x_min, y_min, x_max, y_max.
+    """
+
+    robot_size: Float[np.ndarray, "3"]
+    """Edges of a robot [m]."""
+    is_scout: Bool[np.ndarray, "N"]
+    ball_radius: Float[np.ndarray, "K"]
+    """[m]"""
     arena_size: float
-    """Edge length of the square arena, which is centred on the origin [m]."""
-    dump: np.ndarray
-    """(4,) rectangle x_min, y_min, x_max, y_max [m]."""
-    dust_areas: np.ndarray
-    """(A, 4) rectangles, as for the dump [m]."""
+    """Edge of the square arena, which is centred on the origin [m]."""
+    dump: Float[np.ndarray, "4"]
+    """Rectangle [m]."""
+    dust_areas: Float[np.ndarray, "A 4"]
+    """Rectangles [m]."""
     control_period: float
     """Time between two frames [s]."""
 
 
+def _stored(dtype: type, *units: str) -> dict[str, Any]:
+    """Metadata of a field: the dtype of its arrays, and their unit, or one for each entry of the last axis."""
+    return {"dtype": dtype, "units": units}
+
+
 @dataclass(frozen=True)
 class Frames:
-    """T consecutive frames of one world with N robots and K balls. SI units throughout.
+    """T consecutive frames of one world with N robots, of S photodiode sectors, and K balls. SI units throughout.
 
-    Frame 0 is the start; frame t is the state after control step t.
+    Frame 0 is the start; frame t is the state after control step t. The metadata of each field has the `dtype` and the
+    `units` of its arrays.
     """
 
-    step: np.ndarray
-    """(T,) int32, control step."""
-    pose: np.ndarray
-    """(T, N, 3) float32: x [m], y [m], yaw [rad, counted from the x axis, not wrapped]."""
-    is_loaded: np.ndarray
-    """(T, N) bool."""
-    has_priority: np.ndarray
-    """(T, N) bool: the robot sends the priority flag."""
-    ball_position: np.ndarray
-    """(T, K, 3) float32: the balls' centres [m]."""
-    ball_state: np.ndarray
-    """(T, K) uint8: 0 on the floor, 1 held, 2 delivered."""
-    link_sender: np.ndarray
-    """(T, N, S) int16: whom photodiode sector s of a robot hears; meaningless where not `link_valid`."""
-    link_valid: np.ndarray
-    """(T, N, S) bool."""
-    dust_vector: np.ndarray
-    """(T, N, 2) float32: remembered vector to dust, in the robot's own frame (x ahead, y left) [m]."""
-    dust_known: np.ndarray
-    """(T, N) bool: the memory holds a vector to dust."""
-    dump_vector: np.ndarray
-    """(T, N, 2) float32: remembered vector to the dump [m]."""
-    dump_known: np.ndarray
-    """(T, N) bool."""
-    delivered: np.ndarray
-    """(T,) int32, balls delivered so far."""
-    picked: np.ndarray
-    """(T,) int32, balls picked up so far."""
-    collisions: np.ndarray
-    """(T,) int32, collisions so far."""
-    mean_speed: np.ndarray
-    """(T,) float32, mean distance moved per control step over the robots, per second [m/s]."""
+    step: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
+    """Control step."""
+    pose: Float[np.ndarray, "T N 3"] = field(metadata=_stored(np.float32, "m", "m", "rad"))
+    """x, y, and yaw, counted from the x axis and not wrapped."""
+    is_loaded: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
+    has_priority: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
+    """Whether the robot sends the priority flag."""
+    ball_position: Float[np.ndarray, "T K 3"] = field(metadata=_stored(np.float32, "m"))
+    """Centres of the balls."""
+    ball_state: UInt8[np.ndarray, "T K"] = field(metadata=_stored(np.uint8))
+    """0 on the floor, 1 held, 2 delivered."""
+    link_sender: Int[np.ndarray, "T N S"] = field(metadata=_stored(np.int16))
+    """The robot that photodiode sector s receives; meaningless where not `link_valid`."""
+    link_valid: Bool[np.ndarray, "T N S"] = field(metadata=_stored(np.bool_))
+    dust_vector: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "m"))
+    """Remembered vector to the dust, in the robot's own frame (x ahead, y left)."""
+    dust_known: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
+    """Whether the robot remembers a vector to the dust."""
+    dump_vector: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "m"))
+    """Remembered vector to the dump, in the robot's own frame."""
+    dump_known: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
+    """Whether the robot remembers a vector to the dump."""
+    delivered: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
+    """Balls delivered so far."""
+    picked: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
+    """Balls picked up so far."""
+    collisions: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
+    """Collisions so far."""
+    mean_speed: Float[np.ndarray, "T"] = field(metadata=_stored(np.float32, "m/s"))
+    """Distance moved in the control step over its duration, averaged over the robots."""
 
     def __len__(self) -> int:
         """Return the number of frames."""

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from iswarm_mj.output.render import Stage, load
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import whole
+from iswarm_mj.utils.files import atomic_write
 
 RATE = 24
 """Frames per second."""
@@ -42,7 +42,7 @@ def write_video(
     config, frames = load(directory)
     last = len(frames["step"]) - 1 if steps is None else min(steps, len(frames["step"]) - 1)
     total = last * frames_per_step + 1
-    with whole(out) as part, Stage(config, frames, camera, size, ball_scale, fine=False) as stage:
+    with atomic_write(out) as part, Stage(config, frames, camera, size, ball_scale, fine=False) as stage:
         pictures = _pictures(stage, frames, title, last, frames_per_step)
         encode(tqdm(pictures, out.stem, total, unit="frame", disable=not sys.stderr.isatty()), part, size)
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from iswarm_mj.utils.arrays import Array
 
 
-class Memory(NamedTuple):
+class VectorMemory(NamedTuple):
     """A remembered vector for each of N robots (any leading shape will do)."""
 
     vector: Array
@@ -18,10 +18,12 @@ class Memory(NamedTuple):
     """(N,) bool, whether there is a vector."""
 
     @staticmethod
-    def empty(n: int) -> "Memory":
+    def empty(n: int) -> "VectorMemory":
         """Return memories that know nothing."""
-        return Memory(jnp.zeros((n, 2), jnp.float32), jnp.zeros(n, jnp.int32), jnp.zeros(n, bool))
+        return VectorMemory(jnp.zeros((n, 2), jnp.float32), jnp.zeros(n, jnp.int32), jnp.zeros(n, bool))
 
-    def where(self, keep: Array) -> "Memory":
+    def where(self, keep: Array) -> "VectorMemory":
         """These memories where `keep` (N,) holds, nothing elsewhere."""
-        return Memory(jnp.where(keep[..., None], self.vector, 0.0), jnp.where(keep, self.hop, 0), self.known & keep)
+        return VectorMemory(
+            jnp.where(keep[..., None], self.vector, 0.0), jnp.where(keep, self.hop, 0), self.known & keep
+        )

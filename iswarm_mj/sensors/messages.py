@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array
 
 BEARINGS = 32
@@ -34,13 +34,13 @@ class Message(NamedTuple):
     """int32, number of the LED that sent it."""
     priority: Array
     """bool, priority flag."""
-    dust: Memory
+    dust: VectorMemory
     """Vector to dust in the sender's frame [mm]."""
-    dump: Memory
+    dump: VectorMemory
     """Vector to the dump in the sender's frame [mm]."""
 
 
-def pack_vector(memory: Memory, max_range: float) -> Array:
+def pack_vector(memory: VectorMemory, max_range: float) -> Array:
     """14 bits of a remembered vector (...,) uint32: bearing, range and hop count."""
     x, y = memory.vector[..., 0], memory.vector[..., 1]
     bearing = jnp.round(jnp.arctan2(y, x) * (BEARINGS / (2 * jnp.pi))).astype(jnp.int32) % BEARINGS
@@ -49,7 +49,7 @@ def pack_vector(memory: Memory, max_range: float) -> Array:
     return (bearing | (distance << 5) | (hop << 10)).astype(jnp.uint32)
 
 
-def unpack_vector(bits: Array, max_range: float) -> Memory:
+def unpack_vector(bits: Array, max_range: float) -> VectorMemory:
     """Vector that 14 bits (...,) stand for; the inverse of `pack_vector` within half a quantum."""
     bits = bits.astype(jnp.int32)
     angle = (bits & 31) * (2 * jnp.pi / BEARINGS)
@@ -57,7 +57,7 @@ def unpack_vector(bits: Array, max_range: float) -> Memory:
     hop = (bits >> 10) & 15
     known = hop != NO_VECTOR
     vector = jnp.stack([distance * jnp.cos(angle), distance * jnp.sin(angle)], axis=-1)
-    return Memory(jnp.where(known[..., None], vector, 0.0), jnp.where(known, hop, 0), known)
+    return VectorMemory(jnp.where(known[..., None], vector, 0.0), jnp.where(known, hop, 0), known)
 
 
 def parity(bits: Array) -> Array:

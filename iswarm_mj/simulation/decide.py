@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
-from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.channel import Channel, Received, exchange
 from iswarm_mj.sensors.floor import FloorView, probe_tips, sense
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.state import SwarmState, WorldParams
@@ -30,15 +30,6 @@ class Decision(NamedTuple):
     """As the strategy gave it; zero for the dead."""
     has_priority: Bool[Array, "N"]
     """The robot sends the priority flag as the step begins."""
-
-
-class Reception(NamedTuple):
-    """Messages that arrived at N robots with S = 4 sides."""
-
-    message: Message
-    is_heard: Bool[Array, "N S"]
-    distance: Float[Array, "N S"]
-    """Measured [mm]."""
 
 
 def decide(
@@ -71,15 +62,19 @@ def decide(
     step_key = jax.random.fold_in(params.key, step)
     channel_key, fall_key, policy_key = jax.random.split(step_key, 3)
 
-    def transmit(message: Message) -> Reception:
-        """Messages as received, with the same noise whenever in this step they are said."""
+    channel = Channel(
+        params.conditions, config.optics.independent_bit_errors, mm_from_rd(config.strategy.message_range)
+    )
+
+    def transmit(message: Message) -> Received:
+        """Messages as received, with the same noise at whatever time within this step they are sent."""
         message = message._replace(priority=message.priority & is_alive)
-        return _transmit(config, params, message, sight, channel_key)
+        return exchange(channel, message, sight.links, channel_key)
 
     said = strategy.say(swarm.memory, loaded(swarm.balls, n_robots))
-    reception = transmit(said)
+    received = transmit(said)
     balls, floor, grasp_failed = _grip(config, robot, params, swarm, poses, fall_key)
-    observation = _observe(sight, reception, floor, loaded(balls, n_robots), grasp_failed)
+    observation = _observe(sight, received, floor, loaded(balls, n_robots), grasp_failed)
     if config.strategy.update_order == "sequential":
         relaying = _relaying(strategy)
 
@@ -96,16 +91,6 @@ def decide(
     return Decision(kept, command, said.priority & is_alive)
 
 
-def _transmit(config: SwarmConfig, params: WorldParams, message: Message, sight: Sight, key: Array) -> Reception:
-    """Messages after their way through the noisy channel."""
-    links, longest = sight.links, mm_from_rd(config.strategy.message_range)
-    received = exchange(
-        params.conditions, config.optics.independent_bit_errors, longest, message, links.sender, links.led, links.valid,
-        links.distance, key,
-    )  # fmt: skip
-    return Reception(*received)
-
-
 def _grip(
     config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, poses: Array, key: Array
 ) -> tuple[Balls, FloorView, Array]:
@@ -120,15 +105,13 @@ def _grip(
     return balls, floor, grasp_failed
 
 
-def _observe(
-    sight: Sight, reception: Reception, floor: FloorView, is_loaded: Array, grasp_failed: Array
-) -> Observation:
+def _observe(sight: Sight, received: Received, floor: FloorView, is_loaded: Array, grasp_failed: Array) -> Observation:
     """Everything that the robots may know of this step."""
-    message = reception.message
+    message = received.message
     return Observation(
-        is_heard=reception.is_heard,
+        is_heard=received.is_heard,
         bearing=sight.links.bearing,
-        distance=reception.distance,
+        distance=received.distance,
         led=message.led,
         priority=message.priority,
         dust=message.dust,

@@ -20,7 +20,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
 
 
@@ -59,7 +59,7 @@ class Run:
         Raises:
             UserError: robots, worlds or settings that do not fit.
         """
-        keep_compiled_programs()
+        configure_jax()
         self.config, self.genome, self.settings = config, genome, settings
         self.engine = MujocoSettings() if engine is None else engine
         self.worlds = worlds_of_seed(genome, settings) if worlds is None else list(worlds)

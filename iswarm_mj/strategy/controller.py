@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.avoidance import kept_distance, repulsion
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.vectors import after_motion, heard, standing_on, take_over
@@ -23,12 +23,12 @@ from iswarm_mj.utils.units import mm_from_rd
 Rules = namedtuple("Rules", [f.name for f in fields(Genome)])  # the genome's values, as JAX scalars
 
 
-class Mind(NamedTuple):
+class RobotMemory(NamedTuple):
     """What N robots carry from one control step to the next."""
 
-    dust: Memory
+    dust: VectorMemory
     """Way to dust."""
-    dump: Memory
+    dump: VectorMemory
     """Way to the dump."""
     is_scout: Array
     """(N,) bool."""
@@ -47,9 +47,9 @@ class Observation(NamedTuple):
     """(N, S) int32, LED number in the message."""
     priority: Array
     """(N, S) bool, priority flag in the message."""
-    dust: Memory
+    dust: VectorMemory
     """(N, S) vectors to dust in the messages, in their senders' frames."""
-    dump: Memory
+    dump: VectorMemory
     """(N, S) vectors to the dump in the messages."""
     sees_wall: Array
     """(N, 4) bool, a wall reflects the light of this side's LED."""
@@ -79,91 +79,95 @@ def rules_of(genome: Genome) -> Rules:
     return Rules(*(jnp.asarray(v, bool if isinstance(v, bool) else jnp.float32) for v in astuple(genome)))
 
 
-def init(n_robots: int, n_scouts: Array) -> Mind:
-    """Return the minds at the start: no vectors, the first `n_scouts` robots are scouts."""
-    return Mind(Memory.empty(n_robots), Memory.empty(n_robots), jnp.arange(n_robots) < n_scouts)
+def init(n_robots: int, n_scouts: Array) -> RobotMemory:
+    """Return the memories at the start: no vectors, the first `n_scouts` robots are scouts."""
+    return RobotMemory(VectorMemory.empty(n_robots), VectorMemory.empty(n_robots), jnp.arange(n_robots) < n_scouts)
 
 
-def priority_flag(rules: Rules, mind: Mind, is_loaded: Array) -> Array:
+def priority_flag(rules: Rules, memory: RobotMemory, is_loaded: Array) -> Array:
     """Whether each robot sends the priority flag (N,)."""
-    return (mind.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
+    return (memory.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
 
 
-def may_pick(config: SwarmConfig, mind: Mind) -> Array:
+def may_pick(config: SwarmConfig, memory: RobotMemory) -> Array:
     """Whether each robot picks up dust (N,)."""
-    return ~mind.is_scout | config.strategy.scouts_pick
+    return ~memory.is_scout | config.strategy.scouts_pick
 
 
 def act(
-    config: SwarmConfig, probe_reach: float, rules: Rules, mind: Mind, seen: Observation, key: Array
-) -> tuple[Mind, Command]:
-    """Advance the minds of N robots by one control step, and decide what they do.
+    config: SwarmConfig, probe_reach: float, rules: Rules, memory: RobotMemory, observation: Observation, key: Array
+) -> tuple[RobotMemory, Command]:
+    """Advance the memories of N robots by one control step, and decide what they do.
 
     Args:
         config: limits of the drive, open parameters of the strategy.
         probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
         rules: the genome.
-        mind: memories from the step before.
-        seen: what the robots sense now.
+        memory: memories from the step before.
+        observation: what the robots sense now.
         key: random key of this world and step.
     """
-    draw = _chances(mind, seen, key)
-    mind = _remember(config, rules, mind, seen, draw)
-    wish, limit, follows = choose(config, rules, mind, seen, draw[:, 1], draw[:, 2])
-    command = steer(config, wish + avoid(config, rules, seen, follows), limit, leftwards=draw[:, 3] < 0.5)
-    command = approach(config, probe_reach, may_pick(config, mind), seen, command)
+    draw = _chances(memory, observation, key)
+    memory = _remember(config, rules, memory, observation, draw)
+    desired_direction, limit, follows = choose(config, rules, memory, observation, draw[:, 1], draw[:, 2])
+    command = steer(
+        config, desired_direction + avoid(config, rules, observation, follows), limit, leftwards=draw[:, 3] < 0.5
+    )
+    command = approach(config, probe_reach, may_pick(config, memory), observation, command)
     moved = (command.turn, command.forward)
-    return mind._replace(dust=after_motion(mind.dust, *moved), dump=after_motion(mind.dump, *moved)), command
+    return memory._replace(dust=after_motion(memory.dust, *moved), dump=after_motion(memory.dump, *moved)), command
 
 
-def listen(config: SwarmConfig, rules: Rules, mind: Mind, seen: Observation, key: Array) -> Mind:
-    """Advance the minds as `act` does, up to what the robots know before they move."""
-    return _remember(config, rules, mind, seen, _chances(mind, seen, key))
+def listen(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, key: Array) -> RobotMemory:
+    """Advance the memories as `act` does, up to what the robots know before they move."""
+    return _remember(config, rules, memory, observation, _chances(memory, observation, key))
 
 
-def _chances(mind: Mind, seen: Observation, key: Array) -> Array:
+def _chances(memory: RobotMemory, observation: Observation, key: Array) -> Array:
     """Draw a step's random numbers (N, 4 + 2 S) in [0, 1)."""
-    n_sides = seen.is_heard.shape[1]
-    return jax.random.uniform(key, (len(mind.is_scout), 4 + 2 * n_sides))
+    n_sides = observation.is_heard.shape[1]
+    return jax.random.uniform(key, (len(memory.is_scout), 4 + 2 * n_sides))
 
 
-def _remember(config: SwarmConfig, rules: Rules, mind: Mind, seen: Observation, draw: Array) -> Mind:
+def _remember(
+    config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draw: Array
+) -> RobotMemory:
     """Memories after forgetting, listening, feeling the floor and, if so configured, finding nothing."""
-    mind = learn(rules, mind, seen, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 4:])
+    memory = learn(rules, memory, observation, forgets=draw[:, 0] < rules.p_vector_forget, choice=draw[:, 4:])
     if config.strategy.forget_on_arrival:
-        mind = mind._replace(
-            dust=disappointed(config, mind.dust, seen.at_dust),
-            dump=disappointed(config, mind.dump, seen.on_dump),
+        memory = memory._replace(
+            dust=forget_unconfirmed(config, memory.dust, observation.at_dust),
+            dump=forget_unconfirmed(config, memory.dump, observation.on_dump),
         )
-    return mind
+    return memory
 
 
-def learn(rules: Rules, mind: Mind, seen: Observation, forgets: Array, choice: Array) -> Mind:
+def learn(rules: Rules, memory: RobotMemory, observation: Observation, forgets: Array, choice: Array) -> RobotMemory:
     """Memories after forgetting, listening, and feeling the floor.
 
     Args:
         forgets: (N,) bool, the robot forgets both vectors first.
         choice: (N, 2 S) random numbers that settle which of several equal offers is taken.
     """
-    n_sides = seen.is_heard.shape[1]
+    n_sides = observation.is_heard.shape[1]
 
-    def listen(own: Memory, sent: Memory, choice: Array) -> Memory:
-        offers = heard(sent, seen.bearing, seen.distance, seen.led).where(seen.is_heard)
+    def listen(own: VectorMemory, sent: VectorMemory, choice: Array) -> VectorMemory:
+        offers = heard(sent, observation.bearing, observation.distance, observation.led).where(observation.is_heard)
         return take_over(own.where(~forgets), offers, rules.use_hop_count, choice)
 
-    return mind._replace(
-        dust=standing_on(listen(mind.dust, seen.dust, choice[:, :n_sides]), seen.at_dust),
-        dump=standing_on(listen(mind.dump, seen.dump, choice[:, n_sides:]), seen.on_dump),
+    return memory._replace(
+        dust=standing_on(listen(memory.dust, observation.dust, choice[:, :n_sides]), observation.at_dust),
+        dump=standing_on(listen(memory.dump, observation.dump, choice[:, n_sides:]), observation.on_dump),
     )
 
 
-def disappointed(config: SwarmConfig, memory: Memory, is_there: Array) -> Memory:
+def forget_unconfirmed(config: SwarmConfig, memory: VectorMemory, is_there: Array) -> VectorMemory:
     """Memories without the vectors that led to nothing: too short to follow, and the target is not there."""
     return memory.where(is_there | _leads_on(config, _length(memory.vector)))
 
 
 def choose(
-    config: SwarmConfig, rules: Rules, mind: Mind, seen: Observation, whim: Array, wander: Array
+    config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, whim: Array, wander: Array
 ) -> tuple[Array, Array, Array]:
     """Where the robots want to go, as unit vectors (N, 2); how far at most (N,) [mm]; whether they follow a vector.
 
@@ -175,27 +179,29 @@ def choose(
         whim: (N,) in [0, 1), follow the vector or not.
         wander: (N,) in [0, 1), the direction of a random move.
     """
-    loaded = seen.is_loaded
-    vector = jnp.where(loaded[:, None], mind.dump.vector, mind.dust.vector)
+    loaded = observation.is_loaded
+    vector = jnp.where(loaded[:, None], memory.dump.vector, memory.dust.vector)
     length = _length(vector)
-    known = jnp.where(loaded, mind.dump.known, mind.dust.known) & _leads_on(config, length)
+    known = jnp.where(loaded, memory.dump.known, memory.dust.known) & _leads_on(config, length)
     weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
-    follows = known & ~mind.is_scout & (whim < weight)
+    follows = known & ~memory.is_scout & (whim < weight)
     angle = jnp.deg2rad(config.strategy.random_turn) * (2.0 * wander - 1.0)
     at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
-    wish = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
-    return wish, jnp.where(follows, length, jnp.inf), follows
+    desired_direction = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
+    return desired_direction, jnp.where(follows, length, jnp.inf), follows
 
 
-def avoid(config: SwarmConfig, rules: Rules, seen: Observation, follows: Array) -> Array:
+def avoid(config: SwarmConfig, rules: Rules, observation: Observation, follows: Array) -> Array:
     """Push (N, 2) away from neighbours that are heard too near, and from walls unless a vector is followed."""
     options = config.strategy
-    near = seen.distance / mm_from_rd(config.optics.communication_radius)
-    weight = jnp.where(seen.priority, options.priority_factor, 1.0) * seen.is_heard
-    push = repulsion(seen.bearing, near, kept_distance(rules, seen.is_loaded, seen.priority), weight)
-    side = jnp.arange(seen.sees_wall.shape[1]) * (math.pi / 2)
+    near = observation.distance / mm_from_rd(config.optics.communication_radius)
+    weight = jnp.where(observation.priority, options.priority_factor, 1.0) * observation.is_heard
+    push = repulsion(
+        observation.bearing, near, kept_distance(rules, observation.is_loaded, observation.priority), weight
+    )
+    side = jnp.arange(observation.sees_wall.shape[1]) * (math.pi / 2)
     outward = jnp.stack([jnp.cos(side), jnp.sin(side)], axis=-1)
-    walls = -(seen.sees_wall & ~follows[:, None]).astype(jnp.float32) @ outward
+    walls = -(observation.sees_wall & ~follows[:, None]).astype(jnp.float32) @ outward
     return options.avoidance_gain * push + options.wall_gain * walls
 
 
@@ -213,14 +219,16 @@ def steer(config: SwarmConfig, direction: Array, limit: Array, leftwards: Array)
     return Command(turn, jnp.minimum(pace * mm_from_rd(config.drive.step_length), limit))
 
 
-def approach(config: SwarmConfig, probe_reach: float, picks: Array, seen: Observation, command: Command) -> Command:
+def approach(
+    config: SwarmConfig, probe_reach: float, picks: Array, observation: Observation, command: Command
+) -> Command:
     """Bring the probe's tip over the ball that an empty robot senses; others go on with `command`."""
-    approaches = seen.at_dust & picks & ~seen.is_loaded & ~seen.grasp_failed
-    x, y = seen.ball_vector[:, 0], seen.ball_vector[:, 1]
+    approaches = observation.at_dust & picks & ~observation.is_loaded & ~observation.grasp_failed
+    x, y = observation.ball_vector[:, 0], observation.ball_vector[:, 1]
     angle = jnp.arctan2(y, x)
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.drive.step_length)
-    forward = jnp.where(turn == angle, jnp.clip(_length(seen.ball_vector) - probe_reach, -step, step), 0.0)
+    forward = jnp.where(turn == angle, jnp.clip(_length(observation.ball_vector) - probe_reach, -step, step), 0.0)
     return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
 
 

@@ -36,12 +36,12 @@ class Strategy(Protocol):
         """Whether each robot picks up balls that its tool reaches (N,) bool."""
         ...
 
-    def act(self, memory: Any, seen: Observation, key: Array) -> tuple[Any, Command]:
+    def act(self, memory: Any, observation: Observation, key: Array) -> tuple[Any, Command]:
         """Advance the memory by one control step, and decide what the robots do.
 
         Args:
             memory: from the step before.
-            seen: what the robots sense now.
+            observation: what the robots sense now.
             key: random key of this world and step.
         """
         ...
@@ -51,14 +51,14 @@ class Strategy(Protocol):
 class RelayingStrategy(Strategy, Protocol):
     """A strategy whose robots can pass on what they have just heard, as updates one after the other ask for."""
 
-    def listen(self, memory: Any, seen: Observation, key: Array) -> Any:
+    def listen(self, memory: Any, observation: Observation, key: Array) -> Any:
         """Return the memory that robots speak from after they heard and before they move.
 
         What one robot remembers must depend on what that robot senses alone.
 
         Args:
             memory: from the step before.
-            seen: as for `act`, which is called with the same memory and key later.
+            observation: as for `act`, which is called with the same memory and key later.
             key: likewise.
         """
         ...

@@ -5,7 +5,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.strategy.controller import Command, Observation
@@ -16,7 +16,7 @@ from iswarm_mj.utils.errors import UserError
 def observation_shapes(n_robots: int) -> Observation:
     """Shapes and types of what N robots sense."""
     here, sides = (n_robots,), (n_robots, N_SIDES)
-    memory = Memory(_floats(*sides, 2), _integers(*sides), _flags(*sides))
+    memory = VectorMemory(_floats(*sides, 2), _integers(*sides), _flags(*sides))
     return Observation(
         is_heard=_flags(*sides), bearing=_floats(*sides), distance=_floats(*sides), led=_integers(*sides),
         priority=_flags(*sides), dust=memory, dump=memory, sees_wall=_flags(*sides), at_dust=_flags(*here),
@@ -32,7 +32,7 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
         n_robots: N.
         key: any random key.
     """
-    vector = Memory(_floats(n_robots, 2), _integers(n_robots), _flags(n_robots))
+    vector = VectorMemory(_floats(n_robots, 2), _integers(n_robots), _flags(n_robots))
     message = Message(_integers(n_robots), _flags(n_robots), vector, vector)
     command = Command(_floats(n_robots), _floats(n_robots))
     memory = jax.eval_shape(lambda key: strategy.init(n_robots, key), key)

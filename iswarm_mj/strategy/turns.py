@@ -24,7 +24,7 @@ def draw_turns(key: Array, n_robots: int) -> Array:
 
 
 def heard_in_turn(
-    seen: Observation, turns: Array, sender: Array, relay: Callable[[Observation], Message]
+    observation: Observation, turns: Array, sender: Array, relay: Callable[[Observation], Message]
 ) -> Observation:
     """What robots hear that have their turns one after the other.
 
@@ -33,30 +33,30 @@ def heard_in_turn(
     they would have heard one by one, after one sweep more than the longest way of news has links.
 
     Args:
-        seen: what N robots sense, with the messages (N, S) that were said at the end of the step before.
+        observation: what N robots sense, with the messages (N, S) that were said at the end of the step before.
         turns: (N,) when each robot has its turn.
         sender: (N, S) who sends to each side, where something is heard.
         relay: messages (N, S) as they arrive if all robots have heard what it is given, and say so.
     """
-    old = _messages(seen)
-    is_new = seen.is_heard & (turns[sender] < turns[:, None])
+    old = _messages(observation)
+    is_new = observation.is_heard & (turns[sender] < turns[:, None])
 
     def sweep(state: tuple[Message, Array]) -> tuple[Message, Array]:
         before, sweeps_left = state
-        now = jax.tree.map(lambda new, old: _select(is_new, new, old), relay(_with(seen, before)), old)
+        now = jax.tree.map(lambda new, old: _select(is_new, new, old), relay(_with(observation, before)), old)
         changes = [(a != b).any() for a, b in zip(jax.tree.leaves(now), jax.tree.leaves(before), strict=True)]
         return now, jnp.where(jnp.stack(changes).any(), sweeps_left - 1, 0)
 
     settled, _ = jax.lax.while_loop(lambda state: state[1] > 0, sweep, (old, jnp.int32(len(turns))))
-    return _with(seen, settled)
+    return _with(observation, settled)
 
 
-def _messages(seen: Observation) -> Message:
-    return Message(seen.led, seen.priority, seen.dust, seen.dump)
+def _messages(observation: Observation) -> Message:
+    return Message(observation.led, observation.priority, observation.dust, observation.dump)
 
 
-def _with(seen: Observation, messages: Message) -> Observation:
-    return seen._replace(**messages._asdict())
+def _with(observation: Observation, messages: Message) -> Observation:
+    return observation._replace(**messages._asdict())
 
 
 def _select(where: Array, new: Array, old: Array) -> Array:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import Command, Mind, Observation, Rules
+from iswarm_mj.strategy.controller import Command, Observation, RobotMemory, Rules
 from iswarm_mj.utils.arrays import Array
 
 
@@ -29,23 +29,23 @@ class VectorStrategy:
     config: SwarmConfig = field(metadata={"static": True})
     probe_reach: float = field(metadata={"static": True})
 
-    def init(self, n_robots: int, key: Array) -> Mind:
+    def init(self, n_robots: int, key: Array) -> RobotMemory:
         """See `Strategy.init`."""
         return controller.init(n_robots, self.n_scouts)
 
-    def say(self, memory: Mind, is_loaded: Array) -> Message:
+    def say(self, memory: RobotMemory, is_loaded: Array) -> Message:
         """See `Strategy.say`."""
         flag = controller.priority_flag(self.rules, memory, is_loaded)
         return Message(jnp.zeros(len(flag), jnp.int32), flag, memory.dust, memory.dump)
 
-    def picks(self, memory: Mind) -> Array:
+    def picks(self, memory: RobotMemory) -> Array:
         """See `Strategy.picks`."""
         return controller.may_pick(self.config, memory)
 
-    def listen(self, memory: Mind, seen: Observation, key: Array) -> Mind:
+    def listen(self, memory: RobotMemory, observation: Observation, key: Array) -> RobotMemory:
         """See `RelayingStrategy.listen`."""
-        return controller.listen(self.config, self.rules, memory, seen, key)
+        return controller.listen(self.config, self.rules, memory, observation, key)
 
-    def act(self, memory: Mind, seen: Observation, key: Array) -> tuple[Mind, Command]:
+    def act(self, memory: RobotMemory, observation: Observation, key: Array) -> tuple[RobotMemory, Command]:
         """See `Strategy.act`."""
-        return controller.act(self.config, self.probe_reach, self.rules, memory, seen, key)
+        return controller.act(self.config, self.probe_reach, self.rules, memory, observation, key)

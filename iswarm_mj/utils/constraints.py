@@ -19,7 +19,7 @@ class Within:
     reason: str = ""
     """Why there is no more, where that is not obvious."""
 
-    def allows(self, value: float) -> bool:
+    def allows(self, value: Any) -> bool:
         """Return whether the value lies within; NaN and infinite values never do."""
         return self.low <= value <= self.high and math.isfinite(value)
 
@@ -37,7 +37,7 @@ class Within:
 class Above(Within):
     """Numbers above `low` and up to `high`, which is included."""
 
-    def allows(self, value: float) -> bool:
+    def allows(self, value: Any) -> bool:
         """Return whether the value lies within."""
         return value > self.low and super().allows(value)
 

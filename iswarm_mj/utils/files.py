@@ -1,22 +1,22 @@
-"""Output directories, and files that appear whole or not at all."""
+"""Output directories, and files that are replaced in one step."""
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 
 
-def prepare(out: Path, given: Path | None = None) -> None:
-    """Make the output directory, or say why it cannot be written to.
+def make_output_directory(out: Path, given: Path | None = None) -> None:
+    """Create the output directory if it does not exist, and make sure that files can be written to it.
 
     Args:
         out: the directory.
-        given: the file that the user named, if the directory was derived from that.
+        given: the file that the user named, if `out` was derived from it.
 
     Raises:
-        UserError: the directory cannot be made or written to.
+        ConfigError: the directory cannot be created or written to.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -24,23 +24,17 @@ def prepare(out: Path, given: Path | None = None) -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        needed = "a directory of yours, or a path where one can be made" if given is None else "in a directory of yours"
-        raise UserError(
-            f"--out was {given or out}, which cannot be written to ({error.strerror}); "
-            f"it must be {needed}: choose another."
-        ) from None
+        constraint = "a writable directory" if given is None else "a file in a writable directory"
+        raise ConfigError("out", given or out, constraint, f"choose another ({error.strerror})") from None
 
 
-def unwritable(path: Path, error: OSError) -> UserError:
-    """Return what is to be told of a file that cannot be opened, replaced or removed."""
-    return UserError(
-        f"{path} cannot be written to ({error.strerror}); "
-        "it must be a file of yours, or not be there: move what is there away or choose another --out."
-    )
+def write_error(path: Path, error: OSError) -> UserError:
+    """Return the error to raise where a file cannot be opened, replaced or removed."""
+    return UserError(f"{path} cannot be written ({error.strerror}); move it away or choose another `out`")
 
 
 def remove(path: Path) -> None:
-    """Remove a file if it is there.
+    """Remove a file if it exists.
 
     Raises:
         UserError: it cannot be removed.
@@ -48,15 +42,15 @@ def remove(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
-        raise unwritable(path, error) from None
+        raise write_error(path, error) from None
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which takes its place when the block ends well.
+def atomic_write(path: Path) -> Iterator[Path]:
+    """Yield a temporary path in the same directory, which replaces `path` if the block succeeds.
 
     Raises:
-        UserError: it cannot take that place.
+        UserError: `path` cannot be replaced.
     """
     part = path.with_name(f".{os.getpid()}-{path.name}")
     try:
@@ -64,6 +58,6 @@ def whole(path: Path) -> Iterator[Path]:
         try:
             part.replace(path)
         except OSError as error:
-            raise unwritable(path, error) from None
+            raise write_error(path, error) from None
     finally:
         part.unlink(missing_ok=True)

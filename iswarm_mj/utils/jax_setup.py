@@ -1,41 +1,33 @@
-"""Compiled programs that outlast the process."""
+"""Settings of JAX."""
 
-import os
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+
+import platformdirs
 
 
-def quieten() -> None:
-    """Keep XLA's log from the terminal; to be called before JAX is imported.
+def configure_jax() -> None:
+    """Keep compiled programs in the user's cache directory, in a subdirectory for this host.
 
-    Each program that JAX 0.10 and 0.11 load from their cache on a CPU is reported as an error, since the list of
-    features stored with it names two preferences of the compiler that no processor has. Nothing is wrong.
-    """
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-
-
-def keep_compiled_programs() -> None:
-    """Let JAX keep what it compiles, for this machine, in the user's cache directory.
-
-    The environment's JAX_COMPILATION_CACHE_DIR goes first, then XDG_CACHE_HOME, then ~/.cache.
+    A directory that is set already takes precedence, be it by the environment's JAX_COMPILATION_CACHE_DIR or in Python;
+    else it is that of the operating system, on Linux XDG_CACHE_HOME or ~/.cache. May be called any number of times.
     """
     import jax
 
-    if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        jax.config.update("jax_compilation_cache_dir", str(cache / "iswarm_mj" / f"jax-{platform.node()}"))
+    if not jax.config.jax_compilation_cache_dir:
+        cache = platformdirs.user_cache_path("iswarm_mj", appauthor=False) / f"jax-{platform.node()}"
+        jax.config.update("jax_compilation_cache_dir", str(cache))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 @contextmanager
 def without_shardy() -> Iterator[None]:
-    """Have programs for several devices partitioned by GSPMD.
+    """Partition programs for several devices by GSPMD instead of Shardy.
 
-    The other partitioner, Shardy, dies with a segmentation fault in JAX 0.11.2 where it removes unused inputs of a
-    `shard_map` of MJX's step. No program of ours leaves anything to a partitioner.
+    In JAX 0.11.2 Shardy crashes with a segmentation fault when it removes unused inputs of a `shard_map` of MJX's step.
+    No program here relies on a partitioner.
     """
     import jax
 

@@ -1,24 +1,24 @@
-"""Settings as files keep them: what was begun with an earlier program goes on with a later one."""
+"""Settings as dictionaries for files that later versions of the program can still match."""
 
 from dataclasses import field, fields, is_dataclass
 from typing import Any
 
-_IS_LATER = "is_later"
+_ADDED_LATER = "added_later"
 
 
-def later(default: Any) -> Any:
-    """Return a field of a dataclass that was added when there were files without it.
+def added_later(default: Any) -> Any:
+    """Return a dataclass field that files of earlier versions lack.
 
-    Its default is what programs did before; files leave it out where it has that.
+    Its default must be what those versions did. Files omit the field where it has the default, so that a search or
+    study that an earlier version started can be resumed.
     """
-    return field(default=default, metadata={_IS_LATER: True})
+    return field(default=default, metadata={_ADDED_LATER: True})
 
 
-def kept(settings: Any) -> dict[str, Any]:
-    """Fields of a dataclass by their names, and so on within: as `asdict`, less later fields that have the default."""
-    found = {}
-    for f in fields(settings):
-        value = getattr(settings, f.name)
-        if not (f.metadata.get(_IS_LATER) and value == f.default):
-            found[f.name] = kept(value) if is_dataclass(value) else value
-    return found
+def to_dict(settings: Any) -> dict[str, Any]:
+    """Return a dataclass as nested dictionaries, like `asdict`, but without `added_later` fields at their defaults."""
+    values = {f.name: getattr(settings, f.name) for f in fields(settings)}
+    omitted = {f.name for f in fields(settings) if _ADDED_LATER in f.metadata and values[f.name] == f.default}
+    return {
+        name: to_dict(value) if is_dataclass(value) else value for name, value in values.items() if name not in omitted
+    }

@@ -11,7 +11,7 @@ import pyarrow.parquet
 
 from iswarm_mj import __version__
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import whole
+from iswarm_mj.utils.files import atomic_write
 
 _KEY = b"iswarm_mj"
 
@@ -28,10 +28,10 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping
     table = pa.Table.from_pylist(list(map(dict, rows)))
     told = json.dumps({"version": __version__, **settings}, sort_keys=True)
     table = table.replace_schema_metadata({_KEY: told.encode()})
-    with whole(path) as part:
+    with atomic_write(path) as part:
         pyarrow.parquet.write_table(table, str(part), compression="zstd")
     if csv:
-        with whole(path.with_suffix(".csv")) as part:
+        with atomic_write(path.with_suffix(".csv")) as part:
             pyarrow.csv.write_csv(table, str(part))
 
 

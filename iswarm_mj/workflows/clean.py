@@ -15,7 +15,7 @@ from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import SimulationFault
-from iswarm_mj.utils.files import prepare
+from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.workflows.recorder import Recorder
 
 
@@ -72,7 +72,7 @@ def _record(run: Run, out: Path, hosts: Hosts) -> None:
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
     for place in places:
-        prepare(place)
+        make_output_directory(place)
     with ExitStack() as stack:
         recorders = [stack.enter_context(Recorder(run, places[k], k)) for k in range(len(recorded))]
         for place in places:

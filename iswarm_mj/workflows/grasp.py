@@ -17,8 +17,8 @@ from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import prepare
-from iswarm_mj.utils.jax_setup import keep_compiled_programs
+from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases
 from iswarm_mj.workflows.grasp_table import TrialRow, summary, trial_rows
@@ -56,9 +56,9 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         from iswarm_mj.output.rerun_trial import require_recordings
 
         require_recordings()
-    prepare(out)
+    make_output_directory(out)
     if settings.engine == "mjx":
-        keep_compiled_programs()
+        configure_jax()
     started = time.perf_counter()
     listed = cases(settings)
     with tqdm(total=len(listed), unit="trial", disable=not sys.stderr.isatty()) as bar:
@@ -94,7 +94,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     """
     from iswarm_mj.output.plot_trials import draw_force_curve
 
-    prepare(out)
+    make_output_directory(out)
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []
     for radius, voltage in product(settings.radii, voltages):

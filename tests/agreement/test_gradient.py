@@ -6,14 +6,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
+from iswarm_mj.simulation.run_mujoco import start_with
+from iswarm_mj.simulation.step_mjx import control_step, drive
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.motion import Bodies
 from iswarm_mj.simulation.rollout import paper_strategy
-from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
-from iswarm_mj.simulation.run_mujoco import start_with
-from iswarm_mj.simulation.step_mjx import control_step, drive
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import PRESETS

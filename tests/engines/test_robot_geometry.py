@@ -185,8 +185,8 @@ class TestContacts:
 
 @pytest.fixture(scope="module")
 def scene(arena):
-    mind = SimpleNamespace(is_scout=np.zeros((1, N), bool))
-    start = SimpleNamespace(state=SimpleNamespace(mind=mind, balls=SimpleNamespace(radius=np.zeros((1, 0)))))
+    memory = SimpleNamespace(is_scout=np.zeros((1, N), bool))
+    start = SimpleNamespace(state=SimpleNamespace(memory=memory, balls=SimpleNamespace(radius=np.zeros((1, 0)))))
     return scene_of(CONFIG, arena.robot, start, 0)
 
 

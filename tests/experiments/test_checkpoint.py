@@ -58,9 +58,7 @@ def test_settled_files_are_in_order(path, written, tmp_path):
 
 def test_a_directory_in_its_place_is_told(path):
     path.mkdir()
-    with pytest.raises(
-        UserError, match=r"checkpoint\.jsonl cannot be written to \(Is a directory\); it must be a file"
-    ):
+    with pytest.raises(UserError, match=r"checkpoint\.jsonl cannot be written \(Is a directory\); move it away"):
         Journal(path, SETTINGS)
 
 

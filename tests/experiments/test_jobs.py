@@ -4,10 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.simulation import run_mujoco as rollout
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 

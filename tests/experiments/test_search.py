@@ -11,6 +11,7 @@ from dataclasses import asdict, astuple, replace
 
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mjx import _chunk
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.experiments.runner import search as module
@@ -18,11 +19,10 @@ from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, optimiser
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE, Search, best_of, evolve, genome_of, run_seed
 from iswarm_mj.simulation.initial import robots_for
-from iswarm_mj.simulation.run_mjx import _chunk
 from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
 from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.serialization import kept
+from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import read_table
 
 GOAL = to_vector(PRESETS["type2"])
@@ -102,7 +102,7 @@ class TestTable:
 
     def test_tells_its_settings(self, done):
         _, _, settings, _ = done
-        assert settings == {"version": settings["version"], **json.loads(json.dumps(kept(SEARCH)))}
+        assert settings == {"version": settings["version"], **json.loads(json.dumps(to_dict(SEARCH)))}
 
     def test_the_best_is_a_genome_file(self, done):
         out, rows, _, _ = done
@@ -241,7 +241,7 @@ class TestResume:
         """Of the same settings and versions, but with a genome that does not follow from them."""
         pretend(monkeypatch)
         evolve(SEARCH, tmp_path)
-        with module.Journal(tmp_path / CHECKPOINT, kept(SEARCH)) as journal:
+        with module.Journal(tmp_path / CHECKPOINT, to_dict(SEARCH)) as journal:
             entry = journal.entries[2, 4, 0]
             entry["genome"] = list(astuple(Genome()))
             journal.settle()

@@ -5,13 +5,13 @@ from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from rerun.chunk import RrdReader
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import Frames, Scene
 from iswarm_mj.simulation import run_mujoco as rollout
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER
@@ -103,7 +103,7 @@ def test_trajectory_is_in_si(done):
     np.testing.assert_allclose(frames["ball_position"], 1e-3 * balls, atol=1e-8)
     np.testing.assert_allclose(frames["mean_speed"], [1e-3 * view.speed[0] for view in views], rtol=1e-5)
     for name in ("dust", "dump"):
-        memory = [getattr(view.state.mind, name) for view in views]
+        memory = [getattr(view.state.memory, name) for view in views]
         vectors = np.stack([1e-3 * np.asarray(m.vector[0]) for m in memory])
         np.testing.assert_allclose(frames[f"{name}_vector"], vectors, atol=1e-8)
         np.testing.assert_array_equal(frames[f"{name}_known"], [m.known[0] for m in memory])
@@ -188,22 +188,22 @@ class TestOut:
     def test_no_place_to_write(self, small, tmp_path):
         (tmp_path / "file").write_text("mine")
         for out in (tmp_path / "file", tmp_path / "file" / "below"):
-            with pytest.raises(UserError, match=rf"--out was {out}, which cannot be written to .*: choose another\."):
+            with pytest.raises(UserError, match=rf"^out must be a writable directory \(got {out}\); choose"):
                 run_clean(small, out)
         assert (tmp_path / "file").read_text() == "mine"
 
     def test_a_directory_in_the_place_of_a_file(self, tmp_path):
         (tmp_path / "result.json").mkdir()
-        said = r"result\.json cannot be written to \(Is a directory\); it must be a file .* or choose another --out\.$"
+        said = r"result\.json cannot be written \(Is a directory\); move it away or choose another `out`$"
         with pytest.raises(UserError, match=said):
             results.clear(tmp_path, record=False)
-        with pytest.raises(UserError, match=said), results.whole(tmp_path / "result.json") as part:
+        with pytest.raises(UserError, match=said), results.atomic_write(tmp_path / "result.json") as part:
             part.write_text("new")
         assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
     def test_a_file_appears_whole_or_not_at_all(self, tmp_path):
         (tmp_path / "result.json").write_text("old")
-        with pytest.raises(RuntimeError), results.whole(tmp_path / "result.json") as part:
+        with pytest.raises(RuntimeError), results.atomic_write(tmp_path / "result.json") as part:
             part.write_text("half")
             raise RuntimeError
         assert [path.name for path in tmp_path.iterdir()] == ["result.json"]

@@ -59,8 +59,8 @@ def test_a_directory_without_a_run_is_refused(tmp_path):
     "flags, said",
     [
         (["--width", "641"], "--width must be an even number"),
-        (["--frames-per-step", "0"], "--frames-per-step must be between 1 and 24"),
-        (["--out", "a.avi"], r"--out was a.avi; it must be a name ending in .mp4"),
+        (["--frames-per-step", "0"], "--frames-per-step must be a whole number between 1 and 24"),
+        (["--out", "a.avi"], "--out must be a name ending in .mp4 (got 'a.avi')"),
     ],
 )
 def test_bad_flags_end_with_a_sentence(flags, said, capsys):

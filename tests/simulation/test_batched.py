@@ -9,14 +9,14 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-
-from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings, _chunk, worlds_of_seed
 from iswarm_mj.simulation.run_mujoco import Run, RunSettings
+from iswarm_mj.workflows.benchmark_mjx import on_first_device
+
+from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.workflows.benchmark_mjx import on_first_device
 
 TINY = SwarmConfig(arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12))
 N, STEPS = 24, 20
@@ -92,7 +92,7 @@ def test_worlds_of_other_conditions():
     carried = np.asarray(run.swarm_state().balls.carried_steps).sum(axis=1)
     assert picked[0] > 0 and picked[1] == 0 and picked[2] > 0
     assert carried[0] > 2 * carried[2] > 0
-    hops = np.asarray(run.swarm_state().mind.dust.hop)
+    hops = np.asarray(run.swarm_state().memory.dust.hop)
     assert hops[0].max() > 0 and hops[3].max() == 0
     np.testing.assert_allclose(poses(run)[4], run.starts[4].poses, atol=1e-5)
 

@@ -1,11 +1,11 @@
 """What is said of faults of batched runs."""
 
 import numpy as np
+from iswarm_mj.simulation.step_mjx import NOT_FINITE, OUTSIDE, Fault
 
 from iswarm_mj.engines.mjx.arena import Capacities
 from iswarm_mj.engines.mjx.motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS
 from iswarm_mj.simulation.faults import describe
-from iswarm_mj.simulation.step_mjx import NOT_FINITE, OUTSIDE, Fault
 
 ROOM = Capacities(pairs=20, contacts=80)
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mujoco import RunSettings, draw_start
 
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.simulation import initial as layout
-from iswarm_mj.simulation.run_mujoco import RunSettings, draw_start
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation import initial as layout
 from iswarm_mj.simulation import run_mjx as batched
@@ -30,7 +30,7 @@ class Straight:
         return jnp.zeros(n_robots, jnp.int32)
 
     def say(self, memory, is_loaded):
-        empty = Memory.empty(len(memory))
+        empty = VectorMemory.empty(len(memory))
         return Message(jnp.zeros_like(memory), jnp.zeros_like(is_loaded), empty, empty)
 
     def picks(self, memory):

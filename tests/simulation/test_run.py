@@ -5,11 +5,11 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.simulation import run_mujoco as rollout
 from iswarm_mj.simulation import step as swarm
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import RD
@@ -256,7 +256,7 @@ class TestKindsOfSwarm:
     def test_scouts_alone_carry_nothing(self, small):
         run = run_of(small, Genome(fraction_scouts=1.0), steps=40)
         *_, view = views(run)
-        assert view.state.mind.is_scout.all() and np.asarray(view.state.mind.dust.known).any()
+        assert view.state.memory.is_scout.all() and np.asarray(view.state.memory.dust.known).any()
         assert run.measures(0)[:2] == (0, 0) and view.speed[0] > 0
 
     def test_scouts_that_pick_in_a_tiny_arena_by_received_power(self):
@@ -270,7 +270,7 @@ class TestKindsOfSwarm:
         assert run.measures(0).picked > 0 and n_links > 100
 
     def test_the_share_of_scouts(self, small):
-        assert run_of(small, Genome(fraction_scouts=0.27)).state.mind.is_scout.sum() == 8
+        assert run_of(small, Genome(fraction_scouts=0.27)).state.memory.is_scout.sum() == 8
 
     def test_one_robot_alone(self, small):
         run = run_of(small, n_robots=1, steps=60)
@@ -285,8 +285,8 @@ class TestKindsOfSwarm:
         run = run_of(small, steps=25)
         stood = np.zeros(N, bool)
         for view in views(run):
-            stood |= np.asarray(view.state.mind.dump.known)[0] & (np.asarray(view.state.mind.dump.hop)[0] == 0)
-            assert not (np.asarray(view.state.mind.dump.hop)).any()
+            stood |= np.asarray(view.state.memory.dump.known)[0] & (np.asarray(view.state.memory.dump.hop)[0] == 0)
+            assert not (np.asarray(view.state.memory.dump.hop)).any()
         assert 0 < stood.sum() < N
 
 
@@ -310,14 +310,14 @@ def test_the_noise_of_two_steps_differs(small):
     poses = run.engine.poses()
     links, sees_wall = swarm.see(small, run.engine, poses, np.ones(poses.shape[:2], bool))
 
-    def minds(step):
+    def memories(step):
         return swarm.decide_worlds(
             small, tuple(run.arena.probe.tolist()), run._conditions, run._strategy, run.state, poses.astype(np.float32),
             links, sees_wall, step, run._keys, np.ones(1, bool),
-        )[0].mind  # fmt: skip
+        )[0].memory  # fmt: skip
 
-    same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), minds(7), minds(7))
-    other = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), minds(7), minds(8))
+    same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), memories(7), memories(7))
+    other = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), memories(7), memories(8))
     assert all(jax.tree.leaves(same))
     assert not all(jax.tree.leaves(other))
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings, Start, draw_start
 from scipy.stats import mannwhitneyu
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
 from iswarm_mj.simulation import step as swarm
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings, Start, draw_start
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.units import RD
@@ -100,7 +100,7 @@ def test_a_world_turned_by_a_quarter_takes_the_same_first_steps(small, seed):
         x, y, yaw = np.moveaxis(one.poses, -1, 0)
         np.testing.assert_allclose(other.poses, np.stack([-y, x, yaw + np.pi / 2], axis=-1), atol=2e-4)
         for memory in ("dust", "dump"):
-            mine, yours = getattr(one.state.mind, memory), getattr(other.state.mind, memory)
+            mine, yours = getattr(one.state.memory, memory), getattr(other.state.memory, memory)
             np.testing.assert_array_equal(mine.known, yours.known)
             np.testing.assert_allclose(mine.vector, yours.vector, atol=2e-4)
     assert one.links.valid.sum() > 20

@@ -14,12 +14,12 @@ from iswarm_mj.simulation.step import SwarmState, decide
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import (
     Command,
-    Mind,
+    RobotMemory,
     act,
     approach,
     avoid,
     choose,
-    disappointed,
+    forget_unconfirmed,
     init,
     learn,
     may_pick,
@@ -47,19 +47,19 @@ STRATEGY = VectorStrategy(RULES, 0, DROPPING, PROBE)
 decide_here = jax.jit(decide, static_argnums=(0, 1))
 
 
-def minds(n, scouts=False, dust=None, dump=None):
+def memories(n, scouts=False, dust=None, dump=None):
     """Minds of n robots with these vectors, the same for each, or none."""
 
     def memory(vector):
         return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
 
-    return Mind(memory(dust), memory(dump), jnp.full(n, scouts))
+    return RobotMemory(memory(dust), memory(dump), jnp.full(n, scouts))
 
 
-def wish(mind, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
-    n = len(mind.is_scout)
+def wish(memory, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
+    n = len(memory.is_scout)
     seen = senses_nothing(n)._replace(is_loaded=jnp.full(n, loaded))
-    return choose_here(config, rules, mind, seen, jnp.full(n, whim), jnp.full(n, wander))
+    return choose_here(config, rules, memory, seen, jnp.full(n, whim), jnp.full(n, wander))
 
 
 def genes(**values):
@@ -70,51 +70,51 @@ def genes(**values):
 
 
 def test_empty_robots_go_to_dust_and_loaded_ones_to_the_dump():
-    mind = minds(1, dust=[0, 6], dump=[-8, 0])
+    memory = memories(1, dust=[0, 6], dump=[-8, 0])
     for loaded, direction, length in ((False, [0, 1], 6), (True, [-1, 0], 8)):
-        wanted, limit, follows = wish(mind, loaded)
+        wanted, limit, follows = wish(memory, loaded)
         assert follows[0] and limit[0] == pytest.approx(length)
         np.testing.assert_allclose(wanted[0], direction, atol=1e-6)
 
 
 def test_the_other_vector_is_no_use():
-    assert not wish(minds(1, dump=[-8, 0]), loaded=False)[2][0]
-    assert not wish(minds(1, dust=[0, 6]), loaded=True)[2][0]
+    assert not wish(memories(1, dump=[-8, 0]), loaded=False)[2][0]
+    assert not wish(memories(1, dust=[0, 6]), loaded=True)[2][0]
 
 
 @pytest.mark.parametrize("loaded", [False, True])
 def test_scouts_never_follow(loaded):
     always = genes(weight_find_dust=1.0, weight_find_dump=1.0)
-    wanted, limit, follows = wish(minds(1, scouts=True, dust=[0, 6], dump=[-8, 0]), loaded, 0.0, 0.75, always)
+    wanted, limit, follows = wish(memories(1, scouts=True, dust=[0, 6], dump=[-8, 0]), loaded, 0.0, 0.75, always)
     assert not follows[0] and math.isinf(limit[0])
     np.testing.assert_allclose(wanted[0], [math.cos(math.radians(15)), math.sin(math.radians(15))], atol=1e-6)
 
 
 @pytest.mark.parametrize(("loaded", "gene"), [(False, "weight_find_dust"), (True, "weight_find_dump")])
 def test_weights_are_probabilities(loaded, gene):
-    mind = minds(1, dust=[0, 6], dump=[-8, 0])
+    memory = memories(1, dust=[0, 6], dump=[-8, 0])
     other = {"weight_find_dust": 0.5, "weight_find_dump": 0.5}
     for weight, whim, follows in (
         (1.0, 0.0, True), (1.0, 0.999999, True), (0.0, 0.0, False), (0.0, 0.9, False), (0.3, 0.29, True),
         (0.3, 0.31, False),
     ):  # fmt: skip
-        assert bool(wish(mind, loaded, whim, rules=genes(**other | {gene: weight}))[2][0]) is follows
+        assert bool(wish(memory, loaded, whim, rules=genes(**other | {gene: weight}))[2][0]) is follows
 
 
 def test_random_moves_turn_within_30_degrees():
     for wander, degrees in ((0.0, -30), (0.25, -15), (0.5, 0), (1.0, 30)):
-        wanted, _, _ = wish(minds(1), wander=wander)
+        wanted, _, _ = wish(memories(1), wander=wander)
         assert math.degrees(math.atan2(wanted[0, 1], wanted[0, 0])) == pytest.approx(degrees, abs=1e-3)
 
 
 def test_a_vector_shorter_than_half_a_step_is_not_followed():
-    assert wish(minds(1, dust=[0.51 * STEP, 0]))[2][0]
-    assert not wish(minds(1, dust=[0.49 * STEP, 0]))[2][0]
+    assert wish(memories(1, dust=[0.51 * STEP, 0]))[2][0]
+    assert not wish(memories(1, dust=[0.49 * STEP, 0]))[2][0]
 
 
 def test_a_step_does_not_overshoot_the_target():
-    mind = minds(1, dust=[0.7 * STEP, 0])
-    wanted, limit, _ = wish(mind)
+    memory = memories(1, dust=[0.7 * STEP, 0])
+    wanted, limit, _ = wish(memory)
     assert steer_here(CONFIG, wanted, limit, jnp.zeros(1, bool)).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
 
 
@@ -196,13 +196,13 @@ def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
 
 
 def test_scouts_pick_only_if_they_may():
-    mind = init(4, 2)
-    np.testing.assert_array_equal(may_pick(CONFIG, mind), [False, False, True, True])
-    assert may_pick(SwarmConfig(strategy=StrategyConfig(scouts_pick=True)), mind).all()
+    memory = init(4, 2)
+    np.testing.assert_array_equal(may_pick(CONFIG, memory), [False, False, True, True])
+    assert may_pick(SwarmConfig(strategy=StrategyConfig(scouts_pick=True)), memory).all()
 
 
 def test_who_sends_the_priority_flag():
-    mind, loaded = init(4, 2), jnp.array([False, True, False, True])
+    memory, loaded = init(4, 2), jnp.array([False, True, False, True])
     for scouts, carriers, flags in (
         (False, True, [0, 1, 0, 1]),
         (True, False, [1, 1, 0, 0]),
@@ -210,7 +210,7 @@ def test_who_sends_the_priority_flag():
         (False, False, [0, 0, 0, 0]),
     ):
         rules = genes(priority_signal_scouts=scouts, priority_signal_loaded=carriers)
-        np.testing.assert_array_equal(priority_flag(rules, mind, loaded), np.array(flags, bool))
+        np.testing.assert_array_equal(priority_flag(rules, memory, loaded), np.array(flags, bool))
 
 
 # What to remember
@@ -227,24 +227,26 @@ def hears(n, side, vector, hop):
 
 def test_learning_is_forgetting_then_listening_then_feeling():
     seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(at_dust=jnp.array([False, False, True]))
-    before = minds(3, dust=[1.0, 1.0])  # hop count 0: what is heard is older
-    mind = learn_here(RULES, before, seen, jnp.array([False, True, True]), jnp.zeros((3, 8)))
-    np.testing.assert_allclose(mind.dust.vector, [[1, 1], [5, -2], [0, 0]], atol=1e-5)
-    np.testing.assert_array_equal(mind.dust.hop, [0, 4, 0])
-    assert mind.dust.known.all() and not mind.dump.known.any()
+    before = memories(3, dust=[1.0, 1.0])  # hop count 0: what is heard is older
+    memory = learn_here(RULES, before, seen, jnp.array([False, True, True]), jnp.zeros((3, 8)))
+    np.testing.assert_allclose(memory.dust.vector, [[1, 1], [5, -2], [0, 0]], atol=1e-5)
+    np.testing.assert_array_equal(memory.dust.hop, [0, 4, 0])
+    assert memory.dust.known.all() and not memory.dump.known.any()
 
 
 def test_silent_sides_teach_nothing():
     seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(is_heard=jnp.zeros((3, 4), bool))
-    mind = learn_here(RULES, minds(3), seen, jnp.zeros(3, bool), jnp.zeros((3, 8)))
-    assert not mind.dust.known.any()
+    memory = learn_here(RULES, memories(3), seen, jnp.zeros(3, bool), jnp.zeros((3, 8)))
+    assert not memory.dust.known.any()
 
 
 def test_robots_forget_both_vectors_at_the_evolved_rate():
     n = MANY
-    mind, _ = act_here(CONFIG, PROBE, RULES, minds(n, dust=[60, 0], dump=[0, 60]), senses_nothing(n), jax.random.key(1))
-    np.testing.assert_array_equal(mind.dust.known, mind.dump.known)
-    share = 1 - np.asarray(mind.dust.known).mean()
+    memory, _ = act_here(
+        CONFIG, PROBE, RULES, memories(n, dust=[60, 0], dump=[0, 60]), senses_nothing(n), jax.random.key(1)
+    )
+    np.testing.assert_array_equal(memory.dust.known, memory.dump.known)
+    share = 1 - np.asarray(memory.dust.known).mean()
     assert abs(share - 0.29) < 4.5 * math.sqrt(0.29 * 0.71 / n)
 
 
@@ -252,8 +254,8 @@ def remembers(config, vector, **senses):
     """Whether robots still know their ways to dust and to the dump after a step."""
     seen = senses_nothing(MANY)._replace(**{name: jnp.full(MANY, value) for name, value in senses.items()})
     never = genes(p_vector_forget=0.0)
-    mind, _ = act_here(config, PROBE, never, minds(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
-    dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (mind.dust, mind.dump))
+    memory, _ = act_here(config, PROBE, never, memories(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
+    dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (memory.dust, memory.dump))
     return dust, dump
 
 
@@ -268,15 +270,15 @@ def test_a_vector_that_led_to_nothing_is_forgotten():
 
 
 def test_disappointment_empties_the_memory():
-    memory = disappointed(CONFIG, remember([[0.1, 0.0], [0.1, 0.0], [9.0, 0.0]]), jnp.array([False, True, False]))
+    memory = forget_unconfirmed(CONFIG, remember([[0.1, 0.0], [0.1, 0.0], [9.0, 0.0]]), jnp.array([False, True, False]))
     np.testing.assert_array_equal(memory.known, [False, True, True])
     np.testing.assert_allclose(memory.vector, [[0, 0], [0.1, 0], [9, 0]])
 
 
 def test_the_memory_moves_with_the_command():
     follow = genes(p_vector_forget=0.0, weight_find_dust=1.0)
-    mind, seen = minds(MANY, dust=[4.0, 4.0]), senses_nothing(MANY)
-    after, command = act_here(CONFIG, PROBE, follow, mind, seen, jax.random.key(0))
+    memory, seen = memories(MANY, dust=[4.0, 4.0]), senses_nothing(MANY)
+    after, command = act_here(CONFIG, PROBE, follow, memory, seen, jax.random.key(0))
     np.testing.assert_allclose(command.turn, math.pi / 4, rtol=1e-6)
     np.testing.assert_allclose(command.forward, STEP, rtol=1e-6)
     np.testing.assert_allclose(after.dust.vector[0], [4 * math.sqrt(2) - STEP, 0], atol=1e-5)
@@ -286,7 +288,7 @@ def test_the_memory_moves_with_the_command():
 
 
 def crowded(n, rng):
-    """Random minds and observations of n robots."""
+    """Random memories and observations of n robots."""
 
     def some(share, *shape):
         return jnp.asarray(rng.random((n, *shape)) < share)
@@ -300,24 +302,24 @@ def crowded(n, rng):
         sees_wall=some(0.2, 4), at_dust=some(0.3), ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),
         on_dump=some(0.2), is_loaded=some(0.4), grasp_failed=some(0.2),
     )  # fmt: skip
-    return Mind(memory(), memory(), some(0.2)), seen
+    return RobotMemory(memory(), memory(), some(0.2)), seen
 
 
 def test_relabelled_robots_do_the_same():
     n, rng = 64, np.random.default_rng(2)
-    mind, seen = crowded(n, rng)
+    memory, seen = crowded(n, rng)
     draw = jnp.asarray(rng.random((n, 12)), jnp.float32)
 
     @jax.jit
-    def step(mind, seen, draw):
-        mind = learn(RULES, mind, seen, draw[:, 0] < 0.29, draw[:, 4:])
-        wanted, limit, follows = choose(CONFIG, RULES, mind, seen, draw[:, 1], draw[:, 2])
+    def step(memory, seen, draw):
+        memory = learn(RULES, memory, seen, draw[:, 0] < 0.29, draw[:, 4:])
+        wanted, limit, follows = choose(CONFIG, RULES, memory, seen, draw[:, 1], draw[:, 2])
         command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, draw[:, 3] < 0.5)
-        return mind, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, mind), seen, command)
+        return memory, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, memory), seen, command)
 
     new = rng.permutation(n)
-    after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (mind, seen, draw)))
-    expected = jax.tree.map(lambda a: np.asarray(a)[new], step(mind, seen, draw))
+    after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (memory, seen, draw)))
+    expected = jax.tree.map(lambda a: np.asarray(a)[new], step(memory, seen, draw))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), after, expected)
     assert 5 < np.asarray(expected[1]).sum() < n - 5
 
@@ -335,16 +337,16 @@ def world(rng, centre, spread):
     """A random world's poses, state and links; most balls lie near robots and some are held."""
     n = N_ROBOTS
     poses = np.column_stack([centre + rng.uniform(-spread, spread, (n, 2)), rng.uniform(-3, 3, n)])
-    mind, seen = crowded(n, rng)
+    memory, seen = crowded(n, rng)
     lying = poses[:8, :2] + rng.uniform(-1.2, 1.2, (8, 2))
     under = poses[8:10, :2] + turned(np.array([[PROBE, 0.05]] * 2), poses[8:10, 2])  # within the tool's reach
-    mind = mind._replace(is_scout=mind.is_scout.at[8:10].set(False))
+    memory = memory._replace(is_scout=memory.is_scout.at[8:10].set(False))
     balls = lay(*lying, *under, *[(0.0, 0.0)] * 3, holders=[None] * 10 + [20, 21, 22])
     links = Links(
         sender=rng.integers(0, n, (n, 4)), valid=np.asarray(seen.is_heard), led=np.asarray(seen.led),
         bearing=np.asarray(seen.bearing), distance=np.asarray(seen.distance),
     )  # fmt: skip
-    return poses, SwarmState(mind, balls, jnp.ones(N_ROBOTS, bool)), links, np.asarray(seen.sees_wall)
+    return poses, SwarmState(memory, balls, jnp.ones(N_ROBOTS, bool)), links, np.asarray(seen.sees_wall)
 
 
 def decided(poses, state, links, sees_wall, seed=5):
@@ -360,11 +362,11 @@ def moved(poses, state, angle, shift=(0.0, 0.0)):
 
 
 def alike(one, other):
-    """Assert that minds, commands and hands are the same."""
+    """Assert that memories, commands and hands are the same."""
     (state, command, priority), (state2, command2, priority2) = one, other
     np.testing.assert_allclose(wrapped(command.turn - command2.turn), 0, atol=2e-4)
     np.testing.assert_allclose(command.forward, command2.forward, atol=2e-4)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2), state.mind, state2.mind)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2), state.memory, state2.memory)
     np.testing.assert_array_equal(priority, priority2)
     for name in ("is_held", "is_delivered", "holder"):
         np.testing.assert_array_equal(getattr(state.balls, name), getattr(state2.balls, name))
@@ -398,7 +400,7 @@ def silent_world(rows, balls, holders):
     balls = lay(*balls, *[(0.0, -60.0)] * rest, holders=[*holders, *[None] * rest])
     return (
         place(*rows, *spare),
-        SwarmState(minds(N_ROBOTS), balls, jnp.ones(N_ROBOTS, bool)),
+        SwarmState(memories(N_ROBOTS), balls, jnp.ones(N_ROBOTS, bool)),
         links,
         np.zeros(shape, bool),
     )
@@ -406,8 +408,8 @@ def silent_world(rows, balls, holders):
 
 def test_the_dump_and_dust_are_learnt_by_standing_there():
     after, _, _ = decided(*silent_world([(0, 0, 30), (30, 0, 0), (60, 0, 0)], [(30.5, 0.1)], [None]))
-    np.testing.assert_array_equal(after.mind.dump.known, np.arange(N_ROBOTS) == 0)
-    np.testing.assert_array_equal(after.mind.dust.known, np.arange(N_ROBOTS) == 1)
+    np.testing.assert_array_equal(after.memory.dump.known, np.arange(N_ROBOTS) == 0)
+    np.testing.assert_array_equal(after.memory.dust.known, np.arange(N_ROBOTS) == 1)
 
 
 def test_carried_balls_fall_at_the_configured_rate():
@@ -425,9 +427,9 @@ def test_carried_balls_fall_at_the_configured_rate():
 
 
 def test_workers_and_scouts_at_the_start():
-    mind = controller.init(10, 3)
-    np.testing.assert_array_equal(mind.is_scout, np.arange(10) < 3)
-    assert not mind.dust.known.any() and not mind.dump.known.any()
+    memory = controller.init(10, 3)
+    np.testing.assert_array_equal(memory.is_scout, np.arange(10) < 3)
+    assert not memory.dust.known.any() and not memory.dump.known.any()
 
 
 def test_a_robot_pushed_straight_back_chooses_its_side():

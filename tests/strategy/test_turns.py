@@ -10,17 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import crowd, lay, place, remember
+from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings, worlds_of_seed
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig, conditions_of
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.simulation import step as swarm
-from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings, worlds_of_seed
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import Mind, Observation, rules_of
+from iswarm_mj.strategy.controller import Observation, RobotMemory, rules_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.signatures import observation_shapes
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
@@ -30,6 +30,7 @@ from iswarm_mj.utils.errors import UserError
 NO_NOISE = OpticsConfig(error_distance_measure=0, error_in_communication=0, p_communication_break=0)
 IN_TURN = StrategyConfig(update_order="sequential")
 PROBE = (0.9, 0.0)
+CONDITIONS = conditions_of(SwarmConfig())
 
 
 def links_of(poses, optics):
@@ -74,7 +75,7 @@ def mind_after(update_order, turns, n_steps=1):
     step, state = chain(update_order)
     for _ in range(n_steps):
         state = step(state, turns)
-    return state.mind
+    return state.memory
 
 
 class TestChain:
@@ -111,48 +112,62 @@ def swarm_that_hears(n_seed):
     poses = crowd(rng, 0.35, edge=7)
     n = len(poses)
 
-    def memory():
+    def vectors():
         return remember(rng.uniform(-60, 60, (n, 2)), rng.integers(0, 12, n), rng.random(n) < 0.3)
 
-    mind = Mind(memory(), memory(), jnp.asarray(rng.random(n) < 0.1))
+    memory = RobotMemory(vectors(), vectors(), jnp.asarray(rng.random(n) < 0.1))
     links, key = links_of(poses, config.optics), jax.random.key(n_seed)
     strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, PROBE[0])
     was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
 
-    def passage(mind, loaded):
-        return exchange(conditions_of(config), True, 138.6, strategy.say(mind, loaded), links.sender, links.led,
-                        links.valid, links.distance, key)  # fmt: skip
-
-    message, is_heard, distance = passage(mind, was_loaded)
+    message, is_heard, distance = transmit(strategy, links, key, memory, was_loaded)
     nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n))
     seen = nothing._replace(
         is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
         dust=message.dust, dump=message.dump, is_loaded=is_loaded, at_dust=jnp.asarray(rng.random(n) < 0.1),
         on_dump=jnp.asarray(rng.random(n) < 0.1),
     )  # fmt: skip
-    return strategy, mind, links, seen, was_loaded, jax.jit(passage), key
+    return strategy, memory, links, seen, was_loaded, key
+
+
+@jax.jit
+def transmit(strategy, links, key, memory, loaded):
+    """What arrives of all that robots say."""
+    return exchange(Channel(CONDITIONS, True, 138.6), strategy.say(memory, loaded), links, key)
+
+
+@jax.jit
+def listen(strategy, memory, seen, key):
+    return strategy.listen(memory, seen, key)
+
+
+@jax.jit
+def hear_all(strategy, memory, seen, turns, links, key):
+    """What all robots hear within a step, by sweeps."""
+
+    def relay(seen):
+        return transmit(strategy, links, key, listen(strategy, memory, seen, key), seen.is_loaded).message
+
+    return heard_in_turn(seen, turns, links.sender, relay)
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_all_at_once_is_one_by_one(seed):
     """Sweeps give what robots hear if one after the other hears, and speaks from then on of what it has learned."""
-    strategy, mind, links, seen, was_loaded, passage, key = swarm_that_hears(seed)
+    strategy, memory, links, seen, was_loaded, key = swarm_that_hears(seed)
     n = len(was_loaded)
     turns = draw_turns(jax.random.key(100 + seed), n)
-    listen = jax.jit(strategy.listen)
-    at_once = jax.jit(heard_in_turn, static_argnums=3)(
-        seen, turns, links.sender, lambda seen: passage(strategy.listen(mind, seen, key), seen.is_loaded)[0]
-    )
-    now, loaded, heard = mind, was_loaded, seen
+    at_once = hear_all(strategy, memory, seen, turns, links, key)
+    now, loaded, heard = memory, was_loaded, seen
     for robot in np.argsort(turns):
-        message = passage(now, loaded)[0]
+        message = transmit(strategy, links, key, now, loaded).message
 
         def own(new, old, robot=robot):
             return old.at[robot].set(new[robot])
 
         messages = Observation(**{**heard._asdict(), **message._asdict()})
         heard = jax.tree.map(own, messages, heard)
-        now = jax.tree.map(own, listen(mind, heard, key), now)
+        now = jax.tree.map(own, listen(strategy, memory, heard, key), now)
         loaded = loaded.at[robot].set(seen.is_loaded[robot])
     for name in Observation._fields:
         for mine, its in zip(*(jax.tree.leaves(getattr(s, name)) for s in (at_once, heard)), strict=True):
@@ -166,8 +181,8 @@ def test_all_at_once_is_one_by_one(seed):
 
 def test_what_robots_remember_is_what_they_told_the_others():
     """`act`, which comes last, learns what `listen` said, and then only moves it."""
-    strategy, mind, _, seen, _, _, key = swarm_that_hears(0)
-    listened, (moved, command) = strategy.listen(mind, seen, key), strategy.act(mind, seen, key)
+    strategy, memory, _, seen, _, key = swarm_that_hears(0)
+    listened, (moved, command) = strategy.listen(memory, seen, key), strategy.act(memory, seen, key)
     for one, other in ((listened.dust, moved.dust), (listened.dump, moved.dump)):
         expected = controller.after_motion(one, command.turn, command.forward)
         jax.tree.map(np.testing.assert_array_equal, expected, other)
@@ -212,7 +227,7 @@ def known_after(config, n_steps, places=None):
     run = Run(config, PRESETS["type1"], RunSettings(30, n_steps, n_threads=1, n_places=places))
     while not run.is_over:
         view = run.advance()
-    return view.poses, np.asarray(view.state.mind.dump.known).sum()
+    return view.poses, np.asarray(view.state.memory.dump.known).sum()
 
 
 class TestRuns:
@@ -233,7 +248,7 @@ class TestRuns:
         poses, known = known_after(config, 4)
         off = np.abs(np.asarray(batch.arrays()[1].bodies.poses)[:1] - poses)[..., :2].max(axis=-1)
         assert np.median(off) < 1e-3 and off.max() < 0.5
-        assert abs(np.asarray(batch.swarm_state().mind.dump.known)[0].sum() - known) <= 1
+        assert abs(np.asarray(batch.swarm_state().memory.dump.known)[0].sum() - known) <= 1
 
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():

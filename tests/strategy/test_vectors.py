@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.sensors.memory import Memory
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.strategy.vectors import after_motion, heard, standing_on, take_over
 from iswarm_mj.utils.geometry import rotate
@@ -66,7 +66,7 @@ def test_trail_of_fig_13b_points_every_robot_to_the_target():
         sender, turn = pose, rng.integers(4)  # the receiver lies beside the sender's LED `turn`, on its own side `hop`
         pose = neighbour(sender, turn, hop % 4, rng.uniform(3, 9))
         offer, _ = listen(pose, sender, memory)
-        own = Memory.empty(1)
+        own = VectorMemory.empty(1)
         memory = take_over(own, jax.tree.map(lambda a: a[:, None], offer), True, jnp.zeros((1, 1)))
         assert memory.known[0] and memory.hop[0] == hop
         np.testing.assert_allclose(memory.vector[0], in_frame(pose, target), atol=1e-4)
@@ -89,7 +89,7 @@ def test_the_point_in_the_world_stays_while_the_robot_turns_then_walks(x, y, yaw
 
 
 def test_motion_teaches_nothing_to_the_ignorant():
-    memory = after_motion(Memory.empty(1), jnp.array([1.0]), jnp.array([1.0]))
+    memory = after_motion(VectorMemory.empty(1), jnp.array([1.0]), jnp.array([1.0]))
     assert not memory.known[0] and not memory.vector.any()
 
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.metrics import Measures
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
 
 pytestmark = pytest.mark.slow

@@ -1,45 +1,46 @@
-"""Settings as files keep them: later fields do not part a file from the program that goes on with it."""
+"""Settings in files: fields that were added later do not keep a newer version from resuming."""
 
 import pickle
 from dataclasses import asdict, dataclass, field, replace
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
-from iswarm_mj.utils.serialization import kept, later
+from iswarm_mj.utils.serialization import added_later, to_dict
 
 
 @dataclass(frozen=True)
 class Inner:
     size: float = 2.0
-    order: str = later("old")
+    order: str = added_later("old")
 
 
 @dataclass(frozen=True)
 class Outer:
     inner: Inner = field(default_factory=Inner)
     count: int = 3
-    mode: str = later("plain")
+    mode: str = added_later("plain")
 
 
 def test_later_fields_are_left_out_where_they_have_the_default():
-    assert kept(Outer()) == {"inner": {"size": 2.0}, "count": 3}
-    assert kept(Outer(Inner(order="new"), mode="rich")) == asdict(Outer(Inner(order="new"), mode="rich"))
-    assert list(kept(Outer(mode="rich"))) == ["inner", "count", "mode"]
+    assert to_dict(Outer()) == {"inner": {"size": 2.0}, "count": 3}
+    assert to_dict(Outer(Inner(order="new"), mode="rich")) == asdict(Outer(Inner(order="new"), mode="rich"))
+    assert list(to_dict(Outer(mode="rich"))) == ["inner", "count", "mode"]
 
 
 def test_fields_that_were_always_there_are_kept():
-    assert kept(Outer(count=3)) == kept(Outer()) and kept(Outer(Inner(0.0), 0)) == {"inner": {"size": 0.0}, "count": 0}
+    assert to_dict(Outer(count=3)) == to_dict(Outer())
+    assert to_dict(Outer(Inner(0.0), 0)) == {"inner": {"size": 0.0}, "count": 0}
 
 
 def test_the_update_order_is_later_than_the_first_files():
     usual = asdict(SwarmConfig())
     assert usual["strategy"].pop("update_order") == "synchronous"
-    assert kept(SwarmConfig()) == usual
+    assert to_dict(SwarmConfig()) == usual
     in_turn = SwarmConfig(strategy=StrategyConfig(update_order="sequential"))
-    assert kept(in_turn) == asdict(in_turn)
+    assert to_dict(in_turn) == asdict(in_turn)
 
 
 def test_what_was_pickled_without_it_is_the_default():
-    """As a worker gets it that is started anew by a process of the program before."""
+    """As a process of an earlier version sends it to a newly started worker."""
     before = replace(StrategyConfig(), random_turn=20.0)
     del before.__dict__["update_order"]
     read = pickle.loads(pickle.dumps(before))

@@ -76,7 +76,9 @@ class MujocoEngine:
     def sense(self, bodies: Bodies, emits: np.ndarray, is_running: np.ndarray) -> Sight:
         """See `Engine.sense`."""
         n = self._n_robots
-        sight = sense(self._scene, bodies.poses[:, :n], np.asarray(emits)[:, :n], self._is_present & is_running[:, None])
+        sight = sense(
+            self._scene, bodies.poses[:, :n], np.asarray(emits)[:, :n], self._is_present & is_running[:, None]
+        )
         if self._capacity == n:
             return sight
         return Sight(type(sight.links)(*map(self._padded, sight.links)), self._padded(sight.sees_wall))

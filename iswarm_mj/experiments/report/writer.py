@@ -11,7 +11,7 @@ from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.render import render
 from iswarm_mj.experiments.report.results import Results, collect
 from iswarm_mj.experiments.report.sections import Section, sections_of
-from iswarm_mj.utils.files import prepare, whole
+from iswarm_mj.utils.files import atomic_write, make_output_directory
 
 TITLE = "The I-SWARM paper beside its re-implementation"
 INTRODUCTION = (
@@ -39,7 +39,7 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
     """
     results = collect(directories)
     figures = out.with_name(f"{out.stem}_figures")
-    prepare(figures, given=out)
+    make_output_directory(figures, given=out)
     sections = sections_of(results, figures)
     for picture in (picture for section in sections for picture in section.pictures):
         if picture.path.parent != figures:
@@ -48,7 +48,7 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
     content = content_of(sections, results) | {"again": again, "figures": figures.name}
     markdown = out.with_suffix(".md")
     for path, template in ((out, "report.html"), (markdown, "report.md")):
-        with whole(path) as part:
+        with atomic_write(path) as part:
             part.write_text(render(template, content), encoding="utf-8")
     print(f"{content['tally_text']}\nreport in {out} and {markdown}")
     return sections

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import unwritable, whole
+from iswarm_mj.utils.files import atomic_write, write_error
 from iswarm_mj.utils.versions import versions
 
 Key = tuple[int, ...]
@@ -40,7 +40,7 @@ class Journal:
         try:
             self._file = path.open("a+b")
         except OSError as error:
-            raise unwritable(path, error) from None
+            raise write_error(path, error) from None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -67,7 +67,7 @@ class Journal:
 
     def settle(self) -> None:
         """Write the file anew, in the order of the keys: the same bytes in whatever order the runs were finished."""
-        with whole(self._path) as part:
+        with atomic_write(self._path) as part:
             rows = [self._head, *([list(key), self.entries[key]] for key in sorted(self.entries))]
             part.write_bytes(b"".join(map(_line, rows)))
 

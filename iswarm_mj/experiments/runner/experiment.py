@@ -16,8 +16,8 @@ from iswarm_mj.experiments.runner.checkpoint import Journal, Key
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.pool import check_engine, each, identity, progress
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.files import prepare, remove
-from iswarm_mj.utils.serialization import kept
+from iswarm_mj.utils.files import make_output_directory, remove
+from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
 RUNS, FINDINGS = "runs.jsonl", "findings.parquet"
@@ -103,14 +103,14 @@ def run_experiment(
         SimulationFault: a run could not go on.
     """
     check_engine(engine, backend)
-    prepare(out)
+    make_output_directory(out)
     if again:
         remove(out / RUNS)
     entries = experiment.entries(plan)
     jobs = [entry.job for entry in entries]
     outcomes = _outcomes(experiment.name, jobs, out, workers, engine, backend)
     rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-    settings = {"experiment": experiment.name, "engine": engine, **kept(plan), **identity(engine)}
+    settings = {"experiment": experiment.name, "engine": engine, **to_dict(plan), **identity(engine)}
     if experiment.extra is not None:
         experiment.extra(plan, out, rows)
     write_table(out / experiment.table, rows, settings, csv=True)
@@ -159,5 +159,5 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, workers: int, engine: s
 
 def _key(job: Job, run_by: str) -> Key:
     """Name of a run by all that decides its outcome: the job, the engine and, where there are several, its kind."""
-    text = json.dumps([run_by, kept(job)], sort_keys=True).encode()
+    text = json.dumps([run_by, to_dict(job)], sort_keys=True).encode()
     return (int(hashlib.sha256(text).hexdigest()[:13], 16),)

@@ -22,8 +22,8 @@ from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Individual, Operators
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import prepare, whole
-from iswarm_mj.utils.serialization import kept
+from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
@@ -84,7 +84,7 @@ def evolve(
     """
     check_engine(engine, backend)
     _check_out(out, resume)
-    prepare(out)
+    make_output_directory(out)
     settings = settings_of(search, engine)
     with Journal(out / CHECKPOINT, settings) as journal:
         _sweep(out)
@@ -97,7 +97,7 @@ def evolve(
         journal.settle()
         write_table(out / TABLE, rows, settings)
         best = best_of(rows)
-        with whole(out / BEST) as part:
+        with atomic_write(out / BEST) as part:
             part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
         draw(rows, search.config.arena.n_dust, out / FIGURE)
     print(summary(search, rows, best, out))
@@ -106,7 +106,7 @@ def evolve(
 
 def settings_of(search: Search, engine: str) -> dict[str, Any]:
     """All that decides the outcome of a search on an engine, as its files have it; they do not name the default one."""
-    return {**kept(search), **identity(engine)}
+    return {**to_dict(search), **identity(engine)}
 
 
 def run_seed(search: Search, generation: int, individual: int, evaluation: int) -> int:
