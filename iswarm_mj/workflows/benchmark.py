@@ -48,7 +48,9 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
     steps_s = max((share.step_s for share in shares), key=np.median)
     n_worlds, step_s = sum(share.n_worlds for share in shares), float(np.median(steps_s))
     drive, memory = run.config.drive, [share.peak_memory_gb for share in shares if share.peak_memory_gb is not None]
-    stages = run.stage_times() | {"record": float(np.median(laps)) for laps in [run.watch.laps["record"]] if laps}
+    stages = run.stage_times()
+    if record:
+        stages["record"] = float(np.median(run.watch.laps["record"]))
     content = {
         **run.identity,
         "n_robots": run.settings.n_robots,
@@ -63,7 +65,7 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
         "first_call_s": round(max(share.first_call_s for share in shares), 1),
         "delivered_mean": sum(share.delivered for share in shares) / n_worlds,
         "peak_memory_gb": max(memory, default=None),
-        "devices": sum((share.devices for share in shares), []),
+        "devices": [device for share in shares for device in share.devices],
         **hardware(),
     }
     print(json.dumps(content))

@@ -101,17 +101,15 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
 
 def _gather(run: Run, hosts: Hosts) -> Outcome:
     """Bring together what the worlds of all processes came to."""
-    numbers = [world.index for world in run.worlds]
-    own = (
-        run.step,
-        run.devices,
-        [(number, run.measures(k)) for k, number in enumerate(numbers)],
-        [*map(str, run.faults)],
+    measures = [(world.index, run.measures(k)) for k, world in enumerate(run.worlds)]
+    shares = hosts.gathered("results", (run.step, run.devices, measures, [str(fault) for fault in run.faults]))
+    found = {index: Measures(*values) for _, _, measures, _ in shares for index, values in measures}
+    return Outcome(
+        step=max(step for step, *_ in shares),
+        devices=[device for _, devices, _, _ in shares for device in devices],
+        measures=[found[index] for index in sorted(found)],
+        faults=[fault for *_, faults in shares for fault in faults],
     )
-    shares = hosts.gathered("results", own)
-    steps, devices, measures, faults = zip(*shares, strict=True)
-    found = {number: Measures(*values) for share in measures for number, values in share}
-    return Outcome(max(steps), sum(devices, []), [found[number] for number in sorted(found)], sum(faults, []))
 
 
 def summary(content: Mapping[str, Any], out: Path) -> str:

@@ -36,8 +36,8 @@ def implementation() -> str:
 def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, None]:
     """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one.
 
-    Rounding differs a little with the size of the largest world, the size of the contact buffers and, on GPUs, the number of
-    worlds, so that another batch may bring a job to another, equally likely end.
+    Rounding differs a little with the number of robots in the largest world, the size of the contact buffers and, on
+    GPUs, the number of worlds, so that another batch may bring a job to another, equally likely end.
 
     Raises:
         SimulationFault: a run could not go on.
