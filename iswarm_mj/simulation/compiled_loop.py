@@ -41,9 +41,15 @@ class CompiledLoop:
     """Chunks of control steps of B worlds, spread over devices."""
 
     def __init__(
-        self, engine: MjxEngine, config: SwarmConfig, params: WorldParams, state: WorldState, poses: np.ndarray,
-        chunk: int, devices: Sequence[Any],
-    ):  # fmt: skip
+        self,
+        engine: MjxEngine,
+        config: SwarmConfig,
+        params: WorldParams,
+        state: WorldState,
+        poses: np.ndarray,
+        chunk: int,
+        devices: Sequence[Any],
+    ):
         """Lay the worlds out on the devices.
 
         Args:

@@ -49,10 +49,18 @@ class Rollout(NamedTuple):
 
 
 def rollout(
-    config: SwarmConfig, strategy: Strategy, keys: jax.Array, *, n_robots: int, steps: int,
-    engine: EngineSettings | None = None, strategy_per_world: bool = False, stop_at: int | None = None,
-    every: int = 10, poses_of: Sequence[int] = (),
-) -> Rollout:  # fmt: skip
+    config: SwarmConfig,
+    strategy: Strategy,
+    keys: jax.Array,
+    *,
+    n_robots: int,
+    steps: int,
+    engine: EngineSettings | None = None,
+    strategy_per_world: bool = False,
+    stop_at: int | None = None,
+    every: int = 10,
+    poses_of: Sequence[int] = (),
+) -> Rollout:
     """Let a strategy clean the floor of B worlds.
 
     A key determines its world: where robots and balls are at the start, how large the balls are and how strongly they

@@ -42,9 +42,16 @@ class Run:
     """
 
     def __init__(
-        self, config: SwarmConfig, genome: Genome, settings: RunSettings, engine: EngineSettings | None = None, *,
-        worlds: Sequence[World] | None = None, strategy: Strategy | None = None, robot_file: Path | None = None,
-    ):  # fmt: skip
+        self,
+        config: SwarmConfig,
+        genome: Genome,
+        settings: RunSettings,
+        engine: EngineSettings | None = None,
+        *,
+        worlds: Sequence[World] | None = None,
+        strategy: Strategy | None = None,
+        robot_file: Path | None = None,
+    ):
         """Prepare the worlds.
 
         Args:

@@ -12,6 +12,7 @@ from iswarm_mj.engines.base import Motion, Phase, Sight
 from iswarm_mj.engines.mjx import motion
 from iswarm_mj.engines.mjx.arena import MjxArena
 from iswarm_mj.engines.mjx.motion import Bodies
+from iswarm_mj.engines.mjx.rays import Crowd
 from iswarm_mj.engines.mjx.sight import find_links, find_walls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
@@ -47,10 +48,9 @@ class MjxEngine:
 
     def sense(self, bodies: Bodies, emits: Bool[Array, "N"], is_running: Bool[Array, ""]) -> Sight:
         """See `Engine.sense`."""
-        poses, is_present = bodies.poses, bodies.is_present
+        crowd = Crowd(bodies.poses, bodies.is_present)
         with jax.default_matmul_precision("highest"):
-            links = find_links(self.config, self.arena, poses, emits & is_present, is_present)
-            return Sight(links, find_walls(self.config, self.arena, poses, is_present))
+            return Sight(find_links(self.config, self.arena, crowd, emits), find_walls(self.config, self.arena, crowd))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
         """See `Engine.move`."""
