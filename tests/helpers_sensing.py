@@ -1,9 +1,5 @@
 """Small worlds for the tests of light, memory and floor, and a slow but plain reference for the links."""
 
-import os
-import subprocess
-import sys
-
 import jax.numpy as jnp
 import numpy as np
 
@@ -79,13 +75,6 @@ def crowd(rng, density, edge=9):
     xy = grid + rng.uniform(-1, 1, grid.shape) * slack[:, None]
     whole = rng.uniform(-np.pi, np.pi)
     return np.column_stack([turned(xy, whole), yaw + whole])[rng.permutation(edge**2)]
-
-
-def has_off_screen_opengl():
-    """Whether pictures can be drawn here."""
-    code = "import mujoco; mujoco.GLContext(8, 8).make_current()"
-    environment = {**os.environ, "MUJOCO_GL": "egl"}
-    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True).returncode == 0
 
 
 def squares_in_the_way(poses):

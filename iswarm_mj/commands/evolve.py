@@ -13,7 +13,6 @@ from iswarm_mj.config import (
     SwarmConfig,
 )
 from iswarm_mj.strategy.evolution import Operators
-from iswarm_mj.utils.constraints import check
 
 
 @dataclass(frozen=True)
@@ -51,20 +50,17 @@ class Evolve:
 
     def run(self) -> None:
         """Run the command."""
-        check("generations", self.generations, "between 1 and 100000", 1 <= self.generations <= 100_000)
-        check("population", self.population, "between 2 and 10000", 2 <= self.population <= 10_000)
-        check("steps", self.steps, "between 1 and 1000000", 1 <= self.steps <= 1_000_000)
-        check("evaluations", self.evaluations, "between 1 and 1000", 1 <= self.evaluations <= 1000)
-        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
-        check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
-        if self.method == "paper":
-            elite = self.operators.elite
-            check("operators.elite", elite, "below `population`", elite < self.population)
-        from iswarm_mj.experiments.runner.search import Search, evolve
+        from iswarm_mj.experiments.runner.pool import Execution
+        from iswarm_mj.experiments.runner.search import Search, run_search
 
-        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
         search = Search(
-            config, self.operators, self.method, self.generations, self.population, self.steps, self.seed,
-            self.evaluations,
-        )  # fmt: skip
-        evolve(search, self.out, self.resume, self.workers, self.backend, self.engine)
+            config=SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy),
+            operators=self.operators,
+            method=self.method,
+            generations=self.generations,
+            population=self.population,
+            steps=self.steps,
+            seed=self.seed,
+            evaluations=self.evaluations,
+        )
+        run_search(search, self.out, Execution(self.engine, self.workers, self.backend), self.resume)

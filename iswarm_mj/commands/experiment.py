@@ -15,7 +15,6 @@ from iswarm_mj.config import (
     SwarmConfig,
 )
 from iswarm_mj.strategy.genome import load_genome
-from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 
 
@@ -51,20 +50,17 @@ class Experiment:
 
     def run(self) -> None:
         """Run the command."""
-        check("seed", self.seed, "between 0 and 2^32 - 2", 0 <= self.seed < 2**32 - 1)
-        check("workers", self.workers, "between 0 and 1024", 0 <= self.workers <= 1024)
-        genome = load_genome(self.genome)
-        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
+        from iswarm_mj.experiments.runner.pool import Execution
         from iswarm_mj.experiments.studies.registry import experiment, listing
 
         if self.list:
             print(listing())
             return
         if not self.name:
-            raise UserError(f"No experiment was named; these are there, name one:\n{listing()}")
-        chosen = experiment(self.name)
-        folder = f"{self.name}-quick" if self.quick else self.name
-        out = self.out or Path("runs/experiments") / folder
-        plan = Plan(config, genome, self.seed, self.quick)
-        run_experiment(chosen, plan, out, self.workers, self.engine, self.backend, self.again)
+            raise UserError(f"The command needs the name of an experiment; choose one of:\n{listing()}")
+        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        plan = Plan(config, load_genome(self.genome), self.seed, self.quick)
+        execution = Execution(self.engine, self.workers, self.backend)
+        out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
+        run_experiment(experiment(self.name), plan, out, execution, self.again)

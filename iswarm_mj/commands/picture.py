@@ -34,5 +34,6 @@ class Picture:
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.output.render import render
+        from iswarm_mj.output.stage import Shot
 
-        render(self.directory, self.step, self.camera, (self.width, self.height), self.ball_scale, self.out)
+        render(self.directory, self.step, Shot(self.camera, (self.width, self.height), self.ball_scale), self.out)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import check
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,8 @@ class Report:
 
     def run(self) -> None:
         """Run the command."""
-        if not self.results:
-            raise UserError("--results was empty; it must be one or more directories with results: give at least one.")
-        if self.out.suffix != ".html":
-            raise UserError(f"--out was {self.out}; it must be a name ending in .html: give such a one.")
+        check("results", "nothing", "at least one directory", bool(self.results))
+        check("out", self.out, "a name that ends in .html", self.out.suffix == ".html")
         from iswarm_mj.experiments.report.writer import report
 
         report(self.results, self.out)

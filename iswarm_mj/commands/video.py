@@ -40,9 +40,8 @@ class Video:
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.output.video import write_video
+        from iswarm_mj.output.stage import Shot
+        from iswarm_mj.output.video import Film, write_video
 
-        write_video(
-            self.directory, self.out, self.title, self.steps, self.frames_per_step, (self.width, self.height),
-            self.camera, self.ball_scale,
-        )  # fmt: skip
+        shot = Shot(self.camera, (self.width, self.height), self.ball_scale, fine=False)
+        write_video(self.directory, self.out, Film(self.title, self.steps, self.frames_per_step, shot))

@@ -1,15 +1,17 @@
-"""A drawing of a swarm at run time, in the manner of the paper's Figs. 12 and 16."""
+"""A plan of a swarm at one step, after the paper's Figs. 12 and 16."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from iswarm_mj.output.plot_style import figure
+from iswarm_mj.utils.geometry import rotate
 
 _MM = 1e3
 RED, BLUE, GREEN = "#d62718", "#1f3fd6", "#199a40"
@@ -61,29 +63,23 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
     return path.with_name(path.name + ".png")
 
 
-def outlines(pose: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Corners (N, 4, 2) of rectangles of length and width `size` (2,) at poses (N, 3)."""
+def outlines(pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "2"]) -> Float[np.ndarray, "N 4 2"]:
+    """Corners of rectangles at poses, with `size` their length and width."""
     corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * np.asarray(size) / 2
-    return pose[:, None, :2] + np.einsum("nij,cj->nci", _rotations(pose[:, 2]), corners)
+    return pose[:, None, :2] + rotate(corners, pose[:, 2:])
 
 
-def vectors(pose: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Lines (N, 2, 2) from poses (N, 3) along vectors (N, 2) in the robots' own frames."""
-    ends = pose[:, :2] + np.einsum("nij,nj->ni", _rotations(pose[:, 2]), vector)
-    return np.stack([pose[:, :2], ends], axis=1)
+def vectors(pose: Float[np.ndarray, "N 3"], vector: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 2 2"]:
+    """Lines from poses along vectors in the robots' own frames."""
+    return np.stack([pose[:, :2], pose[:, :2] + rotate(vector, pose[:, 2])], axis=1)
 
 
-def links(frames: Mapping[str, np.ndarray], step: int) -> np.ndarray:
-    """Lines (L, 2, 2) between receivers and senders of a step, each pair once."""
+def links(frames: Mapping[str, np.ndarray], step: int) -> Float[np.ndarray, "L 2 2"]:
+    """Lines between the receivers and senders of a step, one for each pair."""
     receiver, side = np.nonzero(frames["link_valid"][step])
     sender = frames["link_sender"][step][receiver, side]
     pairs = np.unique(np.sort(np.column_stack([receiver, sender]), axis=1), axis=0)
     return frames["pose"][step][:, :2][pairs]
-
-
-def _rotations(yaw: np.ndarray) -> np.ndarray:
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
 
 
 def _area(axes: Axes, rectangle: np.ndarray, hue: str) -> None:

@@ -1,10 +1,9 @@
 """Trajectory -> Rerun recording (.rrd): SI in, millimetres out.
 
-The recording opens laid out in the Rerun viewer; `blueprint.py` says how it looks.
-Written column by column, a block of frames at a time: never a call per robot or per frame.
+The look and the layout of the viewer are defined in `rerun_swarm_view`. Written column by column, a block of frames
+at a time, never with a call per robot or per frame.
 """
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -13,59 +12,53 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import rerun as rr
+from jaxtyping import Bool, Float, Int, UInt16
 
 from iswarm_mj.output import rerun_swarm_view as look
+from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties, settings_document
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.trajectory import Frames, Scene
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.geometry import rotate
 
 TRAIL_FRAMES = 20
-"""A trail reaches this many frames back."""
-
-_FLUSH_SECONDS = 30.0
-"""Rerun can wait for ever on a writer that met a full disk."""
+"""Length of a trail [frames]."""
 
 
-def robot_classes(is_loaded: np.ndarray, is_scout: np.ndarray, has_priority: np.ndarray) -> np.ndarray:
-    """Classes of `blueprint.ROBOT_CLASSES`: load before scout before worker, twice that, plus priority.
-
-    Args:
-        is_loaded: (T, N) bool.
-        is_scout: (N,) bool.
-        has_priority: (T, N) bool.
-
-    Returns:
-        (T, N) uint16.
-    """
+def robot_classes(
+    is_loaded: Bool[np.ndarray, "T N"], is_scout: Bool[np.ndarray, "N"], has_priority: Bool[np.ndarray, "T N"]
+) -> UInt16[np.ndarray, "T N"]:
+    """Classes of `rerun_swarm_view.ROBOT_CLASSES`: load before scout before worker, twice that, plus priority."""
     return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
 
 
-def link_segments(centres: np.ndarray, sender: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Segments from receivers to senders, with the number of them in each frame.
+def link_segments(
+    centres: Float[np.ndarray, "T N 3"], sender: Int[np.ndarray, "T N S"], valid: Bool[np.ndarray, "T N S"]
+) -> tuple[Float[np.ndarray, "M 2 3"], Int[np.ndarray, "T"]]:
+    """Segments from receivers to senders in the order of frames, and their number in each frame.
 
     Args:
-        centres: (T, N, 3).
-        sender: (T, N, S) integers, meaningless where not `valid`.
-        valid: (T, N, S) bool.
-
-    Returns:
-        (M, 2, 3) segments in the order of frames, (T,) counts.
+        centres: of the robots.
+        sender: which robot a sector receives; meaningless where not `valid`.
+        valid: whether it receives one.
     """
     frame, receiver, _ = np.nonzero(valid)
     segments = np.stack([centres[frame, receiver], centres[frame, sender[valid]]], axis=1)
     return segments, np.count_nonzero(valid, axis=(1, 2))
 
 
-def trails(positions: np.ndarray, n_before: int, is_loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Trails of the robots now loaded, oldest point first.
+def trails(
+    positions: Float[np.ndarray, "_ N 3"], n_before: int, is_loaded: Bool[np.ndarray, "T N"]
+) -> tuple[Float[np.ndarray, "P 3"], Int[np.ndarray, "M"]]:
+    """Trails of the robots that are loaded, oldest point first.
 
     Args:
-        positions: (B + T, N, 3); the first B = `n_before` frames lie before the block.
-        n_before: B; where it is less than `TRAIL_FRAMES`, the first trails are shorter.
-        is_loaded: (T, N) bool.
+        positions: of the robots, in `n_before` frames before the block and the T frames of the block.
+        n_before: number of frames before the block; below `TRAIL_FRAMES` the first trails are shorter.
+        is_loaded: in the block.
 
     Returns:
-        (P, 3) points of all trails, trail by trail; (M,) points of each trail, in the order of frames.
+        The points of all trails, trail by trail, in the order of frames; the number of points of each trail.
     """
     frame, robot = np.nonzero(is_loaded)
     back = np.arange(TRAIL_FRAMES, -1, -1)
@@ -73,13 +66,6 @@ def trails(positions: np.ndarray, n_before: int, is_loaded: np.ndarray) -> tuple
     exists = times >= 0
     points = positions[times[exists], np.broadcast_to(robot[:, None], times.shape)[exists]]
     return points, np.count_nonzero(exists, axis=1)
-
-
-def world_vectors(vector: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Rotate (..., 2) vectors from the robots' frames (x ahead, y left) to the world; yaw is (...) [rad]."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    x, y = vector[..., 0], vector[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def _strips(points: np.ndarray, lengths: np.ndarray) -> pa.Array:
@@ -104,27 +90,23 @@ class Recording:
         properties: Mapping[str, Any],
         application: str = "iswarm_mj",
     ):
-        """Open the file and write what does not change.
+        """Open the file and write everything static.
 
         Args:
             path: the file to write, by custom `*.rrd`; an existing one is replaced.
-            scene: what does not change during the run.
-            config: shown as a table beside the arena, and kept as property `config`; may be nested.
-            properties: what else identifies the run (seed, version, ...), kept as property `run`.
+            scene: constants of the run.
+            config: shown as a table beside the arena, and stored as property `config`; may be nested.
+            properties: everything else that identifies the run (seed, version, ...), stored as property `run`.
             application: recordings of one application share the viewer's layout.
 
         Raises:
-            UserError: the file cannot be written, or recording is switched off by the environment.
+            UserError: the file cannot be written, or the environment disables recordings.
         """
         self._path, self._scene = str(path), scene
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
         self._last_step = -1
         self._stream = rr.RecordingStream(application)
-        if not rr.is_enabled(self._stream):
-            raise UserError(
-                f"The environment variable RERUN={os.environ.get('RERUN', '')} switches recordings off: "
-                "unset it, set it to 1, or run without a recording."
-            )
+        require_recordings(self._stream)
         try:
             Path(path).open("wb").close()
             self._stream.save(path, default_blueprint=look.layout(scene))
@@ -136,15 +118,12 @@ class Recording:
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
         self._stream.send_recording_name(Path(path).stem)
-        for name, values in (("config", dict(look.flatten(config))), ("run", dict(look.flatten(properties)))):
-            if values:
-                # As arrow arrays: rerun otherwise casts a value to the type its name first had.
-                arrays = {key: pa.array([value]) for key, value in values.items()}
-                self._stream.send_property(name, rr.AnyValues(**arrays))
+        send_properties(self._stream, "config", config)
+        send_properties(self._stream, "run", properties)
         for entity, archetype in look.static_entities(scene):
             self._stream.log(entity, archetype, static=True, strict=True)
-        text = rr.TextDocument(look.table(config), media_type=rr.MediaType.MARKDOWN)
-        self._stream.log(look.CONFIG, text, static=True, strict=True)
+        document = settings_document(look.LEGEND, "Parameter", config)
+        self._stream.log(look.CONFIG, document, static=True, strict=True)
         self._flush()
 
     def __enter__(self) -> "Recording":
@@ -164,9 +143,9 @@ class Recording:
             self._stream.disconnect()
 
     def _flush(self) -> None:
-        """Hand all to the file; the disk may be full."""
+        """Write everything to the file, which fails if the disk is full."""
         try:
-            self._stream.flush(timeout_sec=_FLUSH_SECONDS)
+            self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             raise UserError(
                 f"The recording {self._path!r} could not be written to its end ({error}): "
@@ -207,7 +186,7 @@ class Recording:
         self._last_step = int(step[-1])
 
     def _check(self, frames: Frames) -> None:
-        """Refuse what the viewer would silently draw wrong."""
+        """Refuse values that the viewer would silently draw wrong."""
         steps = np.diff(frames.step, prepend=self._last_step)
         if np.any(steps <= 0):
             raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
@@ -267,7 +246,7 @@ class Recording:
     def _arrows(self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray) -> None:
         """Arrows from the robots that know a vector, turned to the world."""
         vectors = np.zeros((np.count_nonzero(known), 3), np.float32)
-        vectors[:, :2] = world_vectors(vector[known], yaw[known]) * MILLIMETRES
+        vectors[:, :2] = rotate(vector[known], yaw[known]) * MILLIMETRES
         columns = rr.Arrows3D.columns(origins=origins[known], vectors=vectors)
         self._send(entity, columns, np.count_nonzero(known, axis=1))
 

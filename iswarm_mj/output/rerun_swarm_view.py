@@ -1,16 +1,16 @@
-"""How a recording looks: colours, line widths, what stands still, and the layout of the viewer.
+"""The look of a swarm's recording: colours, line widths, static entities, and the layout of the viewer.
 
-Lengths are in millimetres here, as in the recording: at this scale the viewer's camera moves well.
+Lengths are in millimetres, as in the recording, since the viewer's camera moves well at this scale.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, is_dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from iswarm_mj.output.rerun_format import time_series
 from iswarm_mj.output.trajectory import Scene
 
 MILLIMETRES = 1e3
@@ -55,7 +55,7 @@ FRONT_RADIUS = 0.1
 
 _FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (150, 190, 240)
 _LINK, _TRAIL, _FRONT = (95, 95, 105), (40, 90, 230), (255, 255, 255)
-_LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
+LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
 
 **Balls**: black on the floor, yellow held, dark green delivered; drawn enlarged, above the robots.
 
@@ -109,26 +109,6 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
 
 
-def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
-    for key, value in values.items():
-        name = f"{prefix}{key}"
-        if is_dataclass(value) and not isinstance(value, type):
-            value = asdict(value)
-        if isinstance(value, np.ndarray | np.generic):
-            value = value.tolist()
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{name}.")
-        else:
-            yield name, value if isinstance(value, bool | int | float | str) else str(value)
-
-
-def table(config: Mapping[str, Any]) -> str:
-    """Return a legend and the configuration as a table, in Markdown."""
-    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(config))
-    return f"{_LEGEND}\n\n| Parameter | Value |\n|:--|:--|\n{rows}\n"
-
-
 def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial3DView:
     """Return a view from above, slightly from the south, on the whole arena."""
     size = scene.arena_size * MILLIMETRES
@@ -143,18 +123,6 @@ def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial
     )
 
 
-def _plot(origin: str, name: str, corner: str, **more: Any) -> rrb.TimeSeriesView:
-    """Return a plot of the series below `origin` over the whole run, its legend in a corner."""
-    whole = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
-    return rrb.TimeSeriesView(
-        origin=origin,
-        name=name,
-        plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner)),
-        axis_x=rrb.archetypes.TimeAxis(view_range=whole),
-        **more,
-    )
-
-
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout: the arena on the left; the time series and the configuration on the right."""
     views = rrb.Tabs(
@@ -164,10 +132,10 @@ def layout(scene: Scene) -> rrb.Blueprint:
         active_tab=0,
     )
     plots = rrb.Vertical(
-        _plot("series/balls", "Balls", "LeftTop"),
-        _plot("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05))),
-        _plot("series/collisions", "Collisions", "LeftTop"),
-        _plot("series/mean_speed", "Mean speed (mm/s)", "RightBottom"),
+        time_series("series/balls", "Balls", "LeftTop"),
+        time_series("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05))),
+        time_series("series/collisions", "Collisions", "LeftTop"),
+        time_series("series/mean_speed", "Mean speed (mm/s)", "RightBottom"),
         name="Time series",
     )
     return rrb.Blueprint(

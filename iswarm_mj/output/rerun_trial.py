@@ -1,23 +1,23 @@
-"""Trace of a trial -> Rerun recording (.rrd): SI in, um and nN out. `blueprint_grasp.py` says how it looks."""
+"""Trace of a trial -> Rerun recording (.rrd): SI in, um and nN out. Its look is defined in `rerun_trial_view`."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
+from jaxtyping import Float
 
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
+from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties
 from iswarm_mj.output.rerun_trial_view import NN, UM
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.files import atomic_write
 
 SAMPLES = 4000
-"""Longer traces are thinned to about so many samples."""
+"""Longer traces are thinned to about this number of samples."""
 
 ARROW_FORCE = 4e-6
 """Force whose arrow is one radius long; lengths go with the square root [N]."""
@@ -26,10 +26,7 @@ _APPLICATION = "iswarm_mj_grasp"
 """Recordings of one application share the viewer's layout."""
 
 _BLOCK = 1000
-"""Samples that are written at a time, for quick seeking."""
-
-_FLUSH_SECONDS = 30.0
-"""Rerun can wait for ever on a writer that met a full disk."""
+"""Samples per block, for quick seeking."""
 
 
 def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) -> None:
@@ -38,23 +35,22 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     Args:
         path: the file to write, by custom `*.rrd`; an existing one is replaced.
         trace: at least two samples; long ones are thinned.
-        settings: shown as a table, and kept with the package's version as property `config`; may be nested.
+        settings: shown as a table, and stored with the package's version as property `config`; may be nested.
 
     Raises:
         SimulationFault: a number of the trace is not finite.
         UserError: the file cannot be written, or recording is switched off by the environment.
     """
     _check(trace)
-    path = Path(path)
-    require_recordings()
-    stream = rr.RecordingStream(_APPLICATION)
+    path, stream = Path(path), rr.RecordingStream(_APPLICATION)
+    require_recordings(stream)
     try:
         with atomic_write(path) as part:
             part.open("wb").close()
             stream.save(part, default_blueprint=look.layout(trace))
             try:
                 _write(stream, path.stem, thinned(trace, SAMPLES), {"version": __version__, **settings})
-                stream.flush(timeout_sec=_FLUSH_SECONDS)
+                stream.flush(timeout_sec=FLUSH_SECONDS)
             finally:
                 stream.disconnect()
     except (OSError, RuntimeError) as error:
@@ -64,21 +60,17 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
         ) from error
 
 
-def require_recordings() -> None:
-    """Do nothing if recordings can be made.
+def check_recordings() -> None:
+    """Check that Rerun is enabled, before the trials.
 
     Raises:
-        UserError: they are switched off by the environment.
+        UserError: the environment disables it.
     """
-    if not rr.is_enabled(rr.RecordingStream(_APPLICATION)):
-        raise UserError(
-            f"The environment variable RERUN={os.environ.get('RERUN', '')} switches recordings off: "
-            "unset it, set it to 1, or run without a recording."
-        )
+    require_recordings(rr.RecordingStream(_APPLICATION))
 
 
 def _check(trace: Trace) -> None:
-    """Refuse what the viewer would silently draw wrong."""
+    """Refuse values that the viewer would silently draw wrong."""
     for name, values in trace._asdict().items():
         if isinstance(values, np.ndarray) and not np.isfinite(values).all():
             first = int(np.argmin(np.isfinite(values).reshape(len(values), -1).all(axis=1)))
@@ -88,13 +80,11 @@ def _check(trace: Trace) -> None:
 
 
 def _write(stream: rr.RecordingStream, name: str, trace: Trace, settings: Mapping[str, Any]) -> None:
-    """Write all of a trace."""
+    """Write a whole trace."""
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(name)
-    # As arrow arrays: rerun otherwise casts a value to the type its name first had.
-    arrays = {key: pa.array([value]) for key, value in look.flatten(settings)}
-    stream.send_property("config", rr.AnyValues(**arrays))
+    send_properties(stream, "config", settings)
     for entity, archetype in look.static_entities(trace, settings):
         stream.log(entity, archetype, static=True, strict=True)
     columns = {**_bodies(trace), **_series(trace)}
@@ -116,7 +106,7 @@ def _index(time: np.ndarray) -> list[rr.TimeColumn]:
 
 
 def _bodies(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
-    """Entity -> archetype, instances, and fields (T, instances, ...) of what moves in space."""
+    """Entity -> archetype, number of instances, and fields (T, instances, ...) of the moving bodies and forces."""
     probe, ball = trace.probe * UM, trace.ball * UM
     mark = ball + trace.radius * UM * rotated(trace.ball_quaternion, np.array([0.3, -0.8, 0.52]))
     forces = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
@@ -135,7 +125,7 @@ def _bodies(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
 
 
 def _series(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
-    """Entity -> archetype, instances, and fields (T, 1) of the time series; V, um, nN."""
+    """Entity -> archetype, number of instances, and fields (T, 1) of the time series; V, um, nN."""
     values = {
         "series/voltage/voltage": trace.voltage,
         "series/gaps/tool": trace.gap_tool * UM,
@@ -163,8 +153,8 @@ def _states(trace: Trace) -> dict[str, np.ndarray]:
     }
 
 
-def rotated(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Turn a vector (3,) by unit quaternions (T, 4), w first; (T, 3)."""
+def rotated(quaternion: Float[np.ndarray, "T 4"], vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "T 3"]:
+    """Rotate a vector by unit quaternions, w first."""
     w, axis = quaternion[:, :1], quaternion[:, 1:]
     cross = np.cross(axis, vector)
     return vector + 2 * (w * cross + np.cross(axis, cross))

@@ -1,4 +1,4 @@
-"""How the recording of a trial at the gripper bench looks. Lengths in um, forces in nN, as in the recording."""
+"""The look of a trial's recording: static entities and the layout of the viewer. Lengths in um, forces in nN."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from iswarm_mj.gripper.bench.trial_trace import Trace
-from iswarm_mj.output.rerun_swarm_view import flatten
+from iswarm_mj.output.rerun_format import settings_document, time_series
 
 UM, NN = 1e6, 1e9
 """Micrometres per metre, nanonewtons per newton."""
@@ -19,7 +19,7 @@ PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
 SETTINGS = "settings"
 
 PROBE_LENGTH = 100.0
-"""Of the probe as it is shown [um]."""
+"""Length of the probe in the view [um]."""
 
 _GREEN, _ORANGE, _YELLOW = (0, 175, 125), (235, 110, 35), (240, 190, 40)
 _PALE_GREEN, _PALE_ORANGE, _GREY = (150, 225, 200), (250, 190, 150), (170, 175, 180)
@@ -38,16 +38,16 @@ SERIES = {
 """Entity of each time series: its name in the legend and its colour."""
 
 PLACES = {"on the plate": _ORANGE, "between tool and plate": _GREY, "at the tool": _GREEN, "free": (90, 160, 250)}
-"""What the ball touches, and the colour of it."""
+"""What the ball touches, and its colour then."""
 
 POTENTIALS = {"plate's": _ORANGE, "probe's": _GREEN}
-"""Whose potential the ball has, and the colour of it."""
+"""The electrode whose potential the ball has, and its colour then."""
 
 _PHASES = ((70, 110, 170), (120, 90, 160))
 """Colours of the phases, in turn."""
 
 _PLAYED = 15.0
-"""Time that playing the recording takes [s]."""
+"""Duration of the playback [s]."""
 
 _LEGEND = """**Arrows** beside the ball: yellow the electrostatic force on it, green its adhesion to the tool,
 orange its adhesion to the plate. Their lengths go with the square root of the force: one radius for 4 µN.
@@ -78,21 +78,7 @@ def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple
     phases = {name: _PHASES[i % 2] for i, name in enumerate(trace.phases)}
     for entity, states in ((PHASE, phases), (PLACE, PLACES), (POTENTIAL, POTENTIALS)):
         yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=list(states.values()))
-    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(settings))
-    text = f"{_LEGEND}\n\n| Setting | Value |\n|:--|:--|\n{rows}\n"
-    yield SETTINGS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-
-
-def _plot(origin: str, name: str, corner: str | None = "LeftTop", **more: Any) -> rrb.TimeSeriesView:
-    """Return a plot of the series below `origin` over the whole trial, its legend in a corner if there is one."""
-    whole = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
-    return rrb.TimeSeriesView(
-        origin=origin,
-        name=name,
-        plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None),
-        axis_x=rrb.archetypes.TimeAxis(view_range=whole),
-        **more,
-    )
+    yield SETTINGS, settings_document(_LEGEND, "Setting", settings)
 
 
 def layout(trace: Trace) -> rrb.Blueprint:
@@ -109,11 +95,13 @@ def layout(trace: Trace) -> rrb.Blueprint:
     states = rrb.StateTimelineView(origin="states", name="Phase, and the ball's contacts and potential")
     small = 1.3 * float(np.max(trace.adhesion_tool) * NN) or 1.0
     plots = rrb.Vertical(
-        _plot("series/voltage", "Voltage (V)"),
-        _plot("series/gaps", "Gaps (µm)"),
-        _plot("series/attraction", "Forces on the ball (nN)", "RightTop"),
-        _plot("series/attraction", "Small forces on the ball (nN)", None, axis_y=rrb.ScalarAxis(range=(-small, small))),
-        _plot("series/contact", "Contact forces (nN)"),
+        time_series("series/voltage", "Voltage (V)"),
+        time_series("series/gaps", "Gaps (µm)"),
+        time_series("series/attraction", "Forces on the ball (nN)", "RightTop"),
+        time_series(
+            "series/attraction", "Small forces on the ball (nN)", None, axis_y=rrb.ScalarAxis(range=(-small, small))
+        ),
+        time_series("series/contact", "Contact forces (nN)"),
         name="Time series",
     )
     return rrb.Blueprint(

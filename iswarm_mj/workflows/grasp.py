@@ -53,9 +53,9 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
     from iswarm_mj.output.plot_trials import draw_figures
 
     if record:
-        from iswarm_mj.output.rerun_trial import require_recordings
+        from iswarm_mj.output.rerun_trial import check_recordings
 
-        require_recordings()
+        check_recordings()
     make_output_directory(out)
     if settings.engine == "mjx":
         configure_jax()

@@ -133,7 +133,7 @@ def test_results_that_cannot_be_written(here, capfd):
 def test_recordings_switched_off_are_told_before_the_trials(here, capfd, monkeypatch):
     monkeypatch.setenv("RERUN", "0")
     assert code_of("grasp", *FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1) == 2
-    assert "switches recordings off" in capfd.readouterr().err and list(here.iterdir()) == []
+    assert "Recordings are disabled by the environment variable RERUN=0" in capfd.readouterr().err and list(here.iterdir()) == []
 
 
 def test_force_curves(here):

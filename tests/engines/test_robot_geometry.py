@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rerun as rr
+from helpers_opengl import needs_opengl
 from helpers_rrd import read
-from helpers_sensing import has_off_screen_opengl, place
+from helpers_sensing import place
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, models_directory, read_robot
@@ -207,7 +208,7 @@ class TestOutput:
         corners = outlines(np.array([[0, 0, np.pi / 2]]), scene.robot_size[:2])[0]
         np.testing.assert_allclose(np.abs(corners), [[1e-3, 0.5e-3]] * 4, atol=1e-12)
 
-    @pytest.mark.skipif(not has_off_screen_opengl(), reason="no off-screen OpenGL")
+    @needs_opengl
     def test_picture_shows_a_smaller_robot(self, file):
         """The solar cell of 0.92 mm covers the middle of the area."""
         whole, half = (blue_area(robot_file) for robot_file in (None, file))
@@ -220,12 +221,12 @@ def blue_area(robot_file):
 import numpy as np
 from pathlib import Path
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.output.render import Stage
+from iswarm_mj.output.stage import Shot, Stage
 path = {str(robot_file or "")!r}
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
 frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
-with Stage(config, frames, "above", (600, 600), 1.0, robot_file=Path(path) if path else None) as stage:
+with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=Path(path) if path else None) as stage:
     pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
 red, green, blue = np.moveaxis(pixels, -1, 0)
 print(((blue > 90) & (blue > 2 * red) & (blue > 1.8 * green)).sum())

@@ -1,7 +1,8 @@
 """Experiments: which runs they are made of, what they find in made-up rows, and what a directory keeps."""
 
+import hashlib
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED, number, verdict_of
 from iswarm_mj.experiments.analysis.measures import TIME, quartiles, values
 from iswarm_mj.experiments.analysis.statistics import compare
-from iswarm_mj.experiments.runner import experiment as experiment_runner
+from iswarm_mj.experiments.runner import resumable
+from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.experiments.runner.experiment import Entry, Plan, row_of, run_experiment, run_seed
-from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
+from iswarm_mj.experiments.runner.jobs import Outcome, run_job
+from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 from iswarm_mj.strategy.genome import PRESETS
@@ -247,12 +250,12 @@ class TestDirectory:
         """Jobs that are really done, by a stand-in that takes no time."""
         seen = []
 
-        def each(jobs, workers=0, engine="mujoco", backend="processes"):
+        def run_jobs(jobs, execution):
             for index, job in enumerate(jobs):
                 seen.append(job)
                 yield index, done(job, 100 + job.seed % 50 + (0 if job.genome.use_hop_count else 300))
 
-        monkeypatch.setattr(experiment_runner, "each", each)
+        monkeypatch.setattr(resumable, "run_jobs", run_jobs)
         return seen
 
     def test_table_findings_and_figures(self, counted, tmp_path, capsys):
@@ -278,7 +281,7 @@ class TestDirectory:
         assert len(counted) == 8 and (tmp_path / "density.parquet").read_bytes() == table
         run_experiment(EXPERIMENTS["density"], replace(plan, seed=1), tmp_path)
         assert len(counted) == 16
-        run_experiment(EXPERIMENTS["density"], plan, tmp_path, engine="mjx")
+        run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution("mjx"))
         assert len(counted) == 24
         run_experiment(EXPERIMENTS["density"], plan, tmp_path, again=True)
         assert len(counted) == 32
@@ -287,15 +290,25 @@ class TestDirectory:
         plan = replace(PLAN, quick=True)
         for impl, n_runs in (("jax", 8), ("warp", 16), ("jax", 16), ("warp", 16)):
             monkeypatch.setattr("iswarm_mj.experiments.runner.batches.implementation", lambda impl=impl: impl)
-            run_experiment(EXPERIMENTS["density"], plan, tmp_path, engine="mjx")
+            run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution("mjx"))
             assert len(counted) == n_runs and read_table(tmp_path / "density.parquet")[1]["impl"] == impl
 
-    def test_runs_keep_their_names(self, small):
-        """Runs of the default engine that were kept are found again."""
-        assert experiment_runner._key(Job(small, PRESETS["type1"], 30, 3, 40), "mujoco") == (3484034132274116,)
+    def test_runs_of_earlier_programs_are_found(self, counted, tmp_path):
+        """A journal written before `update_order` and engines were added, with outcomes no run has."""
+        plan = replace(PLAN, quick=True)
+        entries = hop_count.entries(plan)
+        with Journal(tmp_path / "runs.jsonl", {"kind": "runs of experiments"}) as journal:
+            for place, entry in enumerate(entries):
+                job = asdict(entry.job)
+                del job["config"]["strategy"]["update_order"]
+                digest = hashlib.sha256(json.dumps(["mujoco", job], sort_keys=True).encode()).hexdigest()
+                journal.add((int(digest[:13], 16),), done(entry.job, 1000 + place))
+        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+        rows, _ = read_table(tmp_path / "hop_count.parquet")
+        assert counted == [] and [row["finished_at"] for row in rows] == [1000 + k for k in range(len(entries))]
 
     def test_an_interruption_keeps_what_is_finished(self, counted, tmp_path, monkeypatch):
-        working = experiment_runner.each
+        working = resumable.run_jobs
 
         def broken(jobs, *rest):
             for k, item in enumerate(working(jobs, *rest)):
@@ -303,11 +316,11 @@ class TestDirectory:
                     raise KeyboardInterrupt
                 yield item
 
-        monkeypatch.setattr(experiment_runner, "each", broken)
+        monkeypatch.setattr(resumable, "run_jobs", broken)
         plan = replace(PLAN, quick=True)
         with pytest.raises(KeyboardInterrupt):
             run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
-        monkeypatch.setattr(experiment_runner, "each", working)
+        monkeypatch.setattr(resumable, "run_jobs", working)
         before = len(counted)
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
         assert len(counted) - before == 3
@@ -316,7 +329,7 @@ class TestDirectory:
         plan = replace(PLAN, quick=True)
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
         monkeypatch.setattr("iswarm_mj.experiments.runner.checkpoint.versions", lambda: {"iswarm_mj": "0.0.1"})
-        with pytest.raises(UserError, match=r"other versions .*choose another --out"):
+        with pytest.raises(UserError, match=r"different versions .*choose another `out`"):
             run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
 
     def test_real_runs_of_a_small_arena(self, small, tmp_path):
@@ -325,7 +338,7 @@ class TestDirectory:
         entries = hop_count.entries(plan)
         short = [Entry(e.labels, replace(e.job, steps=30)) for e in entries[::3]]
         made = replace(EXPERIMENTS["hop-count"], entries=lambda _: short)
-        run_experiment(made, plan, tmp_path, workers=1)
+        run_experiment(made, plan, tmp_path, Execution(workers=1))
         rows, settings = read_table(tmp_path / "hop_count.parquet")
         outcome = run_job(short[0].job)
         assert {name: rows[0][name] for name in outcome._asdict()} == outcome._asdict()

@@ -16,16 +16,31 @@ import jax
 import numpy as np
 import pytest
 
-from iswarm_mj.experiments.runner import batches, pool
-from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
-from iswarm_mj.experiments.runner.pool import each, map_jobs
+from iswarm_mj.experiments.runner import batches, worker
+from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.experiments.runner.pool import Execution, run_jobs
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
+TWO, MJX = Execution(workers=2), Execution("mjx")
+LIMIT = 600
+"""Longest time for something that has to happen [s]."""
+
+
+def outcomes_of(jobs, execution=TWO):
+    """Outcomes in the order of the jobs; none comes twice."""
+    found = {}
+    with closing(run_jobs(jobs, execution)) as finished:
+        for index, outcome in finished:
+            assert index not in found
+            found[index] = outcome
+    return [found[index] for index in range(len(jobs))]
+
 
 @pytest.fixture(scope="module")
 def jobs(small):
+    """Real runs of different lengths."""
     return [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
 
 
@@ -36,7 +51,33 @@ def expected(jobs):
     return outcomes
 
 
-def workers_of(parent):
+@pytest.fixture
+def stubs(monkeypatch):
+    """Jobs whose outcome is their seed, so that workers need not load the simulation."""
+    monkeypatch.setattr(worker, "work", lambda index, job: (index, job.seed))
+    return [SimpleNamespace(n_robots=30, seed=seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
+
+
+SEEDS = [0, 1, 2, 3, 4, 5]
+"""Outcomes of the stubs."""
+
+
+def dying_once(directory):
+    """A worker's code that is killed by each job's first attempt, and fails for good at a seventh job."""
+
+    def work(index, job):
+        mark = directory / str(index)
+        if index == 6:
+            raise SimulationFault("step 8: gone")
+        if not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return index, job.seed
+
+    return work
+
+
+def children_of(parent):
     """Process ids of the loky workers of a process."""
     found = []
     for path in Path("/proc").glob("[0-9]*"):
@@ -50,83 +91,76 @@ def workers_of(parent):
     return sorted(found)
 
 
-def fake(index, job):
-    """An outcome without a run."""
-    return index, Outcome(job.seed, 0, 0, None, None, job.steps, 0.0)
-
-
 class TestProcesses:
     @pytest.mark.parametrize("workers", [1, 2])
-    def test_outcomes_have_the_order_of_the_jobs(self, jobs, expected, workers):
-        assert map_jobs(jobs, workers) == expected
+    def test_outcomes_are_those_of_the_jobs_by_themselves(self, jobs, expected, workers):
+        assert outcomes_of(jobs, Execution(workers=workers)) == expected
 
-    def test_workers_start_once(self, jobs, expected):
-        map_jobs(jobs[:2], 2)
-        before = workers_of(os.getpid())
-        assert map_jobs(jobs, 2) == expected
-        assert workers_of(os.getpid()) == before and len(before) == 2
+    def test_workers_start_once(self, stubs):
+        outcomes_of(stubs[:2])
+        before = children_of(os.getpid())
+        assert outcomes_of(stubs) == SEEDS
+        assert children_of(os.getpid()) == before and len(before) == 2
 
     def test_long_jobs_begin_first(self, jobs, expected):
-        finished = list(each(jobs, workers=1))
+        finished = list(run_jobs(jobs, Execution(workers=1)))
         assert [index for index, _ in finished] == [1, 5, 3, 2, 0, 4]
         assert all(outcome == expected[index] for index, outcome in finished)
 
     def test_no_jobs(self):
-        assert map_jobs([], 2) == map_jobs([], 1) == []
+        assert outcomes_of([]) == outcomes_of([], Execution(workers=1)) == []
 
-    def test_the_jobs_of_a_lost_worker_are_done_again(self, jobs, expected):
-        seen = {}
-        with closing(each(jobs, 2)) as finished:
+    def test_the_jobs_of_a_lost_worker_are_repeated(self, stubs, monkeypatch, tmp_path):
+        """A worker is killed while both are within a job."""
+        killed, seen = tmp_path / "killed", {}
+
+        def work(index, job):
+            while index != 1 and not killed.exists():
+                time.sleep(0.01)
+            return index, job.seed
+
+        monkeypatch.setattr(worker, "work", work)
+        with closing(run_jobs(stubs, TWO)) as finished:
             for index, outcome in finished:
                 assert index not in seen
                 seen[index] = outcome
                 if len(seen) == 1:
-                    os.kill(workers_of(os.getpid())[0], signal.SIGKILL)
-        assert [seen[index] for index in range(len(jobs))] == expected
+                    os.kill(children_of(os.getpid())[0], signal.SIGKILL)
+                    killed.touch()
+        assert [seen[index] for index in range(len(stubs))] == SEEDS
 
-    def test_workers_that_keep_dying_end_it(self, jobs, monkeypatch):
-        def dies(index, job):
-            os.kill(os.getpid(), signal.SIGKILL)
+    def test_workers_that_keep_dying_end_it(self, stubs, monkeypatch):
+        monkeypatch.setattr(worker, "work", lambda index, job: os.kill(os.getpid(), signal.SIGKILL))
+        monkeypatch.setattr(worker, "MAX_LOSSES", 1)
+        with pytest.raises(SimulationFault, match=r"died 2 times .* of 30 robots with seed 1; .* fewer `workers`$"):
+            outcomes_of(stubs)
 
-        monkeypatch.setattr(pool, "_work", dies)
-        monkeypatch.setattr(pool, "MAX_LOSSES", 1)
-        with pytest.raises(SimulationFault, match=r"died 2 times .* of 30 robots with seed 1; .* fewer --workers$"):
-            map_jobs(jobs, 2)
+    def test_a_worker_may_die_now_and_then(self, stubs, monkeypatch, tmp_path):
+        """Each job kills its worker once, more often in total than is allowed in a row."""
+        monkeypatch.setattr(worker, "MAX_LOSSES", 2)
+        monkeypatch.setattr(worker, "work", dying_once(tmp_path))
+        assert outcomes_of(stubs) == SEEDS
 
-    def test_a_worker_may_die_now_and_then(self, jobs, monkeypatch, tmp_path):
-        """Each job kills its worker once, more often in all than is allowed in a row."""
-        monkeypatch.setattr(pool, "MAX_LOSSES", 2)
-
-        def dies_once(index, job):
-            mark = tmp_path / str(index)
-            if not mark.exists():
-                mark.touch()
-                os.kill(os.getpid(), signal.SIGKILL)
-            return fake(index, job)
-
-        monkeypatch.setattr(pool, "_work", dies_once)
-        assert [outcome.delivered for outcome in map_jobs(jobs, 2)] == [job.seed for job in jobs]
-
-    def test_a_fault_ends_it_and_the_next_call_works(self, jobs, expected, monkeypatch):
+    def test_a_fault_ends_it_and_the_next_call_works(self, stubs, monkeypatch):
         def faulty(index, job):
             if index == 3:
                 raise SimulationFault("step 8: gone")
-            return fake(index, job)
+            return index, job.seed
 
         with monkeypatch.context() as patch:
-            patch.setattr(pool, "_work", faulty)
+            patch.setattr(worker, "work", faulty)
             with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
-                map_jobs(jobs, 2)
-        assert map_jobs(jobs, 2) == expected
+                outcomes_of(stubs)
+        assert outcomes_of(stubs) == SEEDS
 
     @pytest.mark.filterwarnings("error")
-    def test_closing_it_early_stops_the_workers(self, jobs, expected):
-        with closing(each(jobs, 2)) as finished:
+    def test_closing_it_early_stops_the_workers(self, stubs):
+        with closing(run_jobs(stubs, TWO)) as finished:
             next(finished)
-        assert map_jobs(jobs, 2) == expected
+        assert outcomes_of(stubs) == SEEDS
 
 
-def test_programs_read_half_written_are_silent_in_workers(jobs, monkeypatch):
+def test_programs_read_half_written_are_silent_in_workers(monkeypatch):
     """Nothing else is: neither other errors of the cache nor other warnings."""
     half = zlib.compress(bytes(1000))[:-8]
     with pytest.raises(zlib.error) as error:
@@ -138,25 +172,37 @@ def test_programs_read_half_written_are_silent_in_workers(jobs, monkeypatch):
         for text in told:
             warnings.warn(text, stacklevel=1)
 
-    monkeypatch.setattr(pool, "run_job", warns)
+    monkeypatch.setattr("iswarm_mj.experiments.runner.jobs.run_job", warns)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        pool._work(0, jobs[0])
+        worker.work(0, None)
     assert [str(warning.message) for warning in caught] == told[1:]
 
 
-SCRIPT = """
-import sys
-from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.strategy.genome import Genome
+def test_workers_load_the_simulation_with_the_first_job_only():
+    code = "import sys, iswarm_mj.experiments.runner.worker; print({'jax', 'mujoco', 'numpy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=LIMIT)
+    assert done.stdout == "set()\n"
 
-small = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+
+SCRIPT = """
+import os, sys, time
+from types import SimpleNamespace
+from iswarm_mj.experiments.runner import pool, worker
+
+def work(index, job):
+    time.sleep(0.01)
+    return index, os.getpid()
+
 if __name__ == "__main__":
+    worker.work = work
+    jobs = [SimpleNamespace(n_robots=30, seed=seed, steps=1) for seed in range(99_999)]
+    workers = set()
     try:
-        for _ in pool.each([Job(small, Genome(), 30, seed, steps=100_000, stop_at=24) for seed in range(9999)], 2):
-            print("one", flush=True)
+        for _, pid in pool.run_jobs(jobs, pool.Execution(workers=2)):
+            if pid not in workers:
+                print("one more", flush=True)
+            workers.add(pid)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
         sys.exit(130)
@@ -166,37 +212,38 @@ if __name__ == "__main__":
 class TestEnds:
     @pytest.fixture
     def process(self, tmp_path):
-        """A process with two workers that have finished their first run."""
+        """A process with two workers that have both finished a job."""
         script = tmp_path / "many.py"
         script.write_text(SCRIPT)
         command = [sys.executable, str(script)]
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=tmp_path
         ) as process:
-            assert process.stdout.readline() == "one\n"
-            workers = workers_of(process.pid)
+            assert [process.stdout.readline() for _ in range(2)] == ["one more\n"] * 2
+            workers = children_of(process.pid)
             assert len(workers) == 2
             yield process, workers
             process.kill()
 
-    def gone(self, workers, seconds):
-        end = time.monotonic() + seconds
-        while any(Path(f"/proc/{w}").exists() for w in workers) and time.monotonic() < end:
+    def wait_for_the_end_of(self, workers):
+        end = time.monotonic() + LIMIT
+        while any(Path(f"/proc/{worker}").exists() for worker in workers):
+            assert time.monotonic() < end
             time.sleep(0.05)
-        return not any(Path(f"/proc/{w}").exists() for w in workers)
 
     def test_an_interrupt_ends_quietly(self, process):
         process, workers = process
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to the workers too
-        out, error = process.communicate(timeout=20)
+        out, error = process.communicate(timeout=LIMIT)
         assert process.returncode == 130 and out.endswith("interrupted\n")
-        assert "Traceback" not in error and self.gone(workers, 5)
+        assert "Traceback" not in error
+        self.wait_for_the_end_of(workers)
 
     def test_workers_end_with_a_parent_that_is_killed(self, process):
         process, workers = process
         process.kill()
-        process.wait(timeout=20)
-        assert self.gone(workers, 10)
+        process.wait(timeout=LIMIT)
+        self.wait_for_the_end_of(workers)
 
 
 @pytest.fixture(scope="module")
@@ -208,39 +255,39 @@ def ray():
 
 
 class TestRay:
-    def test_its_absence_is_told_in_a_sentence(self, jobs, monkeypatch):
+    RAY = Execution(workers=2, backend="ray")
+
+    def test_a_sentence_names_what_is_missing(self, stubs, monkeypatch):
         monkeypatch.setitem(sys.modules, "ray", None)
-        with pytest.raises(UserError, match=r"^--backend was ray, which is not installed; .*\[cluster\]'\.$"):
-            map_jobs(jobs, backend="ray")
+        with pytest.raises(UserError, match=r"^`backend` ray needs Ray; .*\[cluster\]'$"):
+            outcomes_of(stubs, self.RAY)
 
     def test_the_same_outcomes(self, ray, jobs, expected):
-        assert map_jobs(jobs, 2, backend="ray") == expected
+        assert outcomes_of(jobs, self.RAY) == expected
 
-    def test_lost_workers_and_faults(self, ray, jobs, monkeypatch, tmp_path):
-        def dies_once(index, job):
-            mark = tmp_path / str(index)
-            if not mark.exists():
-                mark.touch()
-                os.kill(os.getpid(), signal.SIGKILL)
-            if index == 6:
-                raise SimulationFault("step 8: gone")
-            return index, Outcome(job.seed, 0, 0, None, None, job.steps, 0.0)
-
-        monkeypatch.setattr(pool, "_work", dies_once)
-        assert [outcome.delivered for outcome in map_jobs(jobs, 2, backend="ray")] == [job.seed for job in jobs]
+    def test_lost_workers_and_faults(self, ray, stubs, monkeypatch, tmp_path):
+        monkeypatch.setattr(worker, "work", dying_once(tmp_path))
+        assert outcomes_of(stubs, self.RAY) == SEEDS
         with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
-            map_jobs([*jobs, jobs[0]], 2, backend="ray")
+            outcomes_of([*stubs, stubs[0]], self.RAY)
 
 
 class TestMjx:
-    def test_other_engines_and_backends_are_refused(self, jobs):
-        with pytest.raises(UserError, match=r"^engine must be mujoco or mjx \(got 'abacus'\)"):
-            map_jobs(jobs, engine="abacus")
-        with pytest.raises(UserError, match=r"^--backend was ray, whose workers do not run --engine mjx; "):
-            map_jobs(jobs, engine="mjx", backend="ray")
+    @pytest.mark.parametrize(
+        "given, said",
+        [
+            ({"engine": "abacus"}, "^engine must be mujoco or mjx .*abacus"),
+            ({"backend": "abacus"}, "^backend must be processes or ray .*abacus"),
+            ({"workers": -1}, "^workers must be .*between 0 and 1024 .*-1"),
+            ({"engine": "mjx", "backend": "ray"}, "^backend must be processes with `engine` mjx"),
+        ],
+    )
+    def test_what_is_not_possible_is_refused(self, given, said):
+        with pytest.raises(UserError, match=said):
+            Execution(**given)
 
     def test_no_jobs(self):
-        assert map_jobs([], engine="mjx") == []
+        assert outcomes_of([], MJX) == []
 
     @pytest.mark.parametrize(
         "device, has_warp, expected",
@@ -288,14 +335,14 @@ class TestMjx:
     @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
     def test_a_crowded_batch_gets_more_room(self, jobs, monkeypatch, tried, impl, expected):
         monkeypatch.setattr(batches, "implementation", lambda: impl)
-        assert [outcome.delivered for outcome in map_jobs(jobs[:1], engine="mjx")] == [30]
+        assert [outcome.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
         assert tried[1] == expected
 
     @pytest.mark.parametrize("needed, bit, expected", [(9, 2, [1, 2, 4, 8]), (9, 4, [1])])
     def test_what_more_room_does_not_mend_is_a_fault(self, jobs, tried, needed, bit, expected):
         tried[0].needed, tried[0].bit = needed, bit
         with pytest.raises(SimulationFault, match="no room"):
-            map_jobs(jobs[:1], engine="mjx")
+            outcomes_of(jobs[:1], MJX)
         assert tried[1] == expected
 
     def test_batches_of_other_sizes_have_the_same_places(self, small):
@@ -313,6 +360,6 @@ def test_worlds_of_a_batch_are_the_jobs(small):
     """MJX runs jobs of two lengths and of different numbers of robots as two batches; over a few steps as MuJoCo C."""
     given = [(12, 1, 20), (10, 2, 20), (12, 3, 10)]
     jobs = [Job(small, Genome(), n_robots, seed, steps=steps) for n_robots, seed, steps in given]
-    batched, alone = map_jobs(jobs, engine="mjx"), map_jobs(jobs, 1)
+    batched, alone = outcomes_of(jobs, MJX), outcomes_of(jobs, Execution(workers=1))
     assert [(o.delivered, o.picked, o.steps) for o in batched] == [(o.delivered, o.picked, o.steps) for o in alone]
     assert sum(o.picked for o in alone) > 3

@@ -32,7 +32,7 @@ from iswarm_mj.utils.tables import write_table
 class TestChoices:
     def test_they_are_what_the_configuration_says_without_the_paper(self):
         found = {choice.name: choice for choice in assumptions.assumed()}
-        assert found["strategy.dust-range"].value == "0.75" and "sensed within" in found["strategy.dust-range"].meaning
+        assert found["strategy.dust-range"].value == "0.75" and "senses a ball" in found["strategy.dust-range"].meaning
         assert "optics.led-beam-aperture" not in found and "gripper.work-tool-object" not in found
         assert found["strategy.update-order"].value == "synchronous"
         assert all(choice.meaning for choice in found.values()) and len(found) > 15
@@ -128,7 +128,7 @@ class TestResults:
     def test_a_directory_that_is_not_there(self, capsys):
         with pytest.raises(SystemExit) as stop:
             main(["report", "--results", "nowhere"])
-        assert stop.value.code == 2 and "--results must be existing directories" in capsys.readouterr().err
+        assert stop.value.code == 2 and "--results must be an existing directory" in capsys.readouterr().err
 
 
 class Page(HTMLParser):
@@ -232,7 +232,10 @@ class TestReport:
 
     @pytest.mark.parametrize(
         "flags, said",
-        [(["--out", "r.pdf"], "must be a name ending in .html"), (["--results"], "--results was empty")],
+        [
+            (["--out", "r.pdf"], "--out must be a name that ends in .html"),
+            (["--results"], "--results must be at least one directory"),
+        ],
     )
     def test_bad_flags_end_with_a_sentence(self, flags, said, capsys):
         with pytest.raises(SystemExit) as stop:

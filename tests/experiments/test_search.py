@@ -14,10 +14,13 @@ import pytest
 from iswarm_mj.simulation.run_mjx import _chunk
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.experiments.runner import search as module
+from iswarm_mj.experiments.runner import resumable
+from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, optimiser
-from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE, Search, best_of, evolve, genome_of, run_seed
+from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE, Search, run_search, run_seed, summary
+from iswarm_mj.experiments.runner.search_table import best_of, genome_of
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
 from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome
@@ -38,8 +41,8 @@ def pretend(monkeypatch, breaks_after=None):
     """Jobs without physics, finished in an order that depends on the workers; returns those that were begun."""
     begun = []
 
-    def each(jobs, workers=0, engine="mujoco", backend="processes"):
-        for index in np.random.default_rng(workers).permutation(len(jobs)):
+    def run_jobs(jobs, execution):
+        for index in np.random.default_rng(execution.workers).permutation(len(jobs)):
             if breaks_after is not None and len(begun) >= breaks_after:
                 raise KeyboardInterrupt
             job = jobs[index]
@@ -51,7 +54,7 @@ def pretend(monkeypatch, breaks_after=None):
                 Outcome(picked - 1, picked, job.n_robots, None, None, job.steps, worth(job.genome) + noise),
             )
 
-    monkeypatch.setattr(module, "each", each)
+    monkeypatch.setattr(resumable, "run_jobs", run_jobs)
     return begun
 
 
@@ -63,7 +66,7 @@ class TestTable:
     @pytest.fixture
     def done(self, monkeypatch, tmp_path):
         begun = pretend(monkeypatch)
-        evolve(SEARCH, tmp_path / "out")
+        run_search(SEARCH, tmp_path / "out")
         rows, settings = read_table(tmp_path / "out" / TABLE)
         return tmp_path / "out", rows, settings, begun
 
@@ -122,7 +125,7 @@ def test_the_best_is_not_the_luckiest():
 
 def test_a_fitness_of_almost_nothing_has_no_sign(tmp_path):
     rows = [{"generation": 0, "delivered": 0, "fitness": -0.02, **asdict(Genome())}]
-    told = module.summary(replace(SEARCH, generations=1), rows, best_of(rows), tmp_path)
+    told = summary(replace(SEARCH, generations=1), rows, best_of(rows), tmp_path)
     assert "fitness  0 on average" in told and "best  0 on average" in told
 
 
@@ -134,48 +137,53 @@ def test_seeds_differ_and_are_seeds():
 
 
 class TestResume:
+    @pytest.fixture(autouse=True)
+    def no_figures(self, monkeypatch):
+        """Figures follow from the table and take most of the time; `TestTable` has them."""
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
+
     @pytest.mark.parametrize("method", METHODS)
     def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method):
         search = replace(SEARCH, method=method)
         pretend(monkeypatch)
-        evolve(search, tmp_path / "whole", workers=1)
+        run_search(search, tmp_path / "whole", execution=Execution(workers=1))
         for number, breaks_after in enumerate((0, 1, 13, 20, 59)):
             out = tmp_path / str(number)
             pretend(monkeypatch, breaks_after)
             with pytest.raises(KeyboardInterrupt):
-                evolve(search, out, workers=2)
+                run_search(search, out, execution=Execution(workers=2))
             begun = pretend(monkeypatch)
-            evolve(search, out, resume=True, workers=3)
+            run_search(search, out, resume=True, execution=Execution(workers=3))
             assert contents(out) == contents(tmp_path / "whole")
             assert len(begun) == 60 - breaks_after
 
     def test_with_mjx_a_generation_in_parts_is_one_batch_again(self, monkeypatch, tmp_path):
         """The end came between lines of the second generation, then of that again, at another run."""
         begun = pretend(monkeypatch)
-        evolve(SEARCH, tmp_path / "whole", engine="mjx")
+        run_search(SEARCH, tmp_path / "whole", execution=Execution("mjx"))
         batch = begun[10:20]
         out = tmp_path / "out"
         for runs in (17, 4):
             pretend(monkeypatch, runs)
             with pytest.raises(KeyboardInterrupt):
-                evolve(SEARCH, out, resume=True, engine="mjx")
+                run_search(SEARCH, out, resume=True, execution=Execution("mjx"))
         begun = pretend(monkeypatch)
-        evolve(SEARCH, out, resume=True, engine="mjx")
+        run_search(SEARCH, out, resume=True, execution=Execution("mjx"))
         assert len(begun) == 50 and begun[:10] == batch
         assert contents(out) == contents(tmp_path / "whole")
 
     def test_a_finished_search_is_not_run_again(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
-        evolve(SEARCH, tmp_path / "out")
+        run_search(SEARCH, tmp_path / "out")
         before = contents(tmp_path / "out")
         begun = pretend(monkeypatch)
-        evolve(SEARCH, tmp_path / "out", resume=True)
+        run_search(SEARCH, tmp_path / "out", resume=True)
         assert contents(tmp_path / "out") == before and begun == []
 
     def test_the_table_is_there_after_each_generation(self, monkeypatch, tmp_path):
         pretend(monkeypatch, breaks_after=35)
         with pytest.raises(KeyboardInterrupt):
-            evolve(SEARCH, tmp_path / "out")
+            run_search(SEARCH, tmp_path / "out")
         assert len(read_table(tmp_path / "out" / TABLE)[0]) == 30
         assert not (tmp_path / "out" / BEST).exists()
 
@@ -186,25 +194,29 @@ class TestResume:
             (out / f".123-{name}").write_text("half")
         (out / ".123-mine").write_text("mine")
         pretend(monkeypatch)
-        evolve(SEARCH, out)
-        assert len(contents(out)) == 6 and (out / ".123-mine").read_text() == "mine"
+        run_search(SEARCH, out)
+        assert len(contents(out)) == 4 and (out / ".123-mine").read_text() == "mine"
 
     def test_what_is_in_the_way_is_refused(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
-        evolve(SEARCH, tmp_path)
+        run_search(SEARCH, tmp_path)
         before = contents(tmp_path)
         refusals = [
-            (SEARCH, False, r"^--out was .*, which holds a search already; go on with --resume, or choose another\.$"),
-            (replace(SEARCH, seed=4), True, r"other settings \(seed: 3 there, 4 now\)"),
+            (
+                SEARCH,
+                False,
+                r"^out must be .* without a search \(got .*\); continue the search with `resume`$",
+            ),
+            (replace(SEARCH, seed=4), True, r"different settings \(seed: 3 there, 4 now\)"),
             (replace(SEARCH, operators=Operators(span=0.1)), True, r"\(operators\.span: 0\.05 there, 0\.1 now\)"),
         ]
         for search, resume, message in refusals:
             with pytest.raises(UserError, match=message):
-                evolve(search, tmp_path, resume)
+                run_search(search, tmp_path, resume=resume)
             assert contents(tmp_path) == before
         (tmp_path / CHECKPOINT).unlink()
-        with pytest.raises(UserError, match=r"holds a search without its checkpoint\.jsonl; choose another"):
-            evolve(SEARCH, tmp_path, resume=True)
+        with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.jsonl$"):
+            run_search(SEARCH, tmp_path, resume=True)
 
     def test_another_engine_is_refused(self, monkeypatch, tmp_path):
         begun = pretend(monkeypatch)
@@ -212,41 +224,41 @@ class TestResume:
             ("c", "mujoco", "mjx", r"\(engine: the default there, mjx now, impl: the default there, jax now\)"),
             ("mjx", "mjx", "mujoco", r"\(engine: mjx there, the default now, impl: jax there, the default now\)"),
         ):
-            evolve(SEARCH, tmp_path / name, engine=one)
+            run_search(SEARCH, tmp_path / name, execution=Execution(one))
             before = contents(tmp_path / name)
             begun.clear()
             with pytest.raises(UserError, match=message):
-                evolve(SEARCH, tmp_path / name, resume=True, engine=other)
-            evolve(SEARCH, tmp_path / name, resume=True, engine=one)
+                run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(other))
+            run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(one))
             assert contents(tmp_path / name) == before and begun == []
         assert read_table(tmp_path / "mjx" / TABLE)[1]["engine"] == "mjx"
 
     def test_checkpoints_of_before_there_were_engines_and_orders_go_on(self, monkeypatch, tmp_path):
         """Their settings name neither; the files in the end do not either."""
         begun = pretend(monkeypatch)
-        evolve(SEARCH, tmp_path / "whole")
+        run_search(SEARCH, tmp_path / "whole")
         settings = asdict(SEARCH)
         del settings["config"]["strategy"]["update_order"]
-        with module.Journal(tmp_path / "whole" / CHECKPOINT, settings) as journal:
+        with Journal(tmp_path / "whole" / CHECKPOINT, settings) as journal:
             runs = dict(list(journal.entries.items())[:27])
         (tmp_path / "old").mkdir()
-        with module.Journal(tmp_path / "old" / CHECKPOINT, settings) as journal:
+        with Journal(tmp_path / "old" / CHECKPOINT, settings) as journal:
             for key, entry in runs.items():
                 journal.add(key, entry)
         begun.clear()
-        evolve(SEARCH, tmp_path / "old", resume=True)
+        run_search(SEARCH, tmp_path / "old", resume=True)
         assert contents(tmp_path / "old") == contents(tmp_path / "whole") and len(begun) == 33
 
     def test_a_checkpoint_of_another_program_is_refused(self, monkeypatch, tmp_path):
         """Of the same settings and versions, but with a genome that does not follow from them."""
         pretend(monkeypatch)
-        evolve(SEARCH, tmp_path)
-        with module.Journal(tmp_path / CHECKPOINT, to_dict(SEARCH)) as journal:
+        run_search(SEARCH, tmp_path)
+        with Journal(tmp_path / CHECKPOINT, to_dict(SEARCH)) as journal:
             entry = journal.entries[2, 4, 0]
             entry["genome"] = list(astuple(Genome()))
             journal.settle()
-        with pytest.raises(UserError, match=r"another genome in generation 2 than this program would try there"):
-            evolve(SEARCH, tmp_path, resume=True)
+        with pytest.raises(UserError, match=r"another genome in generation 2 than this version of the program"):
+            run_search(SEARCH, tmp_path, resume=True)
 
 
 class TestOptimisers:
@@ -319,13 +331,30 @@ def killed_at(lines, delay, out, *flags):
     return lived
 
 
+KILLED = """
+import os, signal, sys
+from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.runner.checkpoint import Journal
+
+add = Journal.add
+
+def add_and_die(journal, key, entry):
+    add(journal, key, entry)
+    if len(journal.entries) == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Journal.add = add_and_die
+main(sys.argv[1:])
+"""
+
+
 def test_killed_and_resumed(tmp_path):
-    """The process is really killed once; the files are the same as without."""
+    """The process is really killed, in the second generation; the files are the same as without."""
     flags = ["--generations=3", "--population=4", "--workers=1"]
     cli.main(command(tmp_path / "whole", *flags)[3:])
-    assert killed_at(5, 0.05, tmp_path / "out", *flags)
-    torn = (tmp_path / "out" / CHECKPOINT).read_bytes().count(b"\n")
-    assert 5 <= torn < 13
+    given = [sys.executable, "-c", KILLED, *command(tmp_path / "out", *flags)[3:]]
+    assert subprocess.run(given, stdout=subprocess.DEVNULL, timeout=600).returncode == -signal.SIGKILL
+    assert (tmp_path / "out" / CHECKPOINT).read_bytes().count(b"\n") == 6
     cli.main([*command(tmp_path / "out", *flags)[3:], "--resume"])
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     rows, _ = read_table(tmp_path / "out" / TABLE)
@@ -356,8 +385,8 @@ def test_generations_as_batches(small, tmp_path):
     "flags, message",
     [
         ("--engine abacus", r"\('mujoco', 'mjx'\)"),
-        ("--engine mjx --backend ray", r"--backend was ray, whose workers do not run --engine mjx"),
-        ("--generations 0", r"--generations must be between 1 and 100000.*\(got 0\)"),
+        ("--engine mjx --backend ray", r"--backend must be processes with --engine mjx \(got 'ray'\)"),
+        ("--generations 0", r"--generations must be a whole number between 1 and 100000 \(got 0\)"),
         ("--population 1", r"--population must be .*\(got 1\)"),
         ("--population 2", r"--operators\.elite must be below --population \(got 2\)"),
         ("--evaluations 0", r"--evaluations must be .*\(got 0\)"),

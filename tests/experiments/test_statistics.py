@@ -83,8 +83,14 @@ class TestIntervals:
             inside += found.low <= 1 <= found.high
         assert 178 <= inside <= 198
 
-    def test_blocks_of_resamples_are_all_there(self):
-        assert len(statistics._resampled(np.arange(1000.0), mean, np.random.default_rng(0))) == statistics.RESAMPLES
+    def test_of_one_value_it_is_a_point(self):
+        assert tuple(interval([3.0])) == (3, 3, 3)
+        found = difference([3.0], [1.0, 2.0], mean)
+        assert tuple(found) == (1.5, 1, 2)
+
+    def test_of_two_values_it_is_by_hand(self):
+        """Means of resamples are 0, 1/2 and 1 with probabilities 1/4, 1/2 and 1/4, so that both ends are extremes."""
+        assert tuple(interval([0.0, 1.0])) == (0.5, 0, 1)
 
     @pytest.mark.parametrize("count, total, low, high", [(0, 10, 0.0, 0.2775), (655, 675, 0.9547, 0.9807)])
     def test_wilson(self, count, total, low, high):

@@ -215,12 +215,6 @@ def test_arrows_start_at_those_who_know(run, kind):
             np.testing.assert_allclose(arrow, [1e3 * turned.real, 1e3 * turned.imag, 0], atol=1e-3)
 
 
-def test_arrows_turn_with_the_robot():
-    """A robot that looks north (yaw 90 degrees): ahead is north, left is west."""
-    turned = record.world_vectors(np.array([[3.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), np.full(3, np.pi / 2))
-    np.testing.assert_allclose(turned, [[0, 3], [-2, 0], [-2, 3]], atol=1e-12)
-
-
 def test_dump_arrows_meet_at_the_dump(run):
     """In this run all robots remember the centre of the arena."""
     _, _, recorded = run

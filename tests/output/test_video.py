@@ -6,9 +6,10 @@ import sys
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from helpers_opengl import needs_opengl
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.output.video import RATE, between, encode, write_video
+from iswarm_mj.output.video import RATE, Film, encode, interpolated, write_video
 from iswarm_mj.utils.errors import UserError
 
 
@@ -45,14 +46,14 @@ def test_pictures_come_back(tmp_path):
 
 def test_robots_go_straight_between_two_steps():
     values = np.array([[[0.0, 2.0]], [[1.0, 4.0]], [[5.0, 4.0]]])
-    assert between(values, 0, 0.0).tolist() == [[0, 2]]
-    assert between(values, 0, 0.25).tolist() == [[0.25, 2.5]]
-    assert between(values, 2, 0.0).tolist() == [[5, 4]]
+    assert interpolated(values, 0, 0.0).tolist() == [[0, 2]]
+    assert interpolated(values, 0, 0.25).tolist() == [[0.25, 2.5]]
+    assert interpolated(values, 2, 0.0).tolist() == [[5, 4]]
 
 
 def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"no result.json with trajectory.npz can be read"):
-        write_video(tmp_path, tmp_path / "a.mp4")
+    with pytest.raises(UserError, match=r"holds no readable result.json with trajectory.npz"):
+        write_video(tmp_path, tmp_path / "a.mp4", Film())
 
 
 @pytest.mark.parametrize(
@@ -69,12 +70,7 @@ def test_bad_flags_end_with_a_sentence(flags, said, capsys):
     assert stop.value.code == 2 and said in capsys.readouterr().err
 
 
-def has_egl():
-    code = "import mujoco; mujoco.GLContext(8, 8).make_current()"
-    return subprocess.run([sys.executable, "-c", code], env={"MUJOCO_GL": "egl"}, capture_output=True).returncode == 0
-
-
-@pytest.mark.skipif(sys.platform == "linux" and not has_egl(), reason="no off-screen OpenGL")
+@needs_opengl
 def test_a_run_is_filmed(small, tmp_path):
     """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
     import json

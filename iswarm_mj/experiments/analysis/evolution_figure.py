@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from iswarm_mj.output.plot_style import figure
 
 
-def draw(rows: Sequence[Mapping[str, Any]], n_dust: int, path: Path) -> None:
+def draw_fitness(rows: Sequence[Mapping[str, Any]], n_dust: int, path: Path) -> None:
     """Draw each run as a dot, the best and the mean of each generation as lines; PNG and SVG.
 
     Args:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.evolution_figure import draw
+from iswarm_mj.experiments.analysis.evolution_figure import draw_fitness
 from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Claim,
@@ -118,7 +118,7 @@ def fittest(rows: Rows, first: int, last: int) -> list[Row]:
 def draw_search(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
     """Draw Fig. 14: fitness over the generations; scouts and forgetting of the fittest."""
     name = f"evolution_{settings['method']}"
-    draw(rows, settings["config"]["arena"]["n_dust"], out / name)
+    draw_fitness(rows, settings["config"]["arena"]["n_dust"], out / name)
     drawn, top = [out / f"{name}.png"], fittest(rows, *PLATEAU)
     if top and settings["method"] == "paper":
         x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))

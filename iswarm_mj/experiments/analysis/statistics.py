@@ -1,4 +1,4 @@
-"""Statistics of the experiments: tests between two groups of runs, intervals, correlations, slopes."""
+"""Statistics of the experiments: tests between two groups of runs, intervals, correlations and slopes."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -53,23 +53,18 @@ Statistic = Callable[..., np.ndarray]
 
 
 def interval(values: Values, statistic: Statistic = mean) -> Interval:
-    """Statistic of a sample with its percentile bootstrap interval; always the same random numbers.
+    """Statistic of a sample with its percentile bootstrap interval; the random numbers are always the same.
 
     Args:
         values: (n,) at least one.
-        statistic: of an array along `axis`, as `mean` or `median`.
+        statistic: of an array along `axis`, such as `mean` or `median`.
     """
-    x = np.asarray(values, float)
-    low, high = _percentiles(_resampled(x, statistic, np.random.default_rng(0)))
-    return Interval(float(statistic(x, axis=-1)), low, high)
+    return _bootstrap(statistic, values)
 
 
 def difference(first: Values, second: Values, statistic: Statistic = median) -> Interval:
     """Statistic of the first sample minus that of the second, with its percentile bootstrap interval."""
-    a, b = np.asarray(first, float), np.asarray(second, float)
-    rng = np.random.default_rng(0)
-    low, high = _percentiles(_resampled(a, statistic, rng) - _resampled(b, statistic, rng))
-    return Interval(float(statistic(a, axis=-1) - statistic(b, axis=-1)), low, high)
+    return _bootstrap(lambda a, b, axis: statistic(a, axis=axis) - statistic(b, axis=axis), first, second)
 
 
 def compare(first: Values, second: Values) -> Comparison:
@@ -136,16 +131,13 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def _resampled(values: np.ndarray, statistic: Statistic, rng: np.random.Generator) -> np.ndarray:
-    """Statistic of `RESAMPLES` resamples, a block of them at a time to spare memory."""
-    n, block = len(values), max(1, 2_000_000 // len(values))
-    parts = []
-    for start in range(0, RESAMPLES, block):
-        count = min(block, RESAMPLES - start)
-        parts.append(statistic(values[rng.integers(0, n, (count, n))], axis=-1))
-    return np.concatenate(parts)
-
-
-def _percentiles(values: np.ndarray) -> tuple[float, float]:
-    low, high = np.quantile(values, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(low), float(high)
+def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:
+    """Statistic of independent samples with its percentile interval."""
+    arrays = [np.asarray(values, float) for values in samples]
+    # SciPy wants two values or more; resamples of a value given twice are the same.
+    given = [np.repeat(values, 2) if len(values) == 1 else values for values in arrays]
+    rng = np.random.default_rng(0)
+    result = stats.bootstrap(
+        given, statistic, n_resamples=RESAMPLES, confidence_level=LEVEL, method="percentile", rng=rng
+    )
+    return Interval(float(statistic(*arrays, axis=-1)), *map(float, result.confidence_interval))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.tables import read_table
 
 SEARCH, TRIALS = "evolution.parquet", "trials.parquet"
@@ -53,7 +53,7 @@ def collect(directories: Sequence[Path]) -> Results:
     kinds: dict[tuple[str, str], list[Result]] = {}
     for directory in directories:
         if not directory.is_dir():
-            raise UserError(f"--results must be existing directories with results (got {directory}).")
+            raise ConfigError("results", directory, "an existing directory with results")
         for path in files_in(directory, "**/*.parquet"):
             if (result := _read(path)) and (kind := _kind(result)):
                 kinds.setdefault(kind, []).append(result)

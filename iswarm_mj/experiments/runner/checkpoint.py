@@ -45,7 +45,7 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._file.close()
-            raise UserError(f"{path} is in use by another process; wait for its end or choose another --out.") from None
+            raise UserError(f"{path} is in use by another process; wait for its end or choose another `out`") from None
         try:
             self._read()
         except UserError:
@@ -101,8 +101,8 @@ class Journal:
             different = _differences(head[what], self._head[what])
             if different:
                 raise UserError(
-                    f"{self._path} is of other {what} ({', '.join(different[:3])}); "
-                    "resume with those it was begun with, or choose another --out."
+                    f"{self._path} was created with different {what} ({', '.join(different[:3])}); "
+                    "resume with those it was created with, or choose another `out`"
                 )
 
 
@@ -119,7 +119,7 @@ def _content(path: Path, number: int, line: bytes) -> Any:
 
 
 def _damaged(path: Path, how: str) -> str:
-    return f"{path} is not a checkpoint of iswarm, or damaged: it {how}; begin again in another --out."
+    return f"{path} is not a checkpoint of iswarm, or damaged: it {how}; begin again in another `out`"
 
 
 def _differences(had: Any, wanted: Any, name: str = "") -> list[str]:

@@ -1,12 +1,11 @@
-"""An experiment: runs with labels, and what is made of them. Finished runs are kept and not done again."""
+"""An experiment: labelled runs, and what follows from them. Finished runs are kept and not repeated."""
 
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -14,8 +13,10 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Finding, Rows
 from iswarm_mj.experiments.runner.checkpoint import Journal, Key
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
-from iswarm_mj.experiments.runner.pool import check_engine, each, identity, progress
+from iswarm_mj.experiments.runner.pool import Execution, progress
+from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.utils.files import make_output_directory, remove
 from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
@@ -29,23 +30,26 @@ TIME_LIMIT = 1200
 
 @dataclass(frozen=True)
 class Plan:
-    """What an experiment is given."""
+    """Settings of an experiment."""
 
     config: SwarmConfig = field(default_factory=SwarmConfig)
     genome: Genome = field(default_factory=Genome)
-    """The swarm in question; the paper takes type 1, the fittest."""
-    seed: int = 0
+    """Of the swarm; the paper uses type 1, the fittest."""
+    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     quick: bool = False
     """A version of about a minute, with fewer and shorter runs."""
 
+    def __post_init__(self):
+        validate(self)
+
     @property
     def goal(self) -> int:
-        """Balls after which a run ends; the paper's 66 of 72."""
+        """Number of delivered balls at which a run ends; the paper's 66 of 72."""
         return round(GOAL_SHARE * self.config.arena.n_dust)
 
 
 class Entry(NamedTuple):
-    """A run with its labels: what is compared in the experiment."""
+    """A run, and the labels by which the experiment compares it with others."""
 
     labels: Mapping[str, Any]
     job: Job
@@ -53,20 +57,20 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment by its name."""
+    """An experiment: its runs, findings and figures."""
 
     name: str
     title: str
-    """One line on what it does."""
+    """What it does, in one line."""
     source: str
     """Figure of the paper, or that it is not in the paper."""
     entries: Callable[[Plan], list[Entry]]
     findings: Callable[[Rows], list[Finding]]
-    """From the rows of its table; of no rows, that it was not run."""
+    """Computed from the rows of its table; without rows, the findings say that it was not run."""
     draw: Callable[[Rows, Path], list[Path]]
-    """Draw figures of the rows into a directory; paths of the PNG files, an SVG file lies beside each."""
+    """Draws figures into a directory as PNG and SVG files; returns the paths of the PNG files."""
     extra: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
-    """What else it makes in its directory; it may add columns to the rows."""
+    """Writes further files into its directory; may add columns to the rows."""
 
     @property
     def table(self) -> str:
@@ -75,42 +79,38 @@ class Experiment:
 
 
 def run_seed(seed: int, *place: int) -> int:
-    """Seed of one run of an experiment, within 0 to 2^32 - 2; other places give independent ones."""
+    """Seed of one run of an experiment, within 0 to 2^32 - 2; different places give independent seeds."""
     state = np.random.SeedSequence(seed, spawn_key=place).generate_state(1, np.uint64)
     return int(state[0] % (2**32 - 1))
 
 
 def run_experiment(
-    experiment: Experiment, plan: Plan, out: Path, workers: int = 0, engine: str = "mujoco",
-    backend: str = "processes", again: bool = False,
-) -> list[Finding]:  # fmt: skip
-    """Run an experiment, write its results into `out`, print what was found.
+    experiment: Experiment, plan: Plan, out: Path, execution: Execution | None = None, again: bool = False
+) -> list[Finding]:
+    """Run an experiment, write its results into `out`, print the findings.
 
-    Files: the table, a row a run (parquet and CSV), findings.parquet and .csv, figures, runs.jsonl with the finished
-    runs. Runs that are in it are not done again, whatever experiment of the same package's version asks for them.
+    Files: the table, a row per run (parquet and CSV); findings.parquet and .csv; figures; runs.jsonl with the finished
+    runs. A run that is in it is not repeated, whichever experiment of the same version of the package asks for it.
 
     Args:
         experiment: which one.
         plan: its settings.
         out: directory of the results.
-        workers: see `pool.each`.
-        engine: see `pool.each`.
-        backend: see `pool.each`.
-        again: forget the runs that were kept.
+        execution: how to run the jobs, by default on all cores.
+        again: discard the finished runs in `out`.
 
     Raises:
-        UserError: `out` cannot be written to, or its runs are of another version.
+        UserError: `out` is not writable, or its runs are of another version.
         SimulationFault: a run could not go on.
     """
-    check_engine(engine, backend)
+    execution = execution or Execution()
     make_output_directory(out)
     if again:
         remove(out / RUNS)
     entries = experiment.entries(plan)
-    jobs = [entry.job for entry in entries]
-    outcomes = _outcomes(experiment.name, jobs, out, workers, engine, backend)
+    outcomes = _outcomes(experiment.name, [entry.job for entry in entries], out, execution)
     rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-    settings = {"experiment": experiment.name, "engine": engine, **to_dict(plan), **identity(engine)}
+    settings = {"experiment": experiment.name, "engine": execution.engine, **to_dict(plan), **execution.identity}
     if experiment.extra is not None:
         experiment.extra(plan, out, rows)
     write_table(out / experiment.table, rows, settings, csv=True)
@@ -126,38 +126,36 @@ def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:
     """Row of the table: labels, what was run, measures."""
     job = entry.job
     return {
-        **entry.labels, "seed": job.seed, "n_robots": job.n_robots, "failed_fraction": job.failed_fraction,
-        "max_steps": job.steps, "goal": job.stop_at or job.config.arena.n_dust, **outcome._asdict(),
+        **entry.labels,
+        "seed": job.seed,
+        "n_robots": job.n_robots,
+        "failed_fraction": job.failed_fraction,
+        "max_steps": job.steps,
+        "goal": job.stop_at or job.config.arena.n_dust,
+        **outcome._asdict(),
         "collisions_per_robot": outcome.collisions / job.n_robots,
-    }  # fmt: skip
+    }
 
 
 def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
-    """Readable summary of what was found."""
+    """Readable summary of the findings."""
     lines = [f"{n_runs} runs"]
     for finding in findings:
         lines += ["", f"{finding.claim}: {finding.verdict or '-'}", f"    {finding.ours}", f"    {finding.statistics}"]
     return "\n".join([*lines, "", f"results in {out}"])
 
 
-def _outcomes(name: str, jobs: Sequence[Job], out: Path, workers: int, engine: str, backend: str) -> list[Outcome]:
-    """Outcomes of the jobs: those of the journal, and the others from the pool into the journal."""
-    run_by = " ".join(identity(engine).values()) or engine
+def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -> list[Outcome]:
+    """Outcomes of the jobs; those in the journal are not run again."""
+    run_by = " ".join(execution.identity.values()) or execution.engine
     keys = [_key(job, run_by) for job in jobs]
     with Journal(out / RUNS, {"kind": "runs of experiments"}) as journal:
-        missing = [number for number, key in enumerate(keys) if key not in journal.entries]
-        todo = [jobs[number] for number in missing]
-        with (
-            progress(len(jobs), name, len(jobs) - len(todo)) as bar,
-            closing(each(todo, workers, engine, backend)) as finished,
-        ):
-            for index, outcome in finished:
-                journal.add(keys[missing[index]], outcome)
-                bar.update()
+        with progress(len(keys), name, sum(key in journal.entries for key in keys)) as bar:
+            run_missing(dict(zip(keys, jobs, strict=True)), journal, execution, bar, lambda job, outcome: outcome)
         return [Outcome(*journal.entries[key]) for key in keys]
 
 
 def _key(job: Job, run_by: str) -> Key:
-    """Name of a run by all that decides its outcome: the job, the engine and, where there are several, its kind."""
+    """Number of a run, a hash of all that determines its outcome: the job, the engine and its implementation."""
     text = json.dumps([run_by, to_dict(job)], sort_keys=True).encode()
     return (int(hashlib.sha256(text).hexdigest()[:13], 16),)

@@ -1,5 +1,6 @@
 """One world as a job: what a worker process is given and what it gives back."""
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -44,6 +45,10 @@ class Outcome(NamedTuple):
     """Control steps that were run."""
     fitness: float
     """The paper's fitness over the job's steps."""
+
+
+NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
+"""Outcomes with the indices of their jobs, in the order in which they finish."""
 
 
 def outcome(job: Job, measures: Measures, steps: int) -> Outcome:

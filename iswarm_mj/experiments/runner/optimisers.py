@@ -5,7 +5,7 @@ to the same genomes whenever a search is done again.
 """
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from cmaes import CMAwM
@@ -20,7 +20,9 @@ from iswarm_mj.strategy.evolution import (
     to_genome,
 )
 
-METHODS = ("paper", "cmaes", "random")
+Method = Literal["paper", "cmaes", "random"]
+"""The paper's evolution, CMA-ES with margin, or random search."""
+METHODS: tuple[Method, ...] = get_args(Method)
 
 
 class Optimiser(Protocol):

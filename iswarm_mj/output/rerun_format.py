@@ -1,0 +1,70 @@
+"""Common parts of all Rerun recordings: settings as properties and as a table, plots, and whether Rerun is on."""
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+
+from iswarm_mj.utils.errors import UserError
+
+FLUSH_SECONDS = 30.0
+"""Time limit of a flush; without one Rerun waits for ever when the disk is full."""
+
+
+def require_recordings(stream: rr.RecordingStream) -> None:
+    """Check that Rerun is enabled.
+
+    Raises:
+        UserError: the environment disables it.
+    """
+    if not rr.is_enabled(stream):
+        raise UserError(
+            f"Recordings are disabled by the environment variable RERUN={os.environ.get('RERUN', '')}; "
+            "unset it, set it to 1, or run without a recording."
+        )
+
+
+def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if is_dataclass(value) and not isinstance(value, type):
+            value = asdict(value)
+        if isinstance(value, np.ndarray | np.generic):
+            value = value.tolist()
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{name}.")
+        else:
+            yield name, value if isinstance(value, bool | int | float | str) else str(value)
+
+
+def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, Any]) -> None:
+    """Send nested settings as a property of the recording, if there are any."""
+    # As arrow arrays: Rerun otherwise casts a value to the type that its name first had.
+    arrays = {key: pa.array([value]) for key, value in flatten(values)}
+    if arrays:
+        stream.send_property(name, rr.AnyValues(**arrays))
+
+
+def settings_document(legend: str, header: str, settings: Mapping[str, Any]) -> rr.TextDocument:
+    """A legend above a table of nested settings, whose first column has this header."""
+    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(settings))
+    text = f"{legend}\n\n| {header} | Value |\n|:--|:--|\n{rows}\n"
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+
+
+def time_series(origin: str, name: str, corner: str | None = "LeftTop", **more: Any) -> rrb.TimeSeriesView:
+    """A plot of the series below `origin` over the whole time, with its legend, if any, in a corner."""
+    always = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None),
+        axis_x=rrb.archetypes.TimeAxis(view_range=always),
+        **more,
+    )

@@ -1,0 +1,128 @@
+"""The arena of a recorded run before a camera, rendered off-screen by MuJoCo."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import mm_from_m
+
+EMPTY, LOADED, SCOUT = (0.86, 0.1, 0.08, 1.0), (0.12, 0.25, 0.85, 1.0), (0.1, 0.6, 0.25, 1.0)
+"""Colours of the robots: those of the paper's Figs. 12 and 16, and green for scouts."""
+
+
+class Shot(NamedTuple):
+    """What the camera shows, and how."""
+
+    camera: str = "above"
+    """Name of a camera in `models/arena.xml`."""
+    size: tuple[int, int] = (1280, 1280)
+    """Width and height [pixels]."""
+    ball_scale: float = 15.0
+    """Magnification of the balls, since 20 um are invisible beside 139 mm."""
+    fine: bool = True
+    """With shadows and round shapes; without them a frame takes a tenth of the time on a CPU."""
+
+
+def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
+    """Return the configuration of the arena and the arrays of the trajectory of a recorded run.
+
+    Raises:
+        UserError: the directory holds no recorded run.
+    """
+    try:
+        arena = json.loads((directory / RESULT).read_text(encoding="utf-8"))["config"]["arena"]
+        with np.load(directory / TRAJECTORY) as file:
+            return SwarmConfig(arena=ArenaConfig(**arena)), dict(file)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(
+            f"{directory} holds no readable {RESULT} with {TRAJECTORY} ({error}); "
+            "give the --out of a run that `iswarm clean` recorded."
+        ) from None
+
+
+class Stage:
+    """The arena of a run before a camera; a context manager, since it holds off-screen OpenGL.
+
+    Args:
+        config: of the arena.
+        frames: arrays of the run's trajectory.
+        shot: camera, size and quality.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`.
+
+    Raises:
+        UserError: no such camera, or no off-screen OpenGL.
+    """
+
+    def __init__(self, config: SwarmConfig, frames: dict[str, np.ndarray], shot: Shot, robot_file: Path | None = None):
+        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+            os.environ.setdefault("MUJOCO_GL", "egl")
+        import mujoco
+
+        from iswarm_mj.engines.arena import compile_arena
+
+        arena = compile_arena(
+            config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True, robot_file=robot_file
+        )
+        model = arena.model
+        cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
+        check("camera", shot.camera, " or ".join(cameras), shot.camera in cameras)
+        for ball in range(len(arena.mocap)):
+            model.geom(f"ball{ball}/ball").size[0] *= shot.ball_scale
+        if not shot.fine:
+            quality = model.vis.quality
+            quality.numslices, quality.numstacks, quality.offsamples = 8, 4, 4
+        model.vis.global_.offwidth, model.vis.global_.offheight = shot.size
+        self._arena, self._camera, self._is_scout = arena, shot.camera, frames["scene_is_scout"]
+        self._data = mujoco.MjData(model)
+        try:
+            self._renderer = mujoco.Renderer(model, shot.size[1], shot.size[0], max_geom=model.ngeom + 100)
+        except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
+            raise UserError(
+                f"Off-screen OpenGL did not start ({error}); MUJOCO_GL must be egl or osmesa, and its library "
+                "installed: on Debian, apt-get install libegl1 libgl1-mesa-dri."
+            ) from None
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shot.fine
+
+    def __enter__(self) -> "Stage":
+        """Return the stage."""
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        """Release OpenGL."""
+        self._renderer.close()
+
+    def frame(self, frames: dict[str, np.ndarray], step: int) -> UInt8[np.ndarray, "height width 3"]:
+        """Pixels of a step of the trajectory."""
+        return self.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step])
+
+    def show(
+        self, pose: Float[np.ndarray, "N 3"], is_loaded: Bool[np.ndarray, "N"], balls: Float[np.ndarray, "K 3"]
+    ) -> UInt8[np.ndarray, "height width 3"]:
+        """Pixels of robots and balls.
+
+        Args:
+            pose: x [m], y [m], yaw [rad].
+            is_loaded: whether each robot carries a ball.
+            balls: their centres [m].
+        """
+        import mujoco
+
+        model, data = self._arena.model, self._data
+        data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(pose[:, :2].astype(float)), pose[:, 2]])
+        data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
+        for robot, (loaded, scout) in enumerate(zip(is_loaded, self._is_scout, strict=True)):
+            model.geom(f"robot{robot}/substrate").rgba = LOADED if loaded else SCOUT if scout else EMPTY
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        self._renderer.update_scene(data, self._camera)
+        return self._renderer.render()
