@@ -48,7 +48,7 @@ class TestEvolution:
         for claim in ("RISES", "LEARNS", "COUNTED", "TRADE"):
             assert found[getattr(evolution_findings, claim).text].verdict == FAILS, claim
 
-    @pytest.mark.parametrize("n, apart, verdict", [(5000, 0.0, HOLDS), (60, 0.2, UNDECIDED), (500, 1.0, FAILS)])
+    @pytest.mark.parametrize("n, apart, verdict", [(1000, 0.0, HOLDS), (60, 0.2, UNDECIDED), (500, 1.0, FAILS)])
     def test_equal_is_what_surely_differs_by_little(self, n, apart, verdict):
         rng = np.random.default_rng(0)
         good, poor = ([{"x": v} for v in rng.normal(shift, 1, n)] for shift in (0, apart))

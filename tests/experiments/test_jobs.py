@@ -4,10 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.experiments.runner.jobs import Job, run_job
-from iswarm_mj.simulation import run_mujoco as rollout
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
@@ -44,13 +44,8 @@ def test_jobs_and_outcomes_travel(small):
     assert len(pickle.dumps(job)) < 4000
 
 
-def test_faults_name_the_job(small, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def lost(self, poses):
-        raise SimulationFault("step 1: gone")
-
-    monkeypatch.setattr(rollout.Run, "_check", lost)
+def test_faults_name_the_job(small, monkeypatch):
+    monkeypatch.setattr(Run, "faults", [SimulationFault("gone", step=1)])
     with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 7: step 1: gone$"):
         run_job(Job(small, GENOME, 30, seed=7, steps=3))
 

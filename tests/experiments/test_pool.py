@@ -13,7 +13,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import jax
-import numpy as np
 import pytest
 
 from iswarm_mj.experiments.runner import batches, worker
@@ -21,7 +20,7 @@ from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
 TWO, MJX = Execution(workers=2), Execution("mjx")
 LIMIT = 600
@@ -307,52 +306,54 @@ class TestMjx:
 
     @pytest.fixture
     def tried(self, monkeypatch):
-        """A stand-in for batches, which needs 2.5 times the rule's room, and the room of those that were begun."""
-        rooms = []
+        """A stand-in for runs, whose contact buffers must have 2.5 times the default size, and those begun."""
+        begun = []
 
         class Crowded:
-            is_over, needed, bit = False, 2.5, 1
+            is_over, needed, kind = False, 2.5, FaultKind.TOO_MANY_PAIRS
 
-            def __init__(self, config, worlds, settings):
-                rooms.append(settings.contact_room)
-                self.lacks, self.sizes = settings.contact_room < self.needed, [w.n_robots for w in worlds]
+            def __init__(self, config, genome, settings, engine, worlds):
+                begun.append((engine.contact_capacity, settings.capacity))
+                self.lacks, self.sizes = engine.contact_capacity < self.needed, [world.n_robots for world in worlds]
 
             def advance(self):
                 self.is_over = True
-                if self.lacks:
-                    raise SimulationFault("step 3, world 0: no room")
 
-            def arrays(self):
-                bits = np.array([0, 0, self.bit if self.lacks else 0])
-                return None, SimpleNamespace(fault=SimpleNamespace(bits=bits))
+            @property
+            def faults(self):
+                return [SimulationFault(step=3, world=0, kind=self.kind)] if self.lacks and self.is_over else []
+
+            def raise_faults(self):
+                raise self.faults[0]
 
             def measures(self, world):
                 return Measures(self.sizes[world], 0, 0, None, None)
 
-        monkeypatch.setattr(batches, "BatchRun", Crowded)
-        return Crowded, rooms
+        monkeypatch.setattr(batches, "Run", Crowded)
+        return Crowded, begun
 
     @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
-    def test_a_crowded_batch_gets_more_room(self, jobs, monkeypatch, tried, impl, expected):
+    def test_a_crowded_batch_gets_larger_buffers(self, jobs, monkeypatch, tried, impl, expected):
         monkeypatch.setattr(batches, "implementation", lambda: impl)
         assert [outcome.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
-        assert tried[1] == expected
+        assert [size for size, _ in tried[1]] == expected
 
-    @pytest.mark.parametrize("needed, bit, expected", [(9, 2, [1, 2, 4, 8]), (9, 4, [1])])
-    def test_what_more_room_does_not_mend_is_a_fault(self, jobs, tried, needed, bit, expected):
-        tried[0].needed, tried[0].bit = needed, bit
-        with pytest.raises(SimulationFault, match="no room"):
+    @pytest.mark.parametrize("kind, expected", [(FaultKind.TOO_MANY_CONTACTS, [1, 2, 4, 8]), (FaultKind.OUTSIDE, [1])])
+    def test_a_fault_that_larger_buffers_do_not_remove_is_raised(self, jobs, tried, kind, expected):
+        tried[0].needed, tried[0].kind = 9, kind
+        with pytest.raises(SimulationFault, match=r"^step 3, world 0: "):
             outcomes_of(jobs[:1], MJX)
-        assert tried[1] == expected
+        assert [size for size, _ in tried[1]] == expected
 
-    def test_batches_of_other_sizes_have_the_same_places(self, small):
-        def sizes(*n_robots):
-            return [w.n_robots for w in batches._worlds([Job(small, Genome(), n, 0) for n in n_robots])]
-
-        assert sizes(30, 30) == [30, 30]
-        assert sizes(30, 20) == [30, 20, 64] and sizes(64, 50) == [64, 50, 64] and sizes(65, 50) == [65, 50, 128]
-        assert sizes(216, 50) == [216, 50, 216]  # there are no more cells
-        assert batches._worlds([Job(small, Genome(), n, 0) for n in (30, 20)])[-1].failed_fraction == 1
+    @pytest.mark.parametrize(
+        "sizes, capacity",
+        [((30, 30), 30), ((30, 20), 64), ((20, 30), 64), ((64, 50), 64), ((65, 50), 128), ((216, 50), 216)],
+    )
+    def test_batches_of_other_sizes_share_a_program(self, small, tried, sizes, capacity):
+        """A program is for arrays of one size; the arena has 216 cells for robots."""
+        tried[0].needed = 0
+        found = outcomes_of([Job(small, Genome(), n_robots, 0) for n_robots in sizes], MJX)
+        assert [outcome.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
 
 
 @pytest.mark.slow

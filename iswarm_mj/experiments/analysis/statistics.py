@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -10,6 +10,9 @@ from scipy import stats
 RESAMPLES = 9999
 LEVEL = 0.95
 """Confidence of all intervals."""
+
+_BATCH = 2**24
+"""Numbers that are drawn at once, which limits the memory."""
 
 Values = Sequence[float] | np.ndarray
 
@@ -136,8 +139,7 @@ def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:
     arrays = [np.asarray(values, float) for values in samples]
     # SciPy wants two values or more; resamples of a value given twice are the same.
     given = [np.repeat(values, 2) if len(values) == 1 else values for values in arrays]
-    rng = np.random.default_rng(0)
-    result = stats.bootstrap(
-        given, statistic, n_resamples=RESAMPLES, confidence_level=LEVEL, method="percentile", rng=rng
-    )
+    batch = max(1, _BATCH // max(map(len, given)))
+    options: dict[str, Any] = {"n_resamples": RESAMPLES, "confidence_level": LEVEL, "method": "percentile"}
+    result = stats.bootstrap(given, statistic, batch=batch, rng=np.random.default_rng(0), **options)
     return Interval(float(statistic(*arrays, axis=-1)), *map(float, result.confidence_interval))
