@@ -10,10 +10,16 @@ from iswarm_mj.utils.jax_setup import configure_jax
 configure_jax()
 
 
+QUICK = (
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+)
+"""Flags of XLA with which programs compile in half the time, and run slower."""
+
+
 def pytest_configure(config):
     """Compiling takes longest in the tests of every day; the slow ones run what users run."""
     if config.option.markexpr == "not slow":
-        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+        os.environ.setdefault("XLA_FLAGS", QUICK)
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,6 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel, compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
-from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_rd
@@ -112,15 +111,12 @@ def compile_mjx_arena(
     sight = compiled(_only_to_be_seen)
     _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
-    seen = put_model(sight.model, "jax", own)
-    with quick_trees():
-        view = mjx.kinematics(seen, mjx.make_data(sight.model, own, "jax"))
     sizes: Any = {} if impl == "jax" else {"naconmax": capacity.contacts * n_worlds, "njmax": capacity.contacts}
     return MjxArena(
         model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
-        sight=seen,
-        view=view,
+        sight=put_model(sight.model, "jax", own),
+        view=_at_rest(sight.model, own),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
         n_robots=n_robots,
         hull=int(sight.hull[0]),
@@ -166,6 +162,14 @@ def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations:
 def _only_to_be_seen(spec: mujoco.MjSpec) -> None:
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
+
+
+def _at_rest(model: mujoco.MjModel, device: Any) -> mjx.Data:
+    """Data of MJX in which all geoms are where the model has them; MJX's own kinematics would have to be compiled."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    position, rotation = jax.device_put((np.float32(data.geom_xpos), np.float32(data.geom_xmat)), device)
+    return mjx.make_data(model, device, "jax").replace(geom_xpos=position, geom_xmat=rotation.reshape(-1, 3, 3))
 
 
 def _check_order(arena: ArenaModel) -> None:
