@@ -3,6 +3,27 @@
 import os
 
 import pytest
+from jaxtyping import install_import_hook
+
+CHECKED = [
+    f"iswarm_mj.{module}"
+    for module in (
+        "utils.geometry",
+        "sensors.memory",
+        "sensors.messages",
+        "sensors.floor",
+        "sensors.optics",
+        "sensors.links",
+        "sensors.channel",
+        "strategy.avoidance",
+        "strategy.vectors",
+        "strategy.controller",
+        "strategy.turns",
+        "strategy.vector_strategy",
+    )
+]
+"""Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
+install_import_hook(CHECKED, "helpers_types.check")
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.utils.jax_setup import configure_jax

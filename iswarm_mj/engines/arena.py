@@ -33,16 +33,6 @@ class ArenaModel(NamedTuple):
     robot: Robot
     """Geometry and mass of a robot."""
 
-    @property
-    def probe(self) -> np.ndarray:
-        """(2,) the probe's tip ahead of and beside a robot's centre [mm]."""
-        return np.array(self.robot.probe_tip)
-
-    @property
-    def tip_height(self) -> float:
-        """Height of the probe's tip above the floor [mm]."""
-        return self.robot.tip_height
-
 
 def models_directory() -> Path:
     """Return the directory of the MJCF files: inside an installed package, or beside it in a checkout."""

@@ -1,1 +1,1 @@
-"""Optics: who hears whom, and the 32 bits that pass."""
+"""What robots sense: light and the 32-bit messages it carries, walls, and the floor."""

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.geometry import rotate
@@ -11,38 +12,50 @@ from iswarm_mj.utils.geometry import rotate
 class FloorView(NamedTuple):
     """What N robots sense of the floor."""
 
-    on_dump: Array
-    """(N,) bool, the robot's centre lies on the dump."""
-    tip_on_dump: Array
-    """(N,) bool, the probe's tip lies over the dump."""
-    at_dust: Array
-    """(N,) bool, a ball lies within the sensing range, outside the dump."""
-    ball: Array
-    """(N,) int32, the nearest such ball; meaningless where not `at_dust`."""
-    ball_vector: Array
-    """(N, 2) where it lies, in the robot's frame, zero where there is none [mm]."""
+    on_dump: Bool[Array, "N"]
+    """The robot's centre is over the dump."""
+    tip_on_dump: Bool[Array, "N"]
+    """The probe's tip is over the dump."""
+    at_dust: Bool[Array, "N"]
+    """A ball lies within the sensing range and outside the dump."""
+    ball: Int[Array, "N"]
+    """int32, index of the nearest such ball; meaningless where not `at_dust`."""
+    ball_vector: Float[Array, "N 2"]
+    """From the robot to that ball, in the robot's frame [mm]; zero where not `at_dust`."""
 
 
-def probe_tips(poses: Array, probe: Array) -> Array:
-    """World positions (N, 2) of the probes' tips, `probe` (2,) ahead of and beside the robots' centres [mm]."""
+def probe_tips(poses: Float[Array, "N 3"], probe: Float[Array, "2"]) -> Float[Array, "N 2"]:
+    """World positions of the probes' tips [mm].
+
+    Args:
+        poses: x, y [mm] and yaw [rad].
+        probe: the tip's position ahead of and to the left of a robot's centre [mm].
+    """
     return poses[:, :2] + rotate(jnp.broadcast_to(probe, poses[:, :2].shape), poses[:, 2])
 
 
-def sense(poses: Array, tips: Array, balls: Array, is_lying: Array, dump_size: float, reach: float) -> FloorView:
-    """View of the floor of N robots among K balls.
+def sense(
+    poses: Float[Array, "N 3"],
+    tips: Float[Array, "N 2"],
+    balls: Float[Array, "K 2"],
+    is_lying: Bool[Array, "K"],
+    dump_size: float,
+    reach: float,
+) -> FloorView:
+    """What N robots sense of the floor among K balls.
 
     Args:
-        poses: (N, 3) x, y [mm] and yaw [rad].
-        tips: (N, 2) of the probes [mm].
-        balls: (K, 2) positions [mm].
-        is_lying: (K,) bool, the ball lies on the floor outside the dump.
+        poses: x, y [mm] and yaw [rad].
+        tips: world positions of the probes' tips [mm].
+        balls: world positions [mm].
+        is_lying: the ball lies on the floor outside the dump.
         dump_size: edge of the square dump around the origin [mm].
-        reach: sensing range for dust [mm].
+        reach: sensing range for dust, from the robot's centre [mm].
     """
     offset = balls[:, None] - poses[None, :, :2]
     squared = jnp.where(is_lying[:, None], (offset**2).sum(axis=-1), jnp.inf)
     nearest = squared.min(axis=0)
-    # As argmin, which XLA does not vectorise on CPUs.
+    # Same as argmin, which XLA does not vectorise on CPUs.
     ball = jnp.where(squared == nearest, jnp.arange(len(balls), dtype=jnp.int32)[:, None], 0).max(axis=0)
     at_dust = nearest < reach**2
     vector = rotate(balls[ball] - poses[:, :2], -poses[:, 2])

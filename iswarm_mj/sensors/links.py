@@ -1,15 +1,16 @@
 """Who hears whom: the nearest sender in sight of each photodiode sector.
 
 "Communication was restricted to the nearest neighbor" on each photodiode (section 4.3 of the paper). Light goes
-in straight lines, so a robot between two others cuts their link: rays of the physics engine decide, cast from
-the receiving side to the sending LED. They are cast only where the inner and outer circles of the robots between
-leave it open, and only for candidates that are nearer than one that is clear.
+in straight lines, so a robot between two others blocks their link: rays of the physics engine decide, cast from the
+receiving side to the sending LED. A ray is cast only if the circles inside and around the robots in between do not
+settle the question, and if no nearer candidate is already known to be clear.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
@@ -32,43 +33,49 @@ LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
 
 
 class Links(NamedTuple):
-    """What each of the S = 4 sides of N robots receives in B worlds."""
+    """What each of the S = 4 sides of N robots receives, in one world or in several."""
 
-    sender: Array
-    """(B, N, S) int32; meaningless where not `valid`."""
-    valid: Array
-    """(B, N, S) bool."""
-    led: Array
-    """(B, N, S) int32, the sender's LED."""
-    bearing: Array
-    """(B, N, S) float32, in the receiver's frame [rad]."""
-    distance: Array
-    """(B, N, S) float32, true distance between the centres [mm]."""
+    sender: Int[Array, "*B N S"]
+    """int32, index of the robot that is heard; meaningless where not `valid`."""
+    valid: Bool[Array, "*B N S"]
+    """The side receives light."""
+    led: Int[Array, "*B N S"]
+    """int32, the sender's LED."""
+    bearing: Float[Array, "*B N S"]
+    """float32, measured direction of the sender in the receiver's frame [rad]."""
+    distance: Float[Array, "*B N S"]
+    """float32, true distance between the centres [mm]."""
 
 
 class Candidates(NamedTuple):
-    """Pairs (P,) whose light would arrive if nothing stood between; nearest first for each side of a receiver."""
+    """Pairs whose light would arrive if nothing stood in between; nearest first for each side of a receiver."""
 
-    receiver: Array
+    receiver: Int[Array, "P"]
     """Index among all B N robots."""
-    sender: Array
-    slot: Array
+    sender: Int[Array, "P"]
+    """Likewise."""
+    slot: Int[Array, "P"]
     """Index of the receiver's side among all B N S sides."""
-    distance: Array
+    distance: Float[Array, "P"]
+    """Between the centres [mm]."""
     reception: Reception
 
 
 def find_candidates(
-    poses: np.ndarray, around: Neighbours, robot: Robot, optics: OpticsConfig, sends: np.ndarray
+    poses: Float[np.ndarray, "BN 3"],
+    around: Neighbours,
+    robot: Robot,
+    optics: OpticsConfig,
+    sends: Bool[np.ndarray, "BN"],
 ) -> Candidates:
-    """Pairs of robots within reach of each other's light.
+    """Pairs of robots of which one is within reach of the other's light.
 
     Args:
-        poses: (B N, 3) x, y [mm] and yaw [rad].
+        poses: x, y [mm] and yaw [rad] of all B N robots.
         around: pairs of robots near each other.
         robot: where LEDs and photodiodes sit.
         optics: range, cones and mode.
-        sends: (B N,) bool.
+        sends: which robots send light.
     """
     heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
     ahead, left = into_frame(around.dx, around.dy, heading)
@@ -84,16 +91,20 @@ def find_candidates(
 
 
 def find_links(
-    poses: np.ndarray, robot: Robot, optics: OpticsConfig, reaches: LedHit, sends: np.ndarray | None = None
+    poses: Float[np.ndarray, "B N 3"],
+    robot: Robot,
+    optics: OpticsConfig,
+    reaches: LedHit,
+    sends: Bool[np.ndarray, "B N"] | None = None,
 ) -> Links:
     """Links of all robots: for each side the nearest sender in sight.
 
     Args:
-        poses: (B, N, 3) x, y [mm] and yaw [rad].
+        poses: x, y [mm] and yaw [rad].
         robot: its outline, and where LEDs and photodiodes sit.
         optics: range, cones and mode.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
-        sends: (B, N) bool, which robots send light, all if not given; the others still stand in the way.
+        sends: which robots send light, by default all; the others still block it.
     """
     n_worlds, n_robots = poses.shape[:2]
     farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
@@ -127,7 +138,7 @@ def find_links(
 def _in_sight(
     poses: np.ndarray, around: Neighbours, found: Candidates, robot: Robot, n_robots: int, reaches: LedHit
 ) -> np.ndarray:
-    """Whether nothing stands between (P,) bool; False also where a nearer candidate of the same side is clear."""
+    """Whether nothing blocks the light (P,) bool; False, too, where a nearer candidate of the same side is clear."""
     origin = receiver_positions(poses, robot)[found.receiver, found.reception.side]
     target = led_positions(poses, robot)[found.sender, found.reception.led]
     paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)

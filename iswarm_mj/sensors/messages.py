@@ -6,15 +6,17 @@
           17-30  vector to the dump, likewise
           31     parity: makes the number of ones even
 
-The layout is a choice; the paper gives the capacity, the LED's two bits, the flag, the two vectors and the hop
-count. Bearings are counted anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps
-up to the codec's `max_range`, where longer ones end too. A hop count of 15 stands for "no vector": what came
+The layout is a choice; the paper specifies the capacity, the LED's two bits, the flag, the two vectors and the hop
+count. Bearings count anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps up to the
+codec's `max_range`, to which longer vectors are shortened. A hop count of 15 means "no vector": a vector that came
 through more than 14 robots is not sent on, so that rumours die out.
 """
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
+from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array
@@ -28,20 +30,20 @@ _DUST_SHIFT, _DUMP_SHIFT = 3, 17
 
 
 class Message(NamedTuple):
-    """What a message says. All arrays share one shape."""
+    """Contents of a message; all arrays share their leading shape."""
 
-    led: Array
+    led: Int[Array, "*N"]
     """int32, number of the LED that sent it."""
-    priority: Array
-    """bool, priority flag."""
+    priority: Bool[Array, "*N"]
+    """Priority flag."""
     dust: VectorMemory
     """Vector to dust in the sender's frame [mm]."""
     dump: VectorMemory
     """Vector to the dump in the sender's frame [mm]."""
 
 
-def pack_vector(memory: VectorMemory, max_range: float) -> Array:
-    """14 bits of a remembered vector (...,) uint32: bearing, range and hop count."""
+def pack_vector(memory: VectorMemory, max_range: float) -> UInt32[Array, "*N"]:
+    """14 bits that encode a remembered vector: bearing, range and hop count."""
     x, y = memory.vector[..., 0], memory.vector[..., 1]
     bearing = jnp.round(jnp.arctan2(y, x) * (BEARINGS / (2 * jnp.pi))).astype(jnp.int32) % BEARINGS
     distance = jnp.clip(jnp.round(jnp.hypot(x, y) * (RANGES / max_range)), 0, RANGES).astype(jnp.int32)
@@ -49,8 +51,8 @@ def pack_vector(memory: VectorMemory, max_range: float) -> Array:
     return (bearing | (distance << 5) | (hop << 10)).astype(jnp.uint32)
 
 
-def unpack_vector(bits: Array, max_range: float) -> VectorMemory:
-    """Vector that 14 bits (...,) stand for; the inverse of `pack_vector` within half a quantum."""
+def unpack_vector(bits: UInt32[Array, "*N"], max_range: float) -> VectorMemory:
+    """Vector that 14 bits encode; the inverse of `pack_vector` within half a quantum."""
     bits = bits.astype(jnp.int32)
     angle = (bits & 31) * (2 * jnp.pi / BEARINGS)
     distance = ((bits >> 5) & 31) * (max_range / RANGES)
@@ -60,15 +62,13 @@ def unpack_vector(bits: Array, max_range: float) -> VectorMemory:
     return VectorMemory(jnp.where(known[..., None], vector, 0.0), jnp.where(known, hop, 0), known)
 
 
-def parity(bits: Array) -> Array:
-    """Parity (...,) uint32 of 32 bits: 1 where the number of ones is odd."""
-    for shift in (16, 8, 4, 2, 1):
-        bits = bits ^ (bits >> shift)
-    return bits & jnp.uint32(1)
+def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
+    """Parity of 32 bits: 1 where the number of ones is odd."""
+    return jax.lax.population_count(bits) & 1
 
 
-def pack(message: Message, max_range: float) -> Array:
-    """32 bits (...,) uint32 of a message, parity included."""
+def pack(message: Message, max_range: float) -> UInt32[Array, "*N"]:
+    """32 bits that encode a message, including parity."""
     bits = (
         (message.led.astype(jnp.uint32) & 3)
         | (message.priority.astype(jnp.uint32) << 2)
@@ -78,8 +78,8 @@ def pack(message: Message, max_range: float) -> Array:
     return bits | (parity(bits) << 31)
 
 
-def unpack(bits: Array, max_range: float) -> tuple[Message, Array]:
-    """What 32 bits (...,) uint32 say, and whether their parity is right (...,) bool."""
+def unpack(bits: UInt32[Array, "*N"], max_range: float) -> tuple[Message, Bool[Array, "*N"]]:
+    """Message that 32 bits encode, and whether their parity is correct."""
     message = Message(
         led=(bits & 3).astype(jnp.int32),
         priority=((bits >> 2) & 1).astype(bool),
@@ -89,16 +89,18 @@ def unpack(bits: Array, max_range: float) -> tuple[Message, Array]:
     return message, parity(bits) == 0
 
 
-def corrupt(bits: Array, uniform: Array, error: float, independent: bool = True) -> Array:
-    """Messages (...,) after a noisy passage, of which a share `error` arrives with a wrong bit.
+def corrupt(
+    bits: UInt32[Array, "*N"], uniform: Float[Array, "*N 3"], error: Array | float, independent: bool = True
+) -> UInt32[Array, "*N"]:
+    """Messages after transmission over a noisy channel, a share `error` of them with at least one wrong bit.
 
-    Either one bit of such a message is wrong, which parity finds. Or each bit flips independently, at a bit error
-    rate e with 1 - (1 - e)^32 = `error`: then a few messages, 5 % of the wrong ones at an error of 10 %, have two
-    wrong bits, which parity does not find. Three or more count as two.
+    Either exactly one bit of such a message is wrong, which the parity bit reveals. Or each bit flips independently,
+    at a bit error rate e with 1 - (1 - e)^32 = `error`: then some messages, 5 % of the wrong ones at an error of 10 %,
+    have two wrong bits, which parity does not reveal. Three or more wrong bits count as two.
 
     Args:
-        bits: (...,) uint32.
-        uniform: (..., 3) draws from [0, 1): number of wrong bits, and the places of the first two.
+        bits: as sent.
+        uniform: draws from [0, 1): for the number of wrong bits, and for the positions of the first two.
         error: probability of at least one wrong bit.
         independent: bits flip independently.
     """

@@ -1,4 +1,4 @@
-"""Pairs of robots near each other, by a sweep along x in each world."""
+"""Pairs of robots near each other, found by a sweep along x in each world."""
 
 from typing import NamedTuple
 
@@ -15,19 +15,19 @@ class Neighbours(NamedTuple):
     robot: np.ndarray
     other: np.ndarray
     dx: np.ndarray
-    """World x of the other less that of the robot [mm]."""
+    """World x of the other minus that of the robot [mm]."""
     dy: np.ndarray
     """World y likewise [mm]."""
     distance: np.ndarray
     """[mm]"""
     reverse: np.ndarray
-    """Index of the pair with the roles changed."""
+    """Index of the pair with the roles swapped."""
     first: np.ndarray
-    """(B N + 1,) where each robot's pairs begin."""
+    """(B N + 1,) index at which each robot's pairs begin."""
 
 
 def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
-    """Pairs of robots at (B, N, 2) that are at most `radius` apart [mm]."""
+    """Pairs of robots whose centres (B, N, 2) are at most `radius` apart [mm]."""
     x, y = np.ascontiguousarray(xy[..., 0], float), np.ascontiguousarray(xy[..., 1], float)
     robot, other, reverse, first = _sweep(x, y, np.argsort(x, axis=1), radius)
     x, y = x.ravel(), y.ravel()
@@ -38,13 +38,13 @@ def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
 
 @njit(cache=True)
 def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
-    """Robot, other and reverse (P,) of each pair, sorted by robot, and where each robot's pairs begin (B N + 1,).
+    """Robot, other and reverse (P,) of each pair, sorted by robot, and the index where each robot's begin (B N + 1,).
 
     Args:
         x: (B, N) [mm].
         y: (B, N) [mm].
-        rank: (B, N) the robots of each world in the order of x.
-        radius: greatest distance [mm].
+        rank: (B, N) the robots of each world, sorted by x.
+        radius: largest distance [mm].
     """
     n_worlds, n_robots = x.shape
     first = np.zeros(n_worlds * n_robots + 1, np.int64)

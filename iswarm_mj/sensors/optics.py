@@ -6,10 +6,12 @@ robots: see `links`.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from jaxtyping import Float, Int
 
 from iswarm_mj.config import OpticsConfig
-from iswarm_mj.utils.arrays import array_module
+from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.robot import SIDES, Point, Robot
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -18,25 +20,29 @@ N_SIDES = 4
 
 
 class Reception(NamedTuple):
-    """How receivers get light from senders. All arrays (P,), one entry a pair."""
+    """How receivers get light from senders, one entry a pair."""
 
-    side: Any
-    """int, the receiver's side that faces the sender."""
-    led: Any
-    """int, the sender's LED that shines towards the receiver."""
-    bearing: Any
-    """Direction of the sender in the receiver's frame, as far as the photodiodes tell [rad]."""
-    effective_distance: Any
-    """Distance at which a sender on both axes would be received alike; infinite where nothing arrives [mm]."""
+    side: Int[Array, "*P"]
+    """The receiver's side that faces the sender."""
+    led: Int[Array, "*P"]
+    """The sender's LED that shines towards the receiver."""
+    bearing: Float[Array, "*P"]
+    """Direction of the sender in the receiver's frame, as the photodiodes measure it [rad]."""
+    effective_distance: Float[Array, "*P"]
+    """Distance at which a sender on both optical axes is received equally well [mm]; infinite where it is not."""
 
 
-def into_frame(dx: Any, dy: Any, heading: Any) -> tuple[Any, Any]:
+Components = tuple[Float[Array, "*#P"], Float[Array, "*#P"]]
+"""Two components of vectors: ahead and to the left in a robot's frame, or cosine and sine of its yaw."""
+
+
+def into_frame(dx: Float[Array, "*#P"], dy: Float[Array, "*#P"], heading: Components) -> Components:
     """Components ahead and to the left of world vectors (dx, dy), in frames that look along `heading` (cos, sin)."""
     c, s = heading
     return c * dx + s * dy, c * dy - s * dx
 
 
-def quarter_turns(ahead: Any, left: Any, side: Any) -> tuple[Any, Any]:
+def quarter_turns(ahead: Float[Array, "*P"], left: Float[Array, "*P"], side: Int[Array, "*P"]) -> Components:
     """Components of (ahead, left) along a side's outward normal and to its left."""
     xp = array_module(ahead)
     c = xp.where(side == 0, 1.0, xp.where(side == 2, -1.0, 0.0))
@@ -44,21 +50,28 @@ def quarter_turns(ahead: Any, left: Any, side: Any) -> tuple[Any, Any]:
     return into_frame(ahead, left, (c, s))
 
 
-def facing_side(ahead: Any, left: Any) -> Any:
-    """Number of the side that looks towards (ahead, left)."""
+def facing_side(ahead: Float[Array, "*P"], left: Float[Array, "*P"]) -> Int[Array, "*P"]:
+    """Number of the side in whose sector of 90 degrees the direction (ahead, left) lies."""
     xp = array_module(ahead)
     return xp.where(xp.abs(ahead) >= xp.abs(left), 2 * (ahead < 0), 1 + 2 * (left < 0))
 
 
-def receive(dx: Any, dy: Any, receiver: Any, sender: Any, robot: Robot, optics: OpticsConfig) -> Reception:
+def receive(
+    dx: Float[Array, "*#P"],
+    dy: Float[Array, "*#P"],
+    receiver: Components,
+    sender: Components,
+    robot: Robot,
+    optics: OpticsConfig,
+) -> Reception:
     """Reception of light by pairs of robots.
 
     Args:
-        dx: world x of the sender less that of the receiver (P,) [mm].
+        dx: world x of the sender minus that of the receiver [mm].
         dy: likewise y.
-        receiver: cosine and sine (P,), (P,) of the receiver's yaw.
+        receiver: cosine and sine of the receiver's yaw.
         sender: cosine and sine of the sender's yaw.
-        robot: where LEDs and photodiodes sit.
+        robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
     """
     at_receiver = into_frame(dx, dy, receiver)
@@ -67,16 +80,21 @@ def receive(dx: Any, dy: Any, receiver: Any, sender: Any, robot: Robot, optics: 
 
 
 def receive_views(
-    at_receiver: Any, at_sender: Any, side: Any, led: Any, robot: Robot, optics: OpticsConfig
+    at_receiver: Components,
+    at_sender: Components,
+    side: Int[Array, "*P"],
+    led: Int[Array, "*P"],
+    robot: Robot,
+    optics: OpticsConfig,
 ) -> Reception:
-    """As `receive`, for those who know how the pairs see each other.
+    """As `receive`, for callers that know how the robots of each pair see each other.
 
     Args:
-        at_receiver: the sender's position ahead and to the left of the receiver (P,), (P,) [mm].
-        at_sender: the receiver's position ahead and to the left of the sender.
-        side: (P,) the receiver's side that faces the sender.
-        led: (P,) the sender's side that faces the receiver.
-        robot: where LEDs and photodiodes sit.
+        at_receiver: the sender's position ahead and to the left of the receiver [mm].
+        at_sender: the receiver's position ahead and to the left of the sender [mm].
+        side: the receiver's side that faces the sender.
+        led: the sender's side that faces the receiver.
+        robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
     """
     if optics.mode == "sector":
@@ -84,8 +102,10 @@ def receive_views(
     return _receive_power(at_receiver, at_sender, side, led, robot, optics)
 
 
-def _receive_in_sector(at_receiver: Any, at_sender: Any, side: Any, led: Any, optics: OpticsConfig) -> Reception:
-    """Paper's reception: within range, in the receiver's sector and in the sender's beam, or not at all."""
+def _receive_in_sector(
+    at_receiver: Components, at_sender: Components, side: Array, led: Array, optics: OpticsConfig
+) -> Reception:
+    """The paper's rule: light arrives within range, in the receiver's sector and in the sender's beam."""
     xp = array_module(side)
     distance = xp.sqrt(at_receiver[0] ** 2 + at_receiver[1] ** 2)
     seen = _in_cone(at_receiver[0], at_receiver[1], optics.photodiode_aperture)
@@ -94,7 +114,7 @@ def _receive_in_sector(at_receiver: Any, at_sender: Any, side: Any, led: Any, op
     return Reception(side, led, side * (math.pi / 2), xp.where(received, distance, math.inf))
 
 
-def _in_cone(ahead: Any, left: Any, aperture: float) -> Any:
+def _in_cone(ahead: Array, left: Array, aperture: float) -> Array:
     """Whether a direction lies in the cone of the side that faces it; `aperture` is its full angle [deg]."""
     xp = array_module(ahead)
     ahead, left = xp.abs(ahead), xp.abs(left)
@@ -102,7 +122,7 @@ def _in_cone(ahead: Any, left: Any, aperture: float) -> Any:
 
 
 def _receive_power(
-    at_receiver: Any, at_sender: Any, side: Any, led: Any, robot: Robot, optics: OpticsConfig
+    at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
 ) -> Reception:
     """Reception by a threshold of power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
@@ -137,41 +157,41 @@ def _receive_power(
     return Reception(side, led, bearing, xp.where(received, effective, math.inf))
 
 
-def _on_side(points: tuple[Point, ...], side: Any) -> tuple[Any, Any]:
+def _on_side(points: tuple[Point, ...], side: Array) -> tuple[Array, Array]:
     """Components of each side's point along the side's outward normal and to its left, for `side` (P,)."""
     along = tuple(x * normal[0] + y * normal[1] for normal, (x, y) in zip(SIDES, points, strict=True))
     left = tuple(y * normal[0] - x * normal[1] for normal, (x, y) in zip(SIDES, points, strict=True))
     return _look_up(along, side), _look_up(left, side)
 
 
-def _look_up(values: tuple[float, ...], side: Any) -> Any:
+def _look_up(values: tuple[float, ...], side: Array) -> Array:
     """The value of each of `side` (P,), one number if all sides have the same."""
     if len(set(values)) == 1:
         return values[0]
     return array_module(side).asarray(values)[side]
 
 
-def led_positions(poses: Any, robot: Robot) -> Any:
-    """World positions (..., 4, 2) of the LEDs of robots at `poses` (..., 3) [mm, mm, rad]."""
+def led_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N 4 2"]:
+    """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad]."""
     return _on_robots(poses, robot.leds)
 
 
-def receiver_positions(poses: Any, robot: Robot) -> Any:
-    """World positions (..., 4, 2) at which the sides of robots at `poses` (..., 3) [mm, mm, rad] receive light."""
+def receiver_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N 4 2"]:
+    """World positions [mm] at which the sides of robots at `poses` [mm, mm, rad] receive light."""
     return _on_robots(poses, robot.receivers)
 
 
-def outward_normals(poses: Any) -> Any:
-    """Unit vectors (..., 4, 2) along which the sides of robots at `poses` (..., 3) look."""
+def outward_normals(poses: Float[Array, "*N 3"]) -> Float[Array, "*N 4 2"]:
+    """Outward unit normals of the sides of robots at `poses` [mm, mm, rad], in the world."""
     return _turned(poses, SIDES)
 
 
-def _on_robots(poses: Any, points: tuple[Point, ...]) -> Any:
+def _on_robots(poses: Array, points: tuple[Point, ...]) -> Array:
     return poses[..., None, :2] + _turned(poses, points)
 
 
-def _turned(poses: Any, points: tuple[Point, ...]) -> Any:
-    """Vectors (..., P, 2) in the world from those in the robots' frames."""
+def _turned(poses: Array, points: tuple[Point, ...]) -> Array:
+    """Vectors (..., P, 2) in the world, from `points` in the frames of robots at `poses` (..., 3)."""
     xp = array_module(poses)
     c, s = xp.cos(poses[..., 2, None]), xp.sin(poses[..., 2, None])
     ahead, left = xp.asarray(points, dtype=poses.dtype).T

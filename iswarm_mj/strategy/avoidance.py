@@ -3,30 +3,36 @@
 from typing import Any
 
 import jax.numpy as jnp
+from jaxtyping import Bool, Float
 
 from iswarm_mj.utils.arrays import Array
 
 
-def kept_distance(genome: Any, is_loaded: Array, priority: Array) -> Array:
-    """Distance to keep from each neighbour (N, S) [sr], after Table 2.
+def avoidance_distance(genome: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
+    """Distance to keep from each neighbour [sr], by Table 2 of the paper.
 
     Args:
         genome: a `Genome`, or its values as JAX scalars.
-        is_loaded: (N,) bool, of the robot itself.
-        priority: (N, S) bool, whether the neighbour sends the priority flag.
+        is_loaded: the robot itself holds a ball.
+        priority: the neighbour sends the priority flag.
     """
     empty = jnp.where(priority, genome.priority_coll_avoid_dist, genome.empty_coll_avoid_dist)
     return jnp.where(is_loaded[:, None], genome.loaded_coll_avoid_dist, empty)
 
 
-def repulsion(bearing: Array, distance: Array, threshold: Array, weight: Array) -> Array:
-    """Sum of the neighbours' repulsion (N, 2), away from each in proportion to 1 - distance / threshold.
+def repulsion(
+    bearing: Float[Array, "N S"],
+    distance: Float[Array, "N S"],
+    threshold: Float[Array, "N S"],
+    weight: Float[Array, "N S"],
+) -> Float[Array, "N 2"]:
+    """Sum of the neighbours' repulsion, away from each in proportion to 1 - distance / threshold.
 
     Args:
-        bearing: direction of the neighbour in the robot's frame (N, S) [rad].
-        distance: measured distance (N, S), in the unit of `threshold`.
-        threshold: distance to keep (N, S).
-        weight: (N, S), zero where no neighbour is heard.
+        bearing: direction of the neighbour in the robot's frame [rad].
+        distance: measured distance, in the unit of `threshold`.
+        threshold: distance to keep.
+        weight: zero where no neighbour is heard.
     """
     strength = weight * jnp.clip(1.0 - distance / jnp.maximum(threshold, 1e-6), 0.0, 1.0)
     away = -jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)

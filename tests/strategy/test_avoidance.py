@@ -6,7 +6,7 @@ import pytest
 from helpers_sensing import RADIUS, senses_nothing
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
-from iswarm_mj.strategy.avoidance import kept_distance, repulsion
+from iswarm_mj.strategy.avoidance import avoidance_distance, repulsion
 from iswarm_mj.strategy.controller import avoid, rules_of
 from iswarm_mj.strategy.genome import PRESETS
 
@@ -16,10 +16,10 @@ CONFIG = SwarmConfig()
 @pytest.mark.parametrize("preset, to_empty, to_flagged, of_loaded", [("type1", 0.65, 0.40, 0.25),
                                                                     ("type2", 0.77, 0.41, 0.27)])  # fmt: skip
 def test_distances_of_table_2(preset, to_empty, to_flagged, of_loaded):
-    kept = kept_distance(rules_of(PRESETS[preset]), jnp.array([False, True]), jnp.array([[False, True]] * 2))
+    kept = avoidance_distance(rules_of(PRESETS[preset]), jnp.array([False, True]), jnp.array([[False, True]] * 2))
     np.testing.assert_allclose(kept, [[to_empty, to_flagged], [of_loaded, of_loaded]], rtol=1e-6)
     np.testing.assert_array_equal(
-        kept_distance(PRESETS[preset], jnp.array([False, True]), jnp.array([[False, True]] * 2)), kept
+        avoidance_distance(PRESETS[preset], jnp.array([False, True]), jnp.array([[False, True]] * 2)), kept
     )
 
 

@@ -14,11 +14,13 @@ from iswarm_mj.simulation.step import SwarmState, decide
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import (
     Command,
+    Draws,
     RobotMemory,
     act,
     approach,
     avoid,
     choose,
+    draw,
     forget_unconfirmed,
     init,
     learn,
@@ -48,7 +50,7 @@ decide_here = jax.jit(decide, static_argnums=(0, 1))
 
 
 def memories(n, scouts=False, dust=None, dump=None):
-    """Minds of n robots with these vectors, the same for each, or none."""
+    """Memories of n robots with these vectors, the same for each, or none."""
 
     def memory(vector):
         return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
@@ -56,10 +58,17 @@ def memories(n, scouts=False, dust=None, dump=None):
     return RobotMemory(memory(dust), memory(dump), jnp.full(n, scouts))
 
 
-def wish(memory, loaded=False, whim=0.0, wander=0.5, rules=RULES, config=CONFIG):
+def draws(n, **numbers):
+    """Draws of n robots that are zero but for these numbers."""
+    numbers = {name: jnp.broadcast_to(jnp.asarray(number, jnp.float32), n) for name, number in numbers.items()}
+    zero, ties = jnp.zeros(n), jnp.zeros((n, 4))
+    return Draws(zero, zero, zero, zero, ties, ties)._replace(**numbers)
+
+
+def planned(memory, loaded=False, follow=0.0, direction=0.5, rules=RULES, config=CONFIG):
     n = len(memory.is_scout)
     seen = senses_nothing(n)._replace(is_loaded=jnp.full(n, loaded))
-    return choose_here(config, rules, memory, seen, jnp.full(n, whim), jnp.full(n, wander))
+    return choose_here(config, rules, memory, seen, draws(n, follow=follow, direction=direction))
 
 
 def genes(**values):
@@ -72,20 +81,20 @@ def genes(**values):
 def test_empty_robots_go_to_dust_and_loaded_ones_to_the_dump():
     memory = memories(1, dust=[0, 6], dump=[-8, 0])
     for loaded, direction, length in ((False, [0, 1], 6), (True, [-1, 0], 8)):
-        wanted, limit, follows = wish(memory, loaded)
+        wanted, limit, follows = planned(memory, loaded)
         assert follows[0] and limit[0] == pytest.approx(length)
         np.testing.assert_allclose(wanted[0], direction, atol=1e-6)
 
 
 def test_the_other_vector_is_no_use():
-    assert not wish(memories(1, dump=[-8, 0]), loaded=False)[2][0]
-    assert not wish(memories(1, dust=[0, 6]), loaded=True)[2][0]
+    assert not planned(memories(1, dump=[-8, 0]), loaded=False)[2][0]
+    assert not planned(memories(1, dust=[0, 6]), loaded=True)[2][0]
 
 
 @pytest.mark.parametrize("loaded", [False, True])
 def test_scouts_never_follow(loaded):
     always = genes(weight_find_dust=1.0, weight_find_dump=1.0)
-    wanted, limit, follows = wish(memories(1, scouts=True, dust=[0, 6], dump=[-8, 0]), loaded, 0.0, 0.75, always)
+    wanted, limit, follows = planned(memories(1, scouts=True, dust=[0, 6], dump=[-8, 0]), loaded, 0.0, 0.75, always)
     assert not follows[0] and math.isinf(limit[0])
     np.testing.assert_allclose(wanted[0], [math.cos(math.radians(15)), math.sin(math.radians(15))], atol=1e-6)
 
@@ -94,27 +103,27 @@ def test_scouts_never_follow(loaded):
 def test_weights_are_probabilities(loaded, gene):
     memory = memories(1, dust=[0, 6], dump=[-8, 0])
     other = {"weight_find_dust": 0.5, "weight_find_dump": 0.5}
-    for weight, whim, follows in (
+    for weight, draw_follow, follows in (
         (1.0, 0.0, True), (1.0, 0.999999, True), (0.0, 0.0, False), (0.0, 0.9, False), (0.3, 0.29, True),
         (0.3, 0.31, False),
     ):  # fmt: skip
-        assert bool(wish(memory, loaded, whim, rules=genes(**other | {gene: weight}))[2][0]) is follows
+        assert bool(planned(memory, loaded, draw_follow, rules=genes(**other | {gene: weight}))[2][0]) is follows
 
 
 def test_random_moves_turn_within_30_degrees():
-    for wander, degrees in ((0.0, -30), (0.25, -15), (0.5, 0), (1.0, 30)):
-        wanted, _, _ = wish(memories(1), wander=wander)
+    for direction, degrees in ((0.0, -30), (0.25, -15), (0.5, 0), (1.0, 30)):
+        wanted, _, _ = planned(memories(1), direction=direction)
         assert math.degrees(math.atan2(wanted[0, 1], wanted[0, 0])) == pytest.approx(degrees, abs=1e-3)
 
 
 def test_a_vector_shorter_than_half_a_step_is_not_followed():
-    assert wish(memories(1, dust=[0.51 * STEP, 0]))[2][0]
-    assert not wish(memories(1, dust=[0.49 * STEP, 0]))[2][0]
+    assert planned(memories(1, dust=[0.51 * STEP, 0]))[2][0]
+    assert not planned(memories(1, dust=[0.49 * STEP, 0]))[2][0]
 
 
 def test_a_step_does_not_overshoot_the_target():
     memory = memories(1, dust=[0.7 * STEP, 0])
-    wanted, limit, _ = wish(memory)
+    wanted, limit, _ = planned(memory)
     assert steer_here(CONFIG, wanted, limit, jnp.zeros(1, bool)).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
 
 
@@ -228,7 +237,7 @@ def hears(n, side, vector, hop):
 def test_learning_is_forgetting_then_listening_then_feeling():
     seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(at_dust=jnp.array([False, False, True]))
     before = memories(3, dust=[1.0, 1.0])  # hop count 0: what is heard is older
-    memory = learn_here(RULES, before, seen, jnp.array([False, True, True]), jnp.zeros((3, 8)))
+    memory = learn_here(RULES, before, seen, draws(3, forget=[1.0, 0.0, 0.0]))
     np.testing.assert_allclose(memory.dust.vector, [[1, 1], [5, -2], [0, 0]], atol=1e-5)
     np.testing.assert_array_equal(memory.dust.hop, [0, 4, 0])
     assert memory.dust.known.all() and not memory.dump.known.any()
@@ -236,7 +245,7 @@ def test_learning_is_forgetting_then_listening_then_feeling():
 
 def test_silent_sides_teach_nothing():
     seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(is_heard=jnp.zeros((3, 4), bool))
-    memory = learn_here(RULES, memories(3), seen, jnp.zeros(3, bool), jnp.zeros((3, 8)))
+    memory = learn_here(RULES, memories(3), seen, draws(3, forget=1.0))
     assert not memory.dust.known.any()
 
 
@@ -308,18 +317,18 @@ def crowded(n, rng):
 def test_relabelled_robots_do_the_same():
     n, rng = 64, np.random.default_rng(2)
     memory, seen = crowded(n, rng)
-    draw = jnp.asarray(rng.random((n, 12)), jnp.float32)
+    numbers = draw(n, 4, jax.random.key(6))
 
     @jax.jit
-    def step(memory, seen, draw):
-        memory = learn(RULES, memory, seen, draw[:, 0] < 0.29, draw[:, 4:])
-        wanted, limit, follows = choose(CONFIG, RULES, memory, seen, draw[:, 1], draw[:, 2])
-        command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, draw[:, 3] < 0.5)
+    def step(memory, seen, numbers):
+        memory = learn(RULES, memory, seen, numbers)
+        wanted, limit, follows = choose(CONFIG, RULES, memory, seen, numbers)
+        command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
         return memory, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, memory), seen, command)
 
     new = rng.permutation(n)
-    after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (memory, seen, draw)))
-    expected = jax.tree.map(lambda a: np.asarray(a)[new], step(memory, seen, draw))
+    after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (memory, seen, numbers)))
+    expected = jax.tree.map(lambda a: np.asarray(a)[new], step(memory, seen, numbers))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), after, expected)
     assert 5 < np.asarray(expected[1]).sum() < n - 5
 
@@ -435,6 +444,6 @@ def test_workers_and_scouts_at_the_start():
 def test_a_robot_pushed_straight_back_chooses_its_side():
     direction = jnp.array([[-1.0, 1e-9], [-1.0, -1e-9], [-1.0, 0.0], [-1.0, 0.1], [-1.0, -0.1]])
     limit = jnp.full(5, jnp.inf)
-    for leftwards, sides in ((True, [1, 1, 1, 1, -1]), (False, [-1, -1, -1, 1, -1])):
-        turn = steer(CONFIG, direction, limit, jnp.full(5, leftwards)).turn
+    for prefers_left, sides in ((True, [1, 1, 1, 1, -1]), (False, [-1, -1, -1, 1, -1])):
+        turn = steer(CONFIG, direction, limit, jnp.full(5, prefers_left)).turn
         np.testing.assert_array_equal(np.sign(turn), sides)

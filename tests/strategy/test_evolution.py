@@ -10,13 +10,13 @@ from iswarm_mj.strategy.evolution import (
     IS_BOOLEAN,
     NAMES,
     Operators,
-    chances,
     cross_over,
     mutate,
     next_generation,
     random_population,
     random_vector,
     ranges,
+    selection_probabilities,
     to_genome,
     to_vector,
 )
@@ -176,9 +176,9 @@ class TestSelection:
         assert near(kinds.count("intermediate"), len(kinds), 0.5)
 
     def test_fitness_below_zero_counts_as_zero(self):
-        np.testing.assert_allclose(chances([-50, 0, 30, 10]), [0, 0, 0.75, 0.25])
-        np.testing.assert_allclose(chances([-50, 0, -30, -10]), 0.25)
-        np.testing.assert_allclose(chances([0.0]), 1.0)
+        np.testing.assert_allclose(selection_probabilities([-50, 0, 30, 10]), [0, 0, 0.75, 0.25])
+        np.testing.assert_allclose(selection_probabilities([-50, 0, -30, -10]), 0.25)
+        np.testing.assert_allclose(selection_probabilities([0.0]), 1.0)
 
     def test_the_elite_passes_unchanged(self):
         fitness = [1, 5, 3, 9, 2, 9, 4, 0, 7, 6]

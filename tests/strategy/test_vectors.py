@@ -12,12 +12,12 @@ from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.optics import receive
-from iswarm_mj.strategy.vectors import after_motion, heard, standing_on, take_over
+from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, heard
 from iswarm_mj.utils.geometry import rotate
 
 angles = st.floats(-np.pi, np.pi)
 lengths = st.floats(-100, 100)
-take_over_here = jax.jit(take_over)
+adopt_here = jax.jit(adopt)
 
 
 def in_frame(pose, point):
@@ -42,7 +42,7 @@ def listen(receiver, sender, sent):
 
 
 def test_rotation_is_anticlockwise():
-    np.testing.assert_allclose(rotate(jnp.array([2.0, 1.0]), jnp.pi / 2), [-1.0, 2.0], atol=1e-6)
+    np.testing.assert_allclose(rotate(jnp.array([2.0, 1.0]), jnp.array(jnp.pi / 2)), [-1.0, 2.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("side", range(4))
@@ -67,7 +67,7 @@ def test_trail_of_fig_13b_points_every_robot_to_the_target():
         pose = neighbour(sender, turn, hop % 4, rng.uniform(3, 9))
         offer, _ = listen(pose, sender, memory)
         own = VectorMemory.empty(1)
-        memory = take_over(own, jax.tree.map(lambda a: a[:, None], offer), True, jnp.zeros((1, 1)))
+        memory = adopt(own, jax.tree.map(lambda a: a[:, None], offer), True, jnp.zeros((1, 1)))
         assert memory.known[0] and memory.hop[0] == hop
         np.testing.assert_allclose(memory.vector[0], in_frame(pose, target), atol=1e-4)
 
@@ -95,7 +95,7 @@ def test_motion_teaches_nothing_to_the_ignorant():
 
 def test_standing_on_the_target_is_the_zero_vector_with_hop_0():
     before = remember(np.array([[3.0, 4.0], [3.0, 4.0], [0, 0], [0, 0]]), hop=6, known=np.array([1, 1, 0, 0], bool))
-    after = standing_on(before, jnp.array([True, False, True, False]))
+    after = arrived(before, jnp.array([True, False, True, False]))
     np.testing.assert_array_equal(after.vector, [[0, 0], [3, 4], [0, 0], [0, 0]])
     np.testing.assert_array_equal(after.hop, [0, 6, 0, 0])
     np.testing.assert_array_equal(after.known, [True, True, True, False])
@@ -116,7 +116,7 @@ def take(own_hop, offered, use_hop_count, n=1, seed=0):
     offers = remember(
         np.tile(vectors, (n, 1, 1)), [h or 0 for h in offered], np.array([h is not None for h in offered])
     )
-    memory = take_over_here(own, offers, use_hop_count, jax.random.uniform(jax.random.key(seed), (n, len(offered))))
+    memory = adopt_here(own, offers, use_hop_count, jax.random.uniform(jax.random.key(seed), (n, len(offered))))
     return np.asarray(memory.vector[:, 0]), np.asarray(memory.hop), np.asarray(memory.known)
 
 
