@@ -9,8 +9,11 @@ import pytest
 from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
 
 from iswarm_mj.config import DriveConfig, GripperConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.step import SwarmState, decide
+from iswarm_mj.simulation.decide import decide
+from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import (
     Command,
@@ -359,8 +362,11 @@ def world(rng, centre, spread):
 
 
 def decided(poses, state, links, sees_wall, seed=5):
-    return decide_here(DROPPING, (PROBE, 0.0), conditions_of(DROPPING), STRATEGY, state,
-                       jnp.asarray(poses, jnp.float32), links, sees_wall, 3, jax.random.key(seed))  # fmt: skip
+    params = WorldParams(
+        STRATEGY, conditions_of(DROPPING), jax.random.key(seed), jnp.ones(N_ROBOTS, bool), jnp.int32(1)
+    )
+    poses, running = jnp.asarray(poses, jnp.float32), jnp.array(True)
+    return decide_here(DROPPING, read_robot(), params, state, poses, Sight(links, sees_wall), jnp.int32(3), running)
 
 
 def moved(poses, state, angle, shift=(0.0, 0.0)):

@@ -10,15 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import crowd, lay, place, remember
-from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings, worlds_of_seed
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig, conditions_of
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.links import Links, find_links
-from iswarm_mj.simulation import step as swarm
-from iswarm_mj.simulation.worlds import World
+from iswarm_mj.simulation import decide
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MjxSettings, RunSettings
+from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import Observation, RobotMemory, rules_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -46,6 +47,14 @@ def in_order(order):
     return turns
 
 
+def decided(strategy, config, state, poses, links, key):
+    """Decision of a world's first step in which nobody sees a wall."""
+    n = len(poses)
+    params = WorldParams(strategy, conditions_of(config), key, jnp.ones(n, bool), jnp.int32(1))
+    sight = Sight(links, jnp.zeros((n, 4), bool))
+    return decide.decide(config, read_robot(), params, state, poses, sight, jnp.int32(0), jnp.array(True))
+
+
 N, GAP = 9, 8.0
 
 
@@ -63,14 +72,13 @@ def chain(update_order):
 
     @jax.jit
     def step(state, turns):
-        with mock.patch.object(swarm, "draw_turns", lambda key, n: turns):
-            return swarm.decide(config, PROBE, conditions_of(config), strategy, state, poses, links,
-                                jnp.zeros((N, 4), bool), 0, jax.random.key(3))[0]  # fmt: skip
+        with mock.patch.object(decide, "draw_turns", lambda key, n: turns):
+            return decided(strategy, config, state, poses, links, jax.random.key(3)).swarm
 
-    return step, swarm.SwarmState(strategy.init(N, None), lay((0.0, 60.0)), jnp.ones(N, bool))
+    return step, SwarmState(strategy.init(N, None), lay((0.0, 60.0)), jnp.ones(N, bool))
 
 
-def mind_after(update_order, turns, n_steps=1):
+def memory_after(update_order, turns, n_steps=1):
     """What the robots of the chain know after some steps with the same turns."""
     step, state = chain(update_order)
     for _ in range(n_steps):
@@ -81,13 +89,13 @@ def mind_after(update_order, turns, n_steps=1):
 class TestChain:
     def test_at_once_news_comes_one_robot_further_in_each_step(self):
         for n_steps in (1, 2, 5):
-            dump = mind_after("synchronous", np.zeros(N), n_steps).dump
+            dump = memory_after("synchronous", np.zeros(N), n_steps).dump
             assert dump.known.tolist() == [k < n_steps for k in range(N)]
             assert dump.hop.tolist() == [k if k < n_steps else 0 for k in range(N)]
 
     def test_in_the_order_of_the_chain_it_comes_to_its_end(self):
         """Hop counts and vectors are those of the way; each hop adds half a quantum of the range at most."""
-        dump = mind_after("sequential", in_order(range(N))).dump
+        dump = memory_after("sequential", in_order(range(N))).dump
         assert dump.known.all() and dump.hop.tolist() == list(range(N))
         way = -GAP * np.arange(N)
         quantum = 49 * np.sqrt(8) / 31
@@ -96,12 +104,12 @@ class TestChain:
 
     def test_in_part_of_the_order(self):
         """Robots 1 to 3 come in order after 0, robot 4 before them: news stops there."""
-        dump = mind_after("sequential", in_order([4, 0, 1, 2, 3, 8, 7, 6, 5])).dump
+        dump = memory_after("sequential", in_order([4, 0, 1, 2, 3, 8, 7, 6, 5])).dump
         assert dump.known.tolist() == [True] * 4 + [False] * 5
 
     @pytest.mark.parametrize("turns", [in_order(range(N)[::-1]), np.zeros(N, np.float32)])
     def test_against_the_order_or_all_in_one_turn_is_at_once(self, turns):
-        one, other = (mind_after(order, turns, 3) for order in ("synchronous", "sequential"))
+        one, other = (memory_after(order, turns, 3) for order in ("synchronous", "sequential"))
         jax.tree.map(np.testing.assert_array_equal, one, other)
 
 
@@ -212,22 +220,20 @@ def test_by_default_nothing_is_repeated():
     for order in ("synchronous", "sequential"):
         config = SwarmConfig(strategy=StrategyConfig(update_order=order))
         strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(1), config, PROBE[0])
-        state = swarm.SwarmState(strategy.init(n, None), lay((0.0, 60.0)), jnp.ones(n, bool))
+        state = SwarmState(strategy.init(n, None), lay((0.0, 60.0)), jnp.ones(n, bool))
         poses = place(*[(k * 8.0, 0, 0) for k in range(n)])
-        texts[order] = primitives(jax.make_jaxpr(partial(swarm.decide, config, PROBE, conditions_of(config), strategy))(
-            state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jnp.zeros((n, 4), bool), 0,
-            jax.random.key(0),
-        ).jaxpr)  # fmt: skip
+        arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
+        texts[order] = primitives(jax.make_jaxpr(partial(decided, strategy, config))(*arguments).jaxpr)
     assert "while" in texts["sequential"] and "while" not in texts["synchronous"]
     assert SwarmConfig() == SwarmConfig(strategy=StrategyConfig(update_order="synchronous"))
 
 
-def known_after(config, n_steps, places=None):
+def known_after(config, n_steps, capacity=None, engine=None):
     """Poses, and how many robots know of the dump."""
-    run = Run(config, PRESETS["type1"], RunSettings(30, n_steps, n_threads=1, n_places=places))
+    run = Run(config, PRESETS["type1"], RunSettings(30, n_steps, capacity=capacity), engine)
     while not run.is_over:
-        view = run.advance()
-    return view.poses, np.asarray(view.state.memory.dump.known).sum()
+        record = run.advance()
+    return np.asarray(record.poses[-1, 0]), np.asarray(record.swarm.memory.dump.known)[-1, 0].sum()
 
 
 class TestRuns:
@@ -237,26 +243,24 @@ class TestRuns:
 
     def test_empty_places_change_nothing(self, small):
         config = replace(small, strategy=IN_TURN)
-        np.testing.assert_array_equal(known_after(config, 12)[0], known_after(config, 12, 40)[0])
+        np.testing.assert_array_equal(known_after(config, 12)[0], known_after(config, 12, 40)[0][:30])
 
     @pytest.mark.slow
     def test_batches_do_the_same(self, small):
-        """The first steps of MJX are those of MuJoCo C, for the first of two worlds."""
-        config, world = replace(small, strategy=IN_TURN), World(PRESETS["type1"], 30)
-        batch = BatchRun(config, worlds_of_seed(world, 2), BatchSettings(4, chunk=4), devices=jax.devices("cpu")[:1])
-        batch.advance()
-        poses, known = known_after(config, 4)
-        off = np.abs(np.asarray(batch.arrays()[1].bodies.poses)[:1] - poses)[..., :2].max(axis=-1)
+        """The first steps of MJX are those of MuJoCo C."""
+        config, mjx = replace(small, strategy=IN_TURN), MjxSettings(chunk=4, devices=tuple(jax.devices("cpu")[:1]))
+        (poses, known), (their_poses, theirs) = known_after(config, 4), known_after(config, 4, engine=mjx)
+        off = np.abs(their_poses - poses)[..., :2].max(axis=-1)
         assert np.median(off) < 1e-3 and off.max() < 0.5
-        assert abs(np.asarray(batch.swarm_state().memory.dump.known)[0].sum() - known) <= 1
+        assert abs(theirs - known) <= 1
 
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
     able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE[0])
     deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "say", "picks", "act")})
-    state = swarm.SwarmState(deaf.init(2, None), lay((0.0, 60.0)), jnp.ones(2, bool))
+    state = SwarmState(deaf.init(2, None), lay((0.0, 60.0)), jnp.ones(2, bool))
     poses = place((0, 0, 0), (8, 0, 0))
-    arguments = (state, jnp.asarray(poses), links_of(poses, config.optics), jnp.zeros((2, 4), bool), 0)
-    with pytest.raises(UserError, match=r"^--strategy\.update-order was sequential, but SimpleNamespace has no method"):
-        jax.jit(partial(swarm.decide, config, PROBE, conditions_of(config), deaf))(*arguments, jax.random.key(0))
+    arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
+    with pytest.raises(UserError, match=r"update_order is sequential, but SimpleNamespace has no method listen"):
+        decided(deaf, config, *arguments)
