@@ -19,15 +19,19 @@ from helpers_sensing import place
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, models_directory, read_robot
+from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
-from iswarm_mj.engines.mjx.motion import Bodies, Phase, advance, overlapping
-from iswarm_mj.engines.mjx.sight import see
-from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
+from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.output.frames import scene_of
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import led_positions, receive
-from iswarm_mj.simulation import step as swarm
+from iswarm_mj.simulation.initial import Start, draw_start
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -62,30 +66,62 @@ def file(tmp_path_factory):
     )
 
 
-@pytest.fixture(scope="module")
-def arena(file):
-    return compile_arena(CONFIG, N, np.zeros(0), robot_file=file)
+class InC:
+    """MuJoCo in C, of one world: poses (N, 3) -> `Sight`, or `Motion`."""
+
+    def __init__(self, file):
+        arena = compile_arena(CONFIG, N, np.zeros(0), robot_file=file)
+        self._engine = MujocoEngine(CONFIG, arena, 1, 1, N)
+
+    def sense(self, poses):
+        bodies = self._engine.place(poses[None], np.ones((1, N), bool))
+        return first(self._engine.sense(bodies, SENDS[None], np.ones(1, bool)))
+
+    def move(self, poses, velocity, n_substeps):
+        bodies = self._engine.place(poses[None], np.ones((1, N), bool))
+        return first(self._engine.move(bodies, [Phase(n_substeps, lambda _: velocity[None])], np.ones(1, bool)))
+
+
+class InJax:
+    """MJX-JAX likewise, one program for all tests."""
+
+    def __init__(self, file):
+        engine = MjxEngine(compile_mjx_arena(CONFIG, N, "jax", 1, robot_file=file), CONFIG, is_masked=False)
+        everyone, running = jnp.ones(N, bool), jnp.array(True)
+        self._sense = jax.jit(lambda poses: engine.sense(engine.place(poses, everyone), SENDS, running))
+        self._move = jax.jit(
+            lambda poses, velocity, n_substeps: engine.move(
+                engine.place(poses, everyone), [Phase(n_substeps, lambda _: velocity)], running
+            ),
+            static_argnums=2,
+        )
+
+    def sense(self, poses):
+        return jax.tree.map(np.asarray, self._sense(jnp.asarray(poses, jnp.float32)))
+
+    def move(self, poses, velocity, n_substeps):
+        poses, velocity = jnp.asarray(poses, jnp.float32), jnp.asarray(velocity, jnp.float32)
+        return jax.tree.map(np.asarray, self._move(poses, velocity, n_substeps))
+
+
+def first(tree):
+    """Of the first world."""
+    return jax.tree.map(lambda a: a[0], tree)
 
 
 @pytest.fixture(scope="module")
-def mjx_arena(file):
-    return compile_mjx_arena(CONFIG, N, "jax", 1, robot_file=file)
+def in_c(file):
+    return InC(file)
 
 
-@pytest.fixture(scope="module", params=["mujoco", "jax"])
-def sight(request):
-    """Poses (N, 3) -> links (N, 4) and walls (N, 4), on both engines."""
-    if request.param == "jax":
-        arena = request.getfixturevalue("mjx_arena")
-        look = jax.jit(lambda poses: see(CONFIG, arena, poses, SENDS, np.ones(N, bool)))
-        return lambda poses: jax.tree.map(np.asarray, look(jnp.asarray(poses, jnp.float32)))
-    engine = MujocoBatchEngine(request.getfixturevalue("arena"), 1, 1)
+@pytest.fixture(scope="module")
+def in_jax(file):
+    return InJax(file)
 
-    def look(poses):
-        engine.reset(poses[None], np.zeros((1, 0, 3)))
-        return jax.tree.map(lambda a: a[0], swarm.see(CONFIG, engine, poses[None], SENDS[None]))
 
-    return look
+@pytest.fixture(scope="module", params=["in_c", "in_jax"])
+def engine(request):
+    return request.getfixturevalue(request.param)
 
 
 class TestRecord:
@@ -131,16 +167,16 @@ class TestRecord:
 
 class TestLight:
     @pytest.mark.parametrize(("y", "is_clear"), [(-1.25, True), (-1.23, False)])
-    def test_a_robot_in_the_way_must_leave_the_path_to_the_led_free(self, sight, y, is_clear):
+    def test_a_robot_in_the_way_must_leave_the_path_to_the_led_free(self, engine, y, is_clear):
         """Light from (5.5, -0.4) to (0.5, 0) passes (3.5, -0.24), where the one between has a corner at y + 1."""
-        links, _ = sight(place((0, 0, 0), (6, 0, 180), (3, y, 0)))
+        links, _ = engine.sense(place((0, 0, 0), (6, 0, 180), (3, y, 0)))
         assert links.valid[0].tolist() == [is_clear, False, False, False]
 
-    def test_walls_are_seen_from_the_leds(self, sight):
+    def test_walls_are_seen_from_the_leds(self, engine):
         """1.5 rd = 4.243 mm in front of an LED, which is 0.5 mm ahead of the centre, but 1 mm left of it."""
         edge, ahead, left = 5 * RD, 0.5 + 1.5 * RD, 1 + 1.5 * RD
-        _, near = sight(place((edge - ahead + 0.01, 0, 0), (0, edge - left + 0.01, 0), ASIDE))
-        _, far = sight(place((edge - ahead - 0.01, 0, 0), (0, edge - left - 0.01, 0), ASIDE))
+        _, near = engine.sense(place((edge - ahead + 0.01, 0, 0), (0, edge - left + 0.01, 0), ASIDE))
+        _, far = engine.sense(place((edge - ahead - 0.01, 0, 0), (0, edge - left - 0.01, 0), ASIDE))
         assert near[:2].tolist() == [[True, False, False, False], [False, True, False, False]]
         assert not far[:2].any()
 
@@ -162,33 +198,37 @@ class TestContacts:
     @pytest.mark.parametrize(
         ("x", "y", "touches"), [(0.99, 0, True), (1.01, 0, False), (0, 1.99, True), (0, 2.01, False)]
     )
-    def test_are_found_between_the_edges(self, arena, x, y, touches):
-        poses = place((0, 0, 0), (x, y, 0), ASIDE)
-        engine = MujocoBatchEngine(arena, 1, 1)
-        engine.reset(poses[None], np.zeros((1, 0, 3)))
-        engine.advance(np.zeros((1, N, 3)), 1, np.arange(1))
-        assert (len(engine.contacts(0)) > 0) == touches
-        assert np.asarray(overlapping(jnp.asarray(poses), arena.robot)).any() == touches
+    def test_are_found_between_the_edges(self, engine, x, y, touches):
+        motion = engine.move(place((0, 0, 0), (x, y, 0), ASIDE), np.zeros((N, 3)), 4)
+        assert motion.touching.any() == touches
 
-    def test_push_alike_on_both_engines(self, arena, mjx_arena):
+    def test_push_alike_on_both_engines(self, in_c, in_jax):
         """A robot walks into two others, of which one stands askew."""
         poses, velocity = place((0, 0, 0), (1.2, 0.8, 20), (0.3, -2.2, 5)), np.zeros((N, 3))
         velocity[0] = 3.0, -2.0, 0.5
-        engine = MujocoBatchEngine(arena, 1, 1)
-        engine.reset(poses[None], np.zeros((1, 0, 3)))
-        engine.advance(velocity[None], 4, np.arange(1))
-        bodies = Bodies(jnp.asarray(poses, jnp.float32), jnp.zeros((N, 3)))
-        phases = [Phase(4, lambda _: jnp.asarray(velocity, jnp.float32))]
-        moved, _ = jax.jit(lambda bodies: advance(mjx_arena, mjx_arena.model, bodies, phases))(bodies)
-        np.testing.assert_allclose(moved.poses, engine.poses()[0], atol=2e-3)
-        assert np.abs(engine.poses()[0, 1:] - poses[1:]).max(axis=1).min() > 0.05
+        ours, theirs = (engine.move(poses, velocity, 4).bodies.poses for engine in (in_jax, in_c))
+        np.testing.assert_allclose(ours, theirs, atol=2e-3)
+        assert np.abs(theirs[1:] - poses[1:]).max(axis=1).min() > 0.05
+
+
+@pytest.mark.parametrize(("with_file", "collisions"), [(True, 0), (False, 1)])
+def test_run_takes_the_file(file, with_file, collisions):
+    """Two robots 1.1 mm one behind the other, which stand still: only those of 2 mm touch."""
+    balls = draw_start(CONFIG, N, 0, 0).balls
+    start = Start(place((0, 10, 0), (1.1, 10, 0), ASIDE), balls, np.zeros(N, bool))
+    settings = RunSettings(N, 1)
+    worlds = [World(PRESETS["type1"], N, start=start)]
+    robot_file = file if with_file else None
+    run = Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds, robot_file=robot_file)
+    assert run.robot == read_robot(robot_file)
+    assert run.advance().collisions.tolist() == [[collisions]]
 
 
 @pytest.fixture(scope="module")
-def scene(arena):
-    memory = SimpleNamespace(is_scout=np.zeros((1, N), bool))
-    start = SimpleNamespace(state=SimpleNamespace(memory=memory, balls=SimpleNamespace(radius=np.zeros((1, 0)))))
-    return scene_of(CONFIG, arena.robot, start, 0)
+def scene(file):
+    memory, balls = SimpleNamespace(is_scout=np.zeros((1, 1, N), bool)), SimpleNamespace(radius=np.zeros((1, 1, 0)))
+    start = SimpleNamespace(swarm=SimpleNamespace(memory=memory, balls=balls))
+    return scene_of(CONFIG, read_robot(file), start, 0)
 
 
 class TestOutput:

@@ -8,10 +8,9 @@ from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
-from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
-from iswarm_mj.simulation import step as swarm
 
 OPTICS = OpticsConfig()
 ROBOT = read_robot()
