@@ -1,4 +1,4 @@
-"""Figures: one look for all, written as PNG and SVG."""
+"""The common style of all figures, which are written as PNG and SVG."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from iswarm_mj.utils.files import atomic_write
+
+BLUE, ORANGE, GREEN, YELLOW, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#aa4499"
+"""Colours that the colour-blind can tell apart; Okabe and Ito 2008, but for the last."""
+RED, DARK = "#cc0000", "#333333"
 
 STYLE: Any = {
     "font.size": 9,
@@ -27,7 +31,7 @@ STYLE: Any = {
 
 @contextmanager
 def figure(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)) -> Iterator[list[Axes]]:
-    """Axes to draw on, row by row; on leaving, the figure is written as PNG and SVG, whole or not at all.
+    """Axes to draw on, row by row; on exit the figure is written as PNG and SVG, each completely or not at all.
 
     Args:
         path: of the files, without suffix.
@@ -36,9 +40,15 @@ def figure(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float
         size: of one of the axes, width and height [inch].
     """
     with matplotlib.rc_context(STYLE):
-        drawing = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
-        FigureCanvasAgg(drawing)
-        yield list(drawing.subplots(rows, columns, squeeze=False).flat)
+        drawing, axes = blank(rows, columns, size)
+        yield axes
         for suffix, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
             with atomic_write(path.with_name(path.name + suffix)) as part:
                 drawing.savefig(part, format=suffix[1:], metadata=metadata)
+
+
+def blank(rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)) -> tuple[Figure, list[Axes]]:
+    """A figure and its empty axes; arguments as for `figure`."""
+    drawing = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    FigureCanvasAgg(drawing)
+    return drawing, list(drawing.subplots(rows, columns, squeeze=False).flat)

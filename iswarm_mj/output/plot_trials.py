@@ -10,23 +10,22 @@ from matplotlib import colormaps
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.gripper.reference import PAPER_HUMIDITY
-from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.plot_style import DARK, GREEN, ORANGE, YELLOW, figure
 from iswarm_mj.output.plot_voltages import Laws, Rows, column, draw_attempts, draw_voltages, entries
 
 _UM, _NM, _NN, _MS = 1e6, 1e9, 1e9, 1e3
-_BLACK, _GREEN, _ORANGE = "#333333", "#009e73", "#d55e00"
 
 _NEAR = 30.0
 """Gaps up to which a force-distance curve is near contact [nm]."""
 
 _FORCES = (
-    ("electrostatic", "electrostatic, positive to the tool", "#e69f00"),
-    ("adhesion_tool", "adhesion to the tool", _GREEN),
-    ("adhesion_plate", "adhesion to the plate", _ORANGE),
+    ("electrostatic", "electrostatic, positive to the tool", YELLOW),
+    ("adhesion_tool", "adhesion to the tool", GREEN),
+    ("adhesion_plate", "adhesion to the plate", ORANGE),
     ("contact_tool", "contact with the tool", "#88ccbb"),
     ("contact_plate", "contact with the plate", "#e8b0a0"),
 )
-"""Forces of a trace, their names and colours."""
+"""Fields of a trace, the names of the forces and their colours."""
 
 
 def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
@@ -89,7 +88,7 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
             if voltage:
                 force, label = column(curve, "electrostatic") * _NN, f"electrostatic, {voltage:g} V"
                 parts.plot(gap * _UM, force, label=label, **style)
-            style |= {"color": _BLACK, "lw": 0.8, "zorder": 3}
+            style |= {"color": DARK, "lw": 0.8, "zorder": 3}
             parts.plot(gap * _UM, column(curve, "adhesion") * _NN, label="adhesion", **style)
         least, most = (pick(column(rows, "total")) * _NN for pick in (np.min, np.max))
         near.set_xlim(max(-_NEAR, 1.1 * column(rows, "gap").min() * _NM), _NEAR)
@@ -119,12 +118,12 @@ def draw_trace(trace: Trace, path: Path) -> Path:
     time = trace.time * _MS
     with figure(path, rows=3, size=(8.0, 2.2)) as panels:
         voltage, gaps, forces = panels
-        voltage.plot(time, trace.voltage, color=_BLACK, lw=1.2)
-        gaps.plot(time, trace.gap_tool * _UM, color=_GREEN, lw=1.2, label="tool to ball")
-        gaps.plot(time, trace.gap_plate * _UM, color=_ORANGE, lw=1.2, label="ball to plate")
+        voltage.plot(time, trace.voltage, color=DARK, lw=1.2)
+        gaps.plot(time, trace.gap_tool * _UM, color=GREEN, lw=1.2, label="tool to ball")
+        gaps.plot(time, trace.gap_plate * _UM, color=ORANGE, lw=1.2, label="ball to plate")
         for name, label, hue in reversed(_FORCES):
             forces.plot(time, getattr(trace, name) * _NN, color=hue, lw=1.2, label=label)
-        forces.axhline(trace.weight * _NN, color=_BLACK, lw=0.8, ls=":", label="weight")
+        forces.axhline(trace.weight * _NN, color=DARK, lw=0.8, ls=":", label="weight")
         forces.set_yscale("symlog", linthresh=1.0)
         voltage.set(ylabel="voltage [V]")
         voltage.set_title(f"Trial with a ball of radius {trace.radius * _UM:g} µm", pad=48)

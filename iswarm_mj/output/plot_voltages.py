@@ -1,7 +1,7 @@
 """Figures of the voltages that lift balls and let them go, after Figs. 8, 9 and 11 of the paper.
 
-Bands tell what the paper reports; dashed lines what the force laws give without dynamics, at the medians of the works
-of adhesion.
+Bands are the paper's; dashed lines follow from the force laws without dynamics, at the medians of the works of
+adhesion.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,18 +22,17 @@ from iswarm_mj.gripper.laws.detachment import (
 )
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
-from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.plot_style import BLUE, GREEN, ORANGE, PURPLE, RED, figure
 from iswarm_mj.utils.arrays import Array
 
 Rows = Sequence[Mapping[str, Any]]
 
-HUES = ("#0072b2", "#d55e00", "#009e73", "#aa4499")
+HUES = (BLUE, ORANGE, GREEN, PURPLE)
 _MARKS = ("o", "s", "^", "D")
-_RED = "#cc0000"
 _SIZE = (5.2, 4.2)
 _UM, _MS = 1e6, 1e3
 _MANY = 2000
-"""More points than these are pixels in the SVG file, too."""
+"""Number of points above which they are rasterized in the SVG file."""
 
 _FITTED = {
     "grasp": (
@@ -44,7 +43,9 @@ _FITTED = {
         "Fitted: $W_{TO}$ and its spread, to the paper's release band at 10 % RH.\n"
         "Not fitted: that the radius does not matter, that a landed ball stays."
     ),
-    "no_contact": "Fitted: $D_{eff}$, such that no ball is lifted below 50 V from gaps of 1 µm and more.",
+    "no_contact": (
+        f"Fitted: $D_{{eff}}$, such that no ball is lifted below {PAPER_NO_CONTACT:g} V from gaps of 1 µm and more."
+    ),
 }
 
 
@@ -52,12 +53,12 @@ class Laws:
     """Least voltages without dynamics, at the medians of the works of adhesion. SI."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        """Take the constants of `detachment` that the `calibration` of a run's settings has, and its own others."""
-        told = settings.get("calibration", {})
-        self._tool = told.get("WORK_TOOL_OBJECT", WORK_TOOL_OBJECT)
-        self._plate = told.get("WORK_OBJECT_SUBSTRATE", WORK_OBJECT_SUBSTRATE)
-        self._contact_gap = told.get("CONTACT_GAP", CONTACT_GAP)
-        self._probe_radius = told.get("PROBE_RADIUS", PROBE_RADIUS)
+        """Take the constants of the `calibration` in a run's settings; those of `detachment` where it has none."""
+        constants = settings.get("calibration", {})
+        self._tool = constants.get("WORK_TOOL_OBJECT", WORK_TOOL_OBJECT)
+        self._plate = constants.get("WORK_OBJECT_SUBSTRATE", WORK_OBJECT_SUBSTRATE)
+        self._contact_gap = constants.get("CONTACT_GAP", CONTACT_GAP)
+        self._probe_radius = constants.get("PROBE_RADIUS", PROBE_RADIUS)
 
     def grasp(self, radius: Array, percent: float, gap: Array = 0.0) -> Array:
         """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
@@ -109,7 +110,7 @@ def _draw_group(axes: Axes, rows: Rows, law: Callable[..., np.ndarray], hue: str
     for group, name, style in (
         (done, "voltage", {"marker": mark, "mec": hue, "alpha": 0.6, "ms": 4, "label": "each trial"}),
         (undone, "limit_voltage", {"marker": "$↑$", "mec": hue, "ms": 8, "label": "not up to this voltage"}),
-        (melted, "voltage", {"marker": "x", "mec": _RED, "ms": 7, "label": "melted"}),
+        (melted, "voltage", {"marker": "x", "mec": RED, "ms": 7, "label": "melted"}),
     ):
         if group:
             many = len(group) > _MANY
@@ -136,7 +137,9 @@ def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
         laws: for the lines, each the least over the radii.
     """
     with figure(path, size=_SIZE) as (axes,):
-        axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label="paper: no lift below 50 V")
+        axes.axhspan(
+            0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label=f"paper: no lift below {PAPER_NO_CONTACT:g} V"
+        )
         for name, hue, mark, lifted in (("not lifted up to here", HUES[0], "^", False), ("lifted", HUES[1], "o", True)):
             group = [row for row in _sound(rows) if (row["voltage"] is not None) == lifted]
             if group:
@@ -174,7 +177,7 @@ def _sound(rows: Rows) -> Rows:
 
 
 def _landings(rows: Rows) -> str:
-    """Say how the balls that were released flew and landed; empty if none was."""
+    """Describe flight and landing of the released balls; empty if none was released."""
     let_go = [row for row in _sound(rows) if row["voltage"] is not None]
     landed = [row for row in let_go if row["landed"]]
     if not let_go:
@@ -187,7 +190,7 @@ def _landings(rows: Rows) -> str:
 
 
 def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
-    """Title, and below the axes the caption and the legend, each label once."""
+    """Add the title and, below the axes, the caption and the legend."""
     faulty = len(rows) - len(_sound(rows))
     axes.set_title(title)
     axes.legend(

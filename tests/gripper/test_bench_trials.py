@@ -215,7 +215,7 @@ def parameters(max_examples):
     )(test))  # fmt: skip
 
 
-@parameters(30)
+@parameters(12)
 def test_parameters_around_the_defaults_break_nothing(trial, protocol, gap):
     never_breaks(trial, protocol, gap)
 
