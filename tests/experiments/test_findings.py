@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers_findings import grasp_rows, search_rows, settings_of
 
-from iswarm_mj.experiments.analysis import evolution_findings, grasp_findings, law_findings
+from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings, grasp_findings, law_findings
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED
 
 
@@ -87,7 +87,7 @@ class TestEvolution:
 
     def test_the_fittest_are_those_of_generations_35_to_100(self):
         rows = [{"generation": g, "fitness": float(g % 97), "individual": k} for g in range(120) for k in range(10)]
-        top = evolution_findings.fittest(rows, 35, 100)
+        top = evolution_figures.fittest(rows, 35, 100)
         assert (
             len(top) == 250
             and min(r["fitness"] for r in top) == 72

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.evolution_figure import draw_fitness
+from iswarm_mj.experiments.analysis.evolution_figures import PLATEAU, fittest
 from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Claim,
@@ -21,16 +20,12 @@ from iswarm_mj.experiments.analysis.findings import (
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.statistics import compare, correlation, difference, mean, rank_correlation, share
-from iswarm_mj.output.plot_style import figure
 from iswarm_mj.strategy.genome import Genome
 
 FIRST, LAST = 5, 20
 """Generations at the beginning and at the end that are compared."""
 RISE = 35
 """Up to this generation the paper's best swarms got steadily better."""
-PLATEAU = (35, 100)
-"""Generations from which the paper takes its fittest swarms."""
-FITTEST = 250
 BEST = 100
 """Best runs that are compared, since random search does not gather about its best as the others do."""
 GROUP = 30
@@ -56,8 +51,10 @@ FORGET = Claim(
 )
 TRADE = Claim(
     "p(vector-forget) and the fraction of scouts are negatively correlated among the 250 fittest swarms of generations "
-    "35 to 100", f"{_WHERE}, Fig. 14(b)", "strong negative correlation, no number given",
-)  # fmt: skip
+    "35 to 100",
+    f"{_WHERE}, Fig. 14(b)",
+    "strong negative correlation, no number given",
+)
 DENSITY = Claim("The density converges to 11.8 to 13.2 %", _WHERE, "11.8 % (280 robots) to 13.2 % (314 robots)")
 SIGNALS = Claim(
     "Priority is signalled by loaded robots and not by scouts in the fittest swarms", f"{_WHERE}, Table 2", "both types"
@@ -65,12 +62,25 @@ SIGNALS = Claim(
 WEIGHTS = Claim("weight-find-dump exceeds weight-find-dust in the fittest swarms", f"{_WHERE}, Table 2", "both types")
 DISTANCES = Claim(
     "The fittest keep more distance between empty robots than from priority, and least when loaded",
-    f"{_WHERE}, Table 2", "0.65/0.77, 0.40/0.41 and 0.25/0.27 sr",
-)  # fmt: skip
+    f"{_WHERE}, Table 2",
+    "0.65/0.77, 0.40/0.41 and 0.25/0.27 sr",
+)
 CLAIMS = (
-    RISES, LEARNS, BEATS, RIVAL, MANY_FAIL, COUNTED, UNCOUNTED, SCOUTS, FORGET, TRADE, DENSITY, SIGNALS, WEIGHTS,
+    RISES,
+    LEARNS,
+    BEATS,
+    RIVAL,
+    MANY_FAIL,
+    COUNTED,
+    UNCOUNTED,
+    SCOUTS,
+    FORGET,
+    TRADE,
+    DENSITY,
+    SIGNALS,
+    WEIGHTS,
     DISTANCES,
-)  # fmt: skip
+)
 
 
 def findings(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> list[Finding]:
@@ -101,35 +111,8 @@ def findings(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> list[Fin
         _density(rows),
         _common(SIGNALS, top, lambda row: row["priority_signal_loaded"] and not row["priority_signal_scouts"]),
         _common(WEIGHTS, top, lambda row: row["weight_find_dump"] > row["weight_find_dust"]),
-        _common(DISTANCES, top, lambda row: (
-            row["empty_coll_avoid_dist"] > row["priority_coll_avoid_dist"] > row["loaded_coll_avoid_dist"]
-        )),
-    ]  # fmt: skip
-
-
-def fittest(rows: Rows, first: int, last: int) -> list[Row]:
-    """The `FITTEST` fittest runs of these generations, the first one being 1; none if the search was shorter."""
-    if max(row["generation"] for row in rows) + 1 < last:
-        return []
-    among = [row for row in rows if first <= row["generation"] + 1 <= last]
-    return sorted(among, key=lambda row: -row["fitness"])[:FITTEST]
-
-
-def draw_search(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
-    """Draw Fig. 14: fitness over the generations; scouts and forgetting of the fittest."""
-    name = f"evolution_{settings['method']}"
-    draw_fitness(rows, settings["config"]["arena"]["n_dust"], out / name)
-    drawn, top = [out / f"{name}.png"], fittest(rows, *PLATEAU)
-    if top and settings["method"] == "paper":
-        x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))
-        with figure(out / "trade", size=(4.4, 3.6)) as (axes,):
-            axes.plot(x, y, "o", markersize=4, alpha=0.5)
-            if np.ptp(x) > 0:
-                ends = np.array([x.min(), x.max()])
-                axes.plot(ends, np.polyval(np.polyfit(x, y, 1), ends), "--", color="0.3", linewidth=1)
-            axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
-        drawn.append(out / "trade.png")
-    return drawn
+        _common(DISTANCES, top, _keeps_least_distance_when_loaded),
+    ]
 
 
 def generation_means(rows: Rows) -> np.ndarray:
@@ -241,6 +224,10 @@ def _density(rows: Rows) -> Finding:
     most = max(row["n_robots"] for row in rows)
     rule = f"n = {len(found)} runs; the biggest had {most} robots (the paper's 785); holds if the median is within"
     return DENSITY.found(ours, rule, bool(0.118 <= middle <= 0.132))
+
+
+def _keeps_least_distance_when_loaded(row: Row) -> bool:
+    return row["empty_coll_avoid_dist"] > row["priority_coll_avoid_dist"] > row["loaded_coll_avoid_dist"]
 
 
 def _common(claim: Claim, top: Rows, has: Any) -> Finding:

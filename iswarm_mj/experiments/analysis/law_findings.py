@@ -65,9 +65,8 @@ def _square() -> Finding:
 
 
 def _scale() -> Finding:
-    pairs = [(law(_V, RELEASE_GAP, _R, PROBE_RADIUS), law(_V, 2 * RELEASE_GAP, 2 * _R, 2 * PROBE_RADIUS))
-             for law in (pick_force, release_force)]  # fmt: skip
-    worst = max(abs(float(large / small) - 1) for small, large in pairs)
+    sizes = np.array([RELEASE_GAP, _R, PROBE_RADIUS])
+    worst = max(abs(float(law(_V, *(2 * sizes)) / law(_V, *sizes)) - 1) for law in (pick_force, release_force))
     return SCALE.found(f"twice the size changes the force by {100 * worst:.1g} %", "by construction", worst < 1e-9)
 
 
@@ -85,8 +84,8 @@ def _peak() -> Finding:
 
 
 def _asymptote() -> Finding:
-    exact = [float(law(_V, RELEASE_GAP, _R, PROBE_RADIUS) / asymptotic_force(_V, RELEASE_GAP, _R))
-             for law in (release_force, pick_force)]  # fmt: skip
+    asymptote = asymptotic_force(_V, RELEASE_GAP, _R)
+    exact = [float(law(_V, RELEASE_GAP, _R, PROBE_RADIUS) / asymptote) for law in (release_force, pick_force)]
     ours = f"release {exact[0]:.3f}, pick {exact[1]:.3f} of it, with the tool of 13 µm and a ball of 20 µm"
     return ASYMPTOTE.found(
         ours, "boundary elements; holds if within 10 % for both", all(abs(f - 1) < 0.1 for f in exact)

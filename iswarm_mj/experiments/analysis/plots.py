@@ -15,6 +15,13 @@ BLUE, ORANGE, GREY = "#4477aa", "#d55e00", "#777777"
 _TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
 
 
+class Quantity(NamedTuple):
+    """What a figure's horizontal axis shows."""
+
+    label: str
+    value: Callable[[Row], Any]
+
+
 class Effect(NamedTuple):
     """A line of a forest plot."""
 
@@ -22,17 +29,16 @@ class Effect(NamedTuple):
     label: str
     value: Interval
     note: str = ""
-    """Stands at the right edge."""
+    """Text at the right edge."""
 
 
-def draw_bars(rows: Rows, group: Callable[[Row], Any], labels: Mapping[Any, str], x_label: str, path: Path) -> Path:
-    """Draw the four measures: a bar from zero to the median, a line up to the third quartile, a dot a run.
+def draw_bars(rows: Rows, quantity: Quantity, labels: Mapping[Any, str], path: Path) -> Path:
+    """Draw the four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
 
     Args:
         rows: of an experiment's table.
-        group: of a row, a key of `labels`.
-        labels: what stands below the bars, in their order.
-        x_label: of the axes.
+        quantity: by which rows are grouped.
+        labels: of the bars in their order, by values of the quantity.
         path: of the files, without suffix.
 
     Returns:
@@ -42,7 +48,7 @@ def draw_bars(rows: Rows, group: Callable[[Row], Any], labels: Mapping[Any, str]
     with figure(path, rows=2, columns=2, size=(max(3.4, 0.7 * len(labels)), 2.7)) as panels:
         for axes, measure, letter in zip(panels, MEASURES, "abcd", strict=True):
             for place, key in enumerate(labels):
-                found = values([row for row in rows if group(row) == key], measure)
+                found = values([row for row in rows if quantity.value(row) == key], measure)
                 if not len(found):
                     axes.annotate("none", (place, 0), (0, 3), textcoords="offset points", ha="center", color=GREY)
                     continue
@@ -54,16 +60,16 @@ def draw_bars(rows: Rows, group: Callable[[Row], Any], labels: Mapping[Any, str]
             axes.set_xticks(range(len(labels)), list(labels.values()))
             axes.grid(axis="x", visible=False)
             axes.set_ylim(bottom=0)
-            axes.set(xlabel=x_label, ylabel=measure.label)
+            axes.set(xlabel=quantity.label, ylabel=measure.label)
             axes.set_title(f"({letter})", loc="left", fontsize=9)
     return path.with_name(path.name + ".png")
 
 
 def draw_forest(effects: Sequence[Effect], x_label: str, path: Path) -> Path:
-    """Draw effects with their intervals below each other, by groups; zero is no effect.
+    """Draw effects with their intervals as a forest plot, by groups; zero means no effect.
 
     Args:
-        effects: those of a group beside each other.
+        effects: in the order of their groups.
         x_label: of the axis.
         path: of the files, without suffix.
 
@@ -96,18 +102,13 @@ def draw_forest(effects: Sequence[Effect], x_label: str, path: Path) -> Path:
     return path.with_name(path.name + ".png")
 
 
-def draw_curves(
-    rows: Rows, x: Callable[[Row], float], series: Mapping[str, Callable[[Row], bool]], measures: Sequence[Measure],
-    x_label: str, path: Path,
-) -> Path:  # fmt: skip
-    """Draw measures along a quantity: lines through the medians, bands from first to third quartile, a dot a run.
+def draw_curves(rows: Mapping[str, Rows], quantity: Quantity, measures: Sequence[Measure], path: Path) -> Path:
+    """Draw measures against a quantity: lines through the medians, bands between the quartiles, a dot per run.
 
     Args:
-        rows: of an experiment's table.
-        x: the quantity, of a row.
-        series: which rows belong to each line.
-        measures: an axis each.
-        x_label: of the axes.
+        rows: of an experiment's table, by the names of the lines.
+        quantity: on the horizontal axis.
+        measures: one panel each.
         path: of the files, without suffix.
 
     Returns:
@@ -115,10 +116,9 @@ def draw_curves(
     """
     with figure(path, columns=len(measures), size=(3.6, 3.2)) as panels:
         for axes, measure in zip(panels, measures, strict=True):
-            for (name, belongs), hue, mark in zip(series.items(), (BLUE, ORANGE), "ox", strict=False):
-                mine = [row for row in rows if belongs(row)]
-                steps = sorted({x(row) for row in mine})
-                found = [(step, values([row for row in mine if x(row) == step], measure)) for step in steps]
+            for (name, mine), hue, mark in zip(rows.items(), (BLUE, ORANGE), "ox", strict=False):
+                steps = sorted({quantity.value(row) for row in mine})
+                found = [(step, values([r for r in mine if quantity.value(r) == step], measure)) for step in steps]
                 found = [(step, sample) for step, sample in found if len(sample)]
                 if not found:
                     continue
@@ -129,13 +129,13 @@ def draw_curves(
                 for step, sample in found:
                     axes.plot(np.full(len(sample), step), sample, ".", color=hue, markersize=2.5, alpha=0.6)
             axes.set_ylim(bottom=0)
-            axes.set(xlabel=x_label, ylabel=measure.label)
+            axes.set(xlabel=quantity.label, ylabel=measure.label)
         panels[0].legend(fontsize=8)
     return path.with_name(path.name + ".png")
 
 
 def draw_samples(samples: Mapping[str, Mapping[str, Sequence[float]]], path: Path) -> Path:
-    """Draw samples beside each other, a dot a run and a line at the median, an axis for each quantity.
+    """Draw samples side by side, a dot per run and a line at the median, one panel per quantity.
 
     Args:
         samples: by quantity with its unit, then by name.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from iswarm_mj.experiments.analysis import evolution_findings, grasp_findings, law_findings
+from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings, grasp_findings, law_findings
 from iswarm_mj.experiments.analysis.findings import Finding
 from iswarm_mj.experiments.report.reproduction import command
 from iswarm_mj.experiments.report.results import Result, Results, files_in
@@ -89,7 +89,7 @@ def sections_of(results: Results, figures: Path) -> list[Section]:
     """All sections, in the order of the paper; figures are drawn into the directory `figures`."""
     found = {method: results.searches[method] for method in SEARCHES if method in results.searches}
     searches = {method: (result.rows, result.settings) for method, result in found.items()}
-    drawn = [evolution_findings.draw_search(*search, figures) for search in searches.values()]
+    drawn = [evolution_figures.draw_search(*search, figures) for search in searches.values()]
     trials = results.trials
     sections = [
         Section("The gripper's theory (section 3.2.1)", law_findings.findings(), [], "", []),

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.experiments.analysis.evolution_figure import draw_fitness
+from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
 from iswarm_mj.experiments.runner.checkpoint import Journal, Key
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.optimisers import Method, optimiser

@@ -17,7 +17,7 @@ from iswarm_mj.experiments.analysis.measures import (
     select,
     values,
 )
-from iswarm_mj.experiments.analysis.plots import draw_bars
+from iswarm_mj.experiments.analysis.plots import Quantity, draw_bars
 from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
@@ -80,7 +80,8 @@ def findings(rows: Rows) -> list[Finding]:
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw Fig. 17."""
     labels = {density: f"{density:g}" for density in sorted({row["density"] for row in rows})}
-    return [draw_bars(rows, lambda row: row["density"], labels, "density of robots", out / "density")]
+    density = Quantity("density of robots", lambda row: row["density"])
+    return [draw_bars(rows, density, labels, out / "density")]
 
 
 def _lowest(rows: Rows, measure: Measure, claim: Claim) -> Finding:
@@ -124,6 +125,10 @@ def _cleaned(rows: Rows, claim: Claim, belongs: Callable[[float], bool], cleans:
 
 
 EXPERIMENT = Experiment(
-    "density", "densities from 0.05 to 0.4, 6 runs each, until 66 of 72 balls or 1200 steps", "Fig. 17",
-    entries, findings, draw,
-)  # fmt: skip
+    name="density",
+    title="densities from 0.05 to 0.4, 6 runs each, until 66 of 72 balls or 1200 steps",
+    source="Fig. 17",
+    entries=entries,
+    findings=findings,
+    draw=draw,
+)

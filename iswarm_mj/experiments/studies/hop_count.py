@@ -14,7 +14,7 @@ from iswarm_mj.experiments.analysis.measures import (
     select,
     values,
 )
-from iswarm_mj.experiments.analysis.plots import draw_bars
+from iswarm_mj.experiments.analysis.plots import Quantity, draw_bars
 from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
@@ -68,10 +68,15 @@ def findings(rows: Rows) -> list[Finding]:
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw Fig. 15."""
     labels = {True: "with", False: "without"}
-    return [draw_bars(rows, lambda row: row["use_hop_count"], labels, "hop counts", out / "hop_count")]
+    hop_counts = Quantity("hop counts", lambda row: row["use_hop_count"])
+    return [draw_bars(rows, hop_counts, labels, out / "hop_count")]
 
 
 EXPERIMENT = Experiment(
-    "hop-count", "with and without hop counts, 12 runs each, until 66 of 72 balls or 1200 steps", "Fig. 15",
-    entries, findings, draw,
-)  # fmt: skip
+    name="hop-count",
+    title="with and without hop counts, 12 runs each, until 66 of 72 balls or 1200 steps",
+    source="Fig. 15",
+    entries=entries,
+    findings=findings,
+    draw=draw,
+)

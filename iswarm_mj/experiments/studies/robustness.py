@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import Claim, Finding, Row, Rows, number, span
+from iswarm_mj.experiments.analysis.findings import Claim, Finding, Rows, number, span
 from iswarm_mj.experiments.analysis.measures import CARRIAGE, COLLISIONS, TIME, finished, select, values
-from iswarm_mj.experiments.analysis.plots import draw_curves
+from iswarm_mj.experiments.analysis.plots import Quantity, draw_curves
 from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
@@ -63,20 +63,19 @@ def findings(rows: Rows) -> list[Finding]:
 
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw time, collisions and carriage along the share of failed robots."""
-
-    def intact(row: Row) -> bool:
-        return row["fraction"] == 0.0
-
-    series = {
-        "dead, standing in the way": lambda row: row["kind"] == DEAD,
-        "absent": lambda row: row["kind"] == ABSENT or intact(row),
+    lines = {
+        "dead, standing in the way": select(rows, kind=DEAD),
+        "absent": [row for row in rows if row["kind"] == ABSENT or row["fraction"] == 0.0],
     }
-    path = out / "robustness"
-    measures = (TIME, COLLISIONS, CARRIAGE)
-    return [draw_curves(rows, lambda row: row["fraction"], series, measures, "share of failed robots", path)]
+    failed = Quantity("share of failed robots", lambda row: row["fraction"])
+    return [draw_curves(lines, failed, (TIME, COLLISIONS, CARRIAGE), out / "robustness")]
 
 
 EXPERIMENT = Experiment(
-    "robustness", "0 to 50 % of the robots dead, or left out, 12 runs each, until 66 of 72 balls or 1200 steps",
-    "not in the paper", entries, findings, draw,
-)  # fmt: skip
+    name="robustness",
+    title="0 to 50 % of the robots dead, or left out, 12 runs each, until 66 of 72 balls or 1200 steps",
+    source="not in the paper",
+    entries=entries,
+    findings=findings,
+    draw=draw,
+)

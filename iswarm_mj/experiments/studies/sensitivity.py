@@ -151,6 +151,10 @@ def _signed(value: Interval) -> str:
 
 
 EXPERIMENT = Experiment(
-    "sensitivity", "each choice that the paper leaves open, one at a time about the default, 10 runs each",
-    "not in the paper", entries, findings, draw,
-)  # fmt: skip
+    name="sensitivity",
+    title="each choice that the paper leaves open, one at a time about the default, 10 runs each",
+    source="not in the paper",
+    entries=entries,
+    findings=findings,
+    draw=draw,
+)

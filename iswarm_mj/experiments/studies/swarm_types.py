@@ -185,6 +185,11 @@ def _render(command: str, arguments: list[str]) -> None:
 
 
 EXPERIMENT = Experiment(
-    "types", "fitness of both evolved types over 24 runs, pictures and videos of them at run time", "Fig. 16, Table 2",
-    entries, findings, draw, record,
-)  # fmt: skip
+    name="types",
+    title="fitness of both evolved types over 24 runs, pictures and videos of them at run time",
+    source="Fig. 16, Table 2",
+    entries=entries,
+    findings=findings,
+    draw=draw,
+    extra=record,
+)
