@@ -5,10 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
+from mujoco.batch import Batch
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
-from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 
@@ -19,14 +20,16 @@ BLIND = OpticsConfig(line_of_sight=False)
 
 @cache
 def arena(n_robots):
-    return compile_arena(SwarmConfig(), n_robots, np.array([20e-6]))
+    return compile_arena(SwarmConfig(), n_robots, np.zeros(0))
 
 
-def engine_at(poses):
-    """Physics engine with robots at (B, N, 3)."""
-    engine = MujocoBatchEngine(arena(poses.shape[1]), len(poses), 1)
-    engine.reset(poses, np.zeros((len(poses), 1, 3)))
-    return engine
+def scene_at(poses, optics=OPTICS):
+    """What rays meet in worlds with robots at (B, N, 3)."""
+    model = arena(poses.shape[1])
+    batch = Batch(model.model, len(poses), 1)
+    batch.bind("qpos")[:, model.qpos] = poses
+    batch.forward()
+    return Scene(SwarmConfig(optics=optics), model, batch)
 
 
 def by_geometry(poses, optics=OPTICS):
@@ -34,7 +37,8 @@ def by_geometry(poses, optics=OPTICS):
 
 
 def by_rays(poses, optics=OPTICS):
-    return swarm.see(SwarmConfig(optics=optics), engine_at(poses), poses, np.ones(poses.shape[:2], bool))[0]
+    everyone = np.ones(poses.shape[:2], bool)
+    return sense(scene_at(poses, optics), poses, everyone, everyone).links
 
 
 both_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays])
@@ -131,10 +135,10 @@ def test_a_robot_alone_hears_nobody(sight):
 @pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 9), (0.8, 12)])
 def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
     poses = crowd(np.random.default_rng([seed, edge, int(10 * density)]), density, edge)[:81]
-    engine = engine_at(poses[None])
+    scene = scene_at(poses[None])
 
     def ray(world, origin, target, receiver, sender):
-        share, hit = engine.cast_rays(world, origin, target - origin, receiver)
+        share, hit = scene.cast_rays(world, origin, target - origin, receiver)
         return (hit == sender) | (share >= 1.0)
 
     asked = []
