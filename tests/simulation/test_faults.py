@@ -1,38 +1,58 @@
-"""What is said of faults of batched runs."""
+"""From the bits of a state to faults with world, step, robot and kind, and a sentence about them."""
 
 import numpy as np
-from iswarm_mj.simulation.step_mjx import NOT_FINITE, OUTSIDE, Fault
+import pytest
 
-from iswarm_mj.engines.mjx.arena import Capacities
-from iswarm_mj.engines.mjx.motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS
-from iswarm_mj.simulation.faults import describe
+from iswarm_mj.simulation.faults import MAX_LISTED, decode, summary
+from iswarm_mj.simulation.state import Fault
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.errors import FaultKind
 
-ROOM = Capacities(pairs=20, contacts=80)
 
-
-def said(bits, step=3, robot=7):
+def faults_of(bits, step=3, robot=7, first=0):
     bits = np.array(bits)
-    return describe(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), ROOM)
+    worlds = [World(Genome(), 9, index=first + k) for k in range(len(bits))]
+    return decode(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
 
 
 def test_no_fault():
-    assert said([0, 0]) == ""
+    assert faults_of([0, 0]) == [] and summary([]) == ""
 
 
 def test_who_when_where_and_what():
-    assert said([0, OUTSIDE]) == "step 3, world 1: robot 7 left the arena"
-    assert said([NOT_FINITE | OUTSIDE]) == "step 3, world 0: robot 7 has no finite pose and robot 7 left the arena"
+    (fault,) = faults_of([0, FaultKind.OUTSIDE])
+    assert (fault.step, fault.world, fault.robots, fault.kind) == (3, 1, (7,), FaultKind.OUTSIDE)
+    assert str(fault).startswith("step 3, world 1: robot 7 left the arena; ")
 
 
-def test_the_remedy_is_told_once():
-    text = said([TOO_MANY_PAIRS | TOO_MANY_CONTACTS, TOO_MANY_PAIRS])
-    assert text == (
-        "step 3, world 0: more than 20 pairs of robots near enough to touch and more than 80 contact points; "
-        "step 3, world 1: more than 20 pairs of robots near enough to touch; "
-        "there is no room for so many: give more --contact-room"
-    )
+def test_several_reasons_at_once():
+    (fault,) = faults_of([FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE])
+    assert fault.kind == FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE
+    assert str(fault).startswith("step 3, world 0: the pose of robot 7 is not finite and robot 7 left the arena; ")
 
 
-def test_of_many_worlds_the_first_five_are_named():
-    text = said([OUTSIDE] * 12)
-    assert text.count("left the arena") == 5 and text.endswith("world 4: robot 7 left the arena; and 7 more worlds")
+def test_worlds_have_their_own_numbers():
+    """A process of several has a share of the worlds."""
+    assert [fault.world for fault in faults_of([FaultKind.OUTSIDE, 0, FaultKind.OUTSIDE], first=10)] == [10, 12]
+
+
+@pytest.mark.parametrize("kind", FaultKind)
+def test_only_faults_of_robots_name_one(kind):
+    (fault,) = faults_of([kind])
+    of_robots = {FaultKind.POSE_NOT_FINITE, FaultKind.OUTSIDE, FaultKind.COMMAND_NOT_FINITE}
+    assert fault.robots == ((7,) if kind in of_robots else ())
+    assert ("robot 7" in str(fault)) == (kind in of_robots)
+
+
+def test_all_that_is_full_is_named():
+    one, other = faults_of([FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS, FaultKind.TOO_MANY_PAIRS])
+    remedy = "increase `contact_capacity`"
+    assert str(one) == f"step 3, world 0: buffer of robot pairs full and contact buffer full; {remedy}"
+    assert summary([one, other]) == f"{one}; step 3, world 1: buffer of robot pairs full; {remedy}"
+
+
+def test_of_many_worlds_the_first_five_are_listed():
+    text = summary(faults_of([FaultKind.OUTSIDE] * 12))
+    assert text.count("left the arena") == MAX_LISTED == 5
+    assert "world 4: robot 7 left the arena" in text and text.endswith("; and 7 more worlds")

@@ -1,76 +1,110 @@
 """One control step: driving, walls in sight, balls at the tips, and no direction better than another."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings, Start, draw_start
+from helpers_runs import N, first_step, poses_of, records, run_of
 from scipy.stats import mannwhitneyu
 
 from iswarm_mj.engines.arena import compile_arena
-from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
-from iswarm_mj.simulation import step as swarm
+from iswarm_mj.engines.base import Motion, Phase
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.simulation.initial import Start, draw_start
+from iswarm_mj.simulation.state import Fault
+from iswarm_mj.simulation.step import account, ball_centres, drive_phases, limited
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD  # of the small arena, from its middle [mm]
 STEP = np.sqrt(2)  # half a robot diameter [mm]
 
 
-def engine_of(config, poses):
+def placed(config, poses):
+    """Engine and bodies of robots at poses (B, N, 3)."""
     poses = np.asarray(poses, float)
-    engine = MujocoBatchEngine(compile_arena(config, poses.shape[1], np.full(2, 20e-6)), len(poses), 1)
-    engine.reset(poses, np.zeros((len(poses), 2, 3)))
-    return engine
+    arena = compile_arena(config, poses.shape[1], np.zeros(0))
+    engine = MujocoEngine(config, arena, len(poses), 1, poses.shape[1])
+    return engine, engine.place(poses, np.ones(poses.shape[:2], bool))
+
+
+def driven(config, poses, turn, forward, running=None):
+    """Outcome of a command (B, N)."""
+    engine, bodies = placed(config, poses)
+    running = np.ones(len(poses), bool) if running is None else np.array(running)
+    return engine.move(bodies, drive_phases(config.drive, Command(np.array(turn), np.array(forward))), running)
+
+
+def touching_pairs(motion):
+    return [np.argwhere(world).tolist() for world in motion.touching]
 
 
 class TestDrive:
     def test_turns_on_the_spot_then_walks(self, small):
         """East, north, and backwards after a turn to the north-west."""
-        engine = engine_of(small, [[(-8, 0, 0), (0, 0, 0), (8, 0, np.pi / 2)]])
-        command = Command(np.array([[0, np.pi / 2, np.pi / 4]]), np.array([[STEP, STEP, -1.0]]))
-        pairs = swarm.drive(small, engine, command, np.arange(1))
+        start = [[(-8, 0, 0), (0, 0, 0), (8, 0, np.pi / 2)]]
+        motion = driven(small, start, [[0, np.pi / 2, np.pi / 4]], [[STEP, STEP, -1.0]])
         half = np.sqrt(0.5)
         expected = [(-8 + STEP, 0, 0), (0, STEP, np.pi / 2), (8 + half, -half, 3 * np.pi / 4)]
-        np.testing.assert_allclose(engine.poses()[0], expected, atol=1e-6)
-        assert [p.tolist() for p in pairs] == [[]]
+        np.testing.assert_allclose(motion.bodies.poses[0], expected, atol=1e-6)
+        assert touching_pairs(motion) == [[]]
 
     def test_walks_along_the_heading_that_it_has(self, small):
         """A robot that is hindered in its turn walks where it looks, not where it meant to look."""
-        start, turn = [[(EDGE - 1.2, 0, 0.0)]], np.array([[np.pi / 4]])
-        ends = []
-        for forward in (0.0, -STEP):
-            engine = engine_of(small, start)
-            swarm.drive(small, engine, Command(turn, np.array([[forward]])), np.arange(1))
-            ends.append(engine.poses()[0, 0])
+        start, turn = [[(EDGE - 1.2, 0, 0.0)]], [[np.pi / 4]]
+        ends = [driven(small, start, turn, [[forward]]).bodies.poses[0, 0] for forward in (0.0, -STEP)]
         x, y, yaw = ends[0]
         assert x < EDGE - 1.3 and 0.5 < yaw < 0.7
         np.testing.assert_allclose(ends[1][:2], [x - STEP * np.cos(yaw), y - STEP * np.sin(yaw)], atol=0.05)
 
-    def test_tells_who_touches(self, small):
-        engine = engine_of(small, [[(0, 0, 0), (2.5, 0, 0), (-8, 0, 0)], [(0, 0, 0), (8, 0, 0), (2.5, 0.1, 0)]])
-        forward = np.array([[STEP, 0.0, 0.0]] * 2)
-        pairs = swarm.drive(small, engine, Command(np.zeros((2, 3)), forward), np.arange(2))
-        assert [p.tolist() for p in pairs] == [[1], [2]]
-        assert [p.tolist() for p in swarm.drive(small, engine, Command(0 * forward, forward), np.array([1]))] == [[2]]
+    def test_reports_who_touches(self, small):
+        start = [[(0, 0, 0), (2.5, 0, 0), (-8, 0, 0)], [(0, 0, 0), (8, 0, 0), (2.5, 0.1, 0)]]
+        still, forward = np.zeros((2, 3)), [[STEP, 0.0, 0.0]] * 2
+        assert touching_pairs(driven(small, start, still, forward)) == [[[0, 1]], [[0, 2]]]
+        assert touching_pairs(driven(small, start, still, forward, [False, True])) == [[], [[0, 2]]]
+
+    def test_a_touch_in_the_turn_counts_even_if_the_walk_ends_it(self, small):
+        """A corner sweeps over the neighbour's side, 0.1 mm away; then the robot backs away."""
+        start = [[(0, 0, 0), (2.1, 0, 0)]]
+        assert touching_pairs(driven(small, start, [[np.pi / 4, 0]], [[-STEP, 0.0]])) == [[[0, 1]]]
+        assert touching_pairs(driven(small, start, [[0, 0]], [[-STEP, 0.0]])) == [[]]
+
+    def test_commands_are_brought_within_the_limits(self, small):
+        command = Command(np.array([[3.0, -9.0, 1.5]]), np.array([[0.1, 99.0, -2.0]]))
+        within, refused = limited(small.drive, command)
+        np.testing.assert_allclose(within.turn, [[np.pi / 2, -np.pi / 2, 1.5]])
+        np.testing.assert_allclose(within.forward, [[0.1, STEP, -STEP]])
+        assert not refused.any()
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_commands_that_are_not_finite_are_refused(self, small, value):
+        turn, forward = np.zeros((2, 3)), np.zeros((2, 3))
+        turn[0, 1] = forward[1, 2] = value
+        assert np.argwhere(limited(small.drive, Command(turn, forward))[1]).tolist() == [[0, 1], [1, 2]]
 
 
 class TestWalls:
+    def seen(self, config, poses):
+        engine, bodies = placed(config, poses)
+        here = np.ones(np.shape(poses)[:2], bool)
+        return engine.sense(bodies, here, here[:, 0]).sees_wall
+
     def test_are_seen_on_the_side_that_faces_them(self, small):
-        """1.5 rd = 4.243 mm in front of a LED, which is 1 mm from the centre."""
+        """1.5 rd = 4.243 mm in front of an LED, which is 1 mm from the centre."""
         near, far = EDGE - 5.2, EDGE - 5.3
         poses = [[(near, 0, 0), (far, 4, 0), (near, -4, np.pi / 2), (0, -near, 0), (-near, -near, np.pi), (0, 0, 0)]]
-        sees = swarm.find_walls(small, engine_of(small, poses), np.array(poses, float))
-        sides = [np.flatnonzero(row).tolist() for row in sees[0]]
+        sides = [np.flatnonzero(row).tolist() for row in self.seen(small, poses)[0]]
         assert sides == [[0], [], [3], [3], [0, 1], []]
 
     def test_are_seen_by_a_robot_that_is_pressed_into_them(self, small):
-        poses = [[(EDGE - 0.9, 0, 0), (EDGE - 0.95, 4, np.pi)]]
-        sees = swarm.find_walls(small, engine_of(small, poses), np.array(poses, float))
+        sees = self.seen(small, [[(EDGE - 0.9, 0, 0), (EDGE - 0.95, 4, np.pi)]])
         assert np.argwhere(sees[0]).tolist() == [[0, 0], [1, 2]]
 
     def test_are_hidden_by_robots(self, small):
-        poses = [[(EDGE - 5, 0, 0), (EDGE - 1.5, 0.5, 0)]]
-        sees = swarm.find_walls(small, engine_of(small, poses), np.array(poses, float))
+        sees = self.seen(small, [[(EDGE - 5, 0, 0), (EDGE - 1.5, 0.5, 0)]])
         assert np.argwhere(sees[0]).tolist() == [[1, 0]]
 
 
@@ -82,42 +116,43 @@ def quarter_turn(start):
     return Start(np.column_stack([-y, x, yaw + np.pi / 2]), start.balls._replace(position=turned), start.is_alive)
 
 
-def pair_of_runs(config, seed, steps=70):
-    settings = RunSettings(30, steps, seed=seed, n_threads=1)
-    start = draw_start(config, settings, 0)
-    off_grid = start.poses + np.random.default_rng(seed).uniform(-0.2, 0.2, (30, 3))  # no two at equal distances
-    start = start._replace(poses=off_grid)
-    return [Run(config, Genome(), settings, [s]) for s in (start, quarter_turn(start))]
+SEEDS = range(14)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_world_turned_by_a_quarter_takes_the_same_first_steps(small, seed):
-    straight, turned = pair_of_runs(small, seed)
-    for _ in range(2):
-        one, other = straight.advance(), turned.advance()
-        np.testing.assert_array_equal(one.links.valid, other.links.valid)
-        np.testing.assert_array_equal(one.links.sender[one.links.valid], other.links.sender[one.links.valid])
-        x, y, yaw = np.moveaxis(one.poses, -1, 0)
-        np.testing.assert_allclose(other.poses, np.stack([-y, x, yaw + np.pi / 2], axis=-1), atol=2e-4)
-        for memory in ("dust", "dump"):
-            mine, yours = getattr(one.state.memory, memory), getattr(other.state.memory, memory)
-            np.testing.assert_array_equal(mine.known, yours.known)
-            np.testing.assert_allclose(mine.vector, yours.vector, atol=2e-4)
-    assert one.links.valid.sum() > 20
+def starts_as_they_are_and_turned(config):
+    """Worlds of all seeds, and the same turned by a quarter."""
+    worlds = []
+    for seed in SEEDS:
+        start = draw_start(config, N, seed, 0)
+        off_grid = start.poses + np.random.default_rng(seed).uniform(-0.2, 0.2, (N, 3))  # no two at equal distances
+        start = start._replace(poses=off_grid)
+        worlds += [World(Genome(), N, seed, start=s) for s in (start, quarter_turn(start))]
+    return worlds
+
+
+def test_a_world_turned_by_a_quarter_takes_the_same_first_steps(small):
+    run = run_of(small, Genome(), worlds=starts_as_they_are_and_turned(small), steps=2)
+    for record in records(run):
+        valid, sender = record.links.valid, record.links.sender
+        np.testing.assert_array_equal(valid[::2], valid[1::2])
+        np.testing.assert_array_equal(sender[::2][valid[::2]], sender[1::2][valid[1::2]])
+        x, y, yaw = np.moveaxis(record.poses[::2], -1, 0)
+        np.testing.assert_allclose(record.poses[1::2], np.stack([-y, x, yaw + np.pi / 2], axis=-1), atol=2e-4)
+        for memory in (record.swarm.memory.dust, record.swarm.memory.dump):
+            np.testing.assert_array_equal(memory.known[::2], memory.known[1::2])
+            np.testing.assert_allclose(memory.vector[::2], memory.vector[1::2], atol=2e-4)
+    assert valid.sum(axis=(1, 2)).min() > 20
 
 
 def outcomes(config):
     """Balls picked up by step 20 and delivered by step 50, of 14 worlds as they are and turned: (2, 14, 2)."""
-    results = []
-    for seed in range(14):
-        for run in pair_of_runs(config, seed):
-            while run.step < 20:
-                run.advance()
-            picked = run.measures(0).picked
-            while run.step < 50:
-                run.advance()
-            results.append((picked, run.measures(0).delivered))
-    return np.array(results).reshape(14, 2, 2).swapaxes(0, 1)
+    run = run_of(config, Genome(), worlds=starts_as_they_are_and_turned(config), steps=50)
+    picked, delivered = [], []
+    for record in records(run):
+        balls = record.swarm.balls
+        picked.append(balls.was_picked.sum(axis=1))
+        delivered.append(balls.is_delivered.sum(axis=1))
+    return np.column_stack([picked[19], delivered[49]]).reshape(14, 2, 2).swapaxes(0, 1)
 
 
 def least_p(straight, turned):
@@ -132,34 +167,77 @@ def test_no_direction_is_better_than_another(small):
 
 def test_a_bias_would_be_seen(small, monkeypatch):
     """As above, with motion along y at a third of the speed."""
-    advance = MujocoBatchEngine.advance
-    slow = np.array([1.0, 0.33, 1.0])
-    monkeypatch.setattr(MujocoBatchEngine, "advance", lambda self, v, *rest: advance(self, slow * v, *rest))
+    move, slow = MujocoEngine.move, np.array([1.0, 0.33, 1.0])
+
+    def move_slowly(self, bodies, phases, is_running):
+        slowed = [Phase(n, lambda poses, velocity=velocity: slow * velocity(poses)) for n, velocity in phases]
+        return move(self, bodies, slowed, is_running)
+
+    monkeypatch.setattr(MujocoEngine, "move", move_slowly)
     assert least_p(*outcomes(small)) < 0.002
 
 
 def test_held_balls_hang_at_the_tips(small):
     """Robot 1 looks along (3, 4) and holds ball 0; ball 1 lies. The tip is 0.9 mm ahead and 0.1 mm to the left."""
-    run = Run(small, Genome(), RunSettings(30, 1))
-    poses = np.zeros((1, 30, 3))
+    run = run_of(small, Genome(), steps=1)
+    poses = np.zeros((1, N, 3))
     poses[0, 1] = (5, 7, np.arctan2(4, 3))
-    balls = run.state.balls
-    held = balls.is_held.at[0, 0].set(True)
-    state = run.state._replace(balls=balls._replace(is_held=held, holder=balls.holder.at[0, 0].set(1)))
-    centres = swarm.ball_centres(state, poses, np.array([0.9, 0.1]), 0.05)[0]
-    radius = np.asarray(balls.radius[0]) * 1e3
+    balls = first_step(run.start).swarm.balls
+    is_held, holder = balls.is_held.copy(), balls.holder.copy()
+    is_held[0, 0], holder[0, 0] = True, 1
+    robot = replace(run.robot, probe_tip=(0.9, 0.1), tip_height=0.05)
+    centres = ball_centres(balls._replace(is_held=is_held, holder=holder), poses, robot)[0]
+    radius = balls.radius[0] * 1e3
     np.testing.assert_allclose(centres[0], [5 + 0.54 - 0.08, 7 + 0.72 + 0.06, 0.05 - radius[0]], atol=1e-6)
     np.testing.assert_allclose(centres[1], [*balls.position[0, 1], radius[1]], atol=1e-7)
 
 
 def test_robots_walk_half_a_diameter(small):
     """Those who meet nobody, and turn little."""
-    run = Run(small, Genome(), RunSettings(30, 5, n_threads=1))
-    before, n_full = run.engine.poses(), 0
-    while not run.is_over:
-        view = run.advance()
-        moved = np.linalg.norm((view.poses - before)[..., :2], axis=-1)
-        assert view.speed[0] == pytest.approx(moved.mean())
+    run = run_of(small, Genome(), steps=5)
+    before, n_full = poses_of(run), 0
+    for record in records(run):
+        moved = np.linalg.norm((record.poses - before)[..., :2], axis=-1)
+        assert record.speed[0] == pytest.approx(moved.mean())
         n_full += np.isclose(moved, STEP, rtol=1e-5).sum()
-        before = view.poses
+        before = record.poses
     assert n_full > 15
+
+
+class TestAccount:
+    """Three worlds of three robots: one goes on, one is finished, one has a fault already."""
+
+    def after(self, small, *, fault=(0, 0, 0), refused=(), delivered=0):
+        run = run_of(small, n_robots=3, n_worlds=3, steps=9, stop_at=2)
+        params, state = run.arrays()
+        state = state._replace(
+            is_finished=np.array([False, True, False]),
+            finished_at=np.array([0, 4, 0], np.int32),
+            collisions=np.array([10, 20, 30], np.int32),
+            fault=Fault(*(np.array([0, 0, value], np.int32) for value in (FaultKind.OUTSIDE, 5, 1))),
+        )
+        touching = np.zeros((3, 3, 3), bool)
+        touching[:, 0, 1:] = True
+        motion = Motion(state.bodies, touching, np.array(fault, np.int32), np.array([2, 2, 2], np.int32))
+        is_refused = np.zeros((3, 3), bool)
+        for world, robot in refused:
+            is_refused[world, robot] = True
+        is_delivered = np.arange(24) < np.full((3, 1), delivered)
+        swarm = state.swarm._replace(balls=state.swarm.balls._replace(is_delivered=is_delivered))
+        running = np.array([True, False, False])
+        return account(params, state, swarm, motion, is_refused, np.int32(6), running)
+
+    def test_only_worlds_that_run_count(self, small):
+        new = self.after(small, delivered=2)
+        assert new.collisions.tolist() == [12, 20, 30]
+        assert new.is_finished.tolist() == [True, True, False] and new.finished_at.tolist() == [7, 4, 0]
+        assert [values.tolist() for values in new.fault] == [[0, 0, FaultKind.OUTSIDE], [0, 0, 5], [0, 0, 1]]
+
+    def test_a_world_with_a_new_fault_does_not_count(self, small):
+        new = self.after(small, delivered=2, fault=(FaultKind.OUTSIDE, 0, 0))
+        assert new.collisions.tolist() == [10, 20, 30] and new.is_finished.tolist() == [False, True, False]
+        assert [int(values[0]) for values in new.fault] == [FaultKind.OUTSIDE, 7, 2]
+
+    def test_who_gave_the_command_that_is_not_finite(self, small):
+        new = self.after(small, refused=[(0, 1), (0, 2)])
+        assert [int(values[0]) for values in new.fault] == [FaultKind.COMMAND_NOT_FINITE, 7, 1]

@@ -1,0 +1,112 @@
+"""Whole runs on MuJoCo in C: all worlds recorded, one record a control step; and strategies that do as they are told.
+
+Programs are compiled for each number of worlds and of robots: N robots in one or three worlds cost nothing more.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.strategy.controller import Command, RobotMemory
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+
+N = 30
+
+
+def run_of(config, genome=PRESETS["type1"], n_robots=N, steps=200, *, threads=1, **settings):
+    """Run of small swarms; `worlds`, `strategy` and `robot_file` go to `Run`, the rest to `RunSettings`."""
+    parts = {name: settings.pop(name) for name in ("worlds", "strategy", "robot_file") if name in settings}
+    if "worlds" in parts:
+        settings["n_worlds"] = len(parts["worlds"])
+    everything = tuple(range(settings.get("n_worlds", 1)))
+    settings = RunSettings(n_robots, steps, **{"record_worlds": everything, **settings})
+    return Run(config, genome, settings, MujocoSettings(threads), **parts)
+
+
+def records(run):
+    """Records (W, ...) of the control steps that are left, one by one."""
+    while not run.is_over:
+        yield first_step(run.advance())
+
+
+def first_step(record):
+    """Of records (T, W, ...) the first one (W, ...)."""
+    return jax.tree.map(lambda a: a[0], record)
+
+
+def engine_of(run):
+    """The engine on which a run's worlds are."""
+    return run._loop._engine._engine
+
+
+def poses_of(run):
+    """Where the robots of all worlds are (B, N, 3)."""
+    return run.arrays()[1].bodies.poses
+
+
+def end_of(run):
+    """Poses and measures at the end."""
+    for _ in records(run):
+        pass
+    return poses_of(run), [run.measures(w) for w in range(len(run.worlds))]
+
+
+class CountingMemory(NamedTuple):
+    """The paper's memory, and the number of control steps so far (N,)."""
+
+    inner: RobotMemory
+    age: jax.Array
+
+    @property
+    def dust(self):
+        return self.inner.dust
+
+    @property
+    def dump(self):
+        return self.inner.dump
+
+    @property
+    def is_scout(self):
+        return self.inner.is_scout
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Scripted:
+    """The paper's strategy until a control step, from which on one robot of the world, or all, get another command."""
+
+    inner: VectorStrategy
+    step: jax.Array
+    """Counted from 1."""
+    robot: jax.Array
+    """-1 for all."""
+    turn: jax.Array
+    forward: jax.Array
+
+    def init(self, n_robots, key):
+        return CountingMemory(self.inner.init(n_robots, key), jnp.zeros(n_robots, jnp.int32))
+
+    def say(self, memory, is_loaded):
+        return self.inner.say(memory.inner, is_loaded)
+
+    def picks(self, memory):
+        return self.inner.picks(memory.inner)
+
+    def act(self, memory, observation, key):
+        after, command = self.inner.act(memory.inner, observation, key)
+        age = memory.age + 1
+        mine = (age >= self.step) & ((jnp.arange(len(age)) == self.robot) | (self.robot < 0))
+        told = Command(jnp.where(mine, self.turn, command.turn), jnp.where(mine, self.forward, command.forward))
+        return CountingMemory(after, age), told
+
+
+def scripted(run, *, step, robot, turn, forward):
+    """`Scripted` with the strategy of a run; each argument is a number, or one for each world."""
+    numbers = (np.int32(step), np.int32(robot), np.float32(turn), np.float32(forward))
+    return Scripted(run.arrays()[0].strategy, *(np.broadcast_to(a, run.settings.n_worlds) for a in numbers))
