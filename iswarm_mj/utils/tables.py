@@ -1,4 +1,4 @@
-"""Tables of results: parquet and CSV files that tell their own settings."""
+"""Tables of results: parquet and CSV files that contain their own settings."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -17,17 +17,17 @@ _KEY = b"iswarm_mj"
 
 
 def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], csv: bool = False) -> None:
-    """Write a table whole or not at all: parquet, and beside it CSV if asked for.
+    """Write a table in one step: parquet, and optionally CSV beside it.
 
     Args:
         path: of the parquet file.
-        rows: one mapping a row, all with the same names; None is an absent value.
-        settings: what the rows depend on; goes into the file with the package's version, as JSON.
-        csv: write a CSV file of the same name too.
+        rows: mappings with the same names; None is a missing value.
+        settings: that the rows depend on; stored in the file as JSON, with the version of the package.
+        csv: also write a CSV file of the same name.
     """
     table = pa.Table.from_pylist(list(map(dict, rows)))
-    told = json.dumps({"version": __version__, **settings}, sort_keys=True)
-    table = table.replace_schema_metadata({_KEY: told.encode()})
+    metadata = json.dumps({"version": __version__, **settings}, sort_keys=True)
+    table = table.replace_schema_metadata({_KEY: metadata.encode()})
     with atomic_write(path) as part:
         pyarrow.parquet.write_table(table, str(part), compression="zstd")
     if csv:
@@ -36,10 +36,10 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping
 
 
 def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the rows of a parquet file that `write_table` wrote, and its settings.
+    """Return the rows and settings of a parquet file written by `write_table`.
 
     Raises:
-        UserError: there is no such file, or it is another one.
+        UserError: the file does not exist, or `write_table` did not write it.
     """
     try:
         table = pyarrow.parquet.read_table(path)

@@ -1,5 +1,6 @@
 """The journal of finished runs: what is in it stays, what does not fit is refused."""
 
+import resource
 import subprocess
 import sys
 
@@ -75,6 +76,19 @@ def test_a_torn_last_line_is_dropped(path, written):
         assert path.read_bytes() == whole
 
 
+def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):
+    """A limit of the file's size stands for the disk's."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with Journal(path, SETTINGS) as journal:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, limits[1]))
+        try:
+            with pytest.raises(UserError, match=r"checkpoint\.jsonl cannot be written \(File too large\)"):
+                journal.add((2, 0, 0), 1 / 3)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert entries(path) == written
+
+
 def test_a_torn_first_line_is_written_anew(path, written):
     whole = path.read_bytes()
     for cut in (0, 1, 30):
@@ -105,7 +119,7 @@ def test_other_files_are_refused(path, content):
 def test_a_line_that_is_no_run_is_refused(path, written):
     with path.open("ab") as file:
         file.write(checkpoint._line({"a": 1, "b": 2, "c": 3}))
-    with pytest.raises(UserError, match="damaged: it holds something else than runs"):
+    with pytest.raises(UserError, match="damaged: it contains something other than runs"):
         entries(path)
 
 
@@ -139,5 +153,5 @@ def test_one_process_at_a_time(path):
         with pytest.raises(UserError, match=r"is in use by another process; wait for its end or choose another `out`$"):
             entries(path)
         holder.kill()  # the lock goes with its process
-        holder.wait(timeout=10)
+        holder.wait(timeout=600)
     assert entries(path) == {}

@@ -13,10 +13,10 @@ from iswarm_mj.experiments.analysis.findings import (
     Finding,
     Row,
     Rows,
+    in_words,
     number,
     percent,
     span,
-    told,
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.statistics import compare, correlation, difference, mean, rank_correlation, share
@@ -143,7 +143,7 @@ def _learning(rows: Rows) -> Finding:
         return LEARNS.found(f"the search has {len(means)} generations", f"needs {FIRST + LAST}", UNDECIDED)
     result = compare(means[-LAST:], means[:FIRST])
     ours = f"mean fitness {means[-LAST:].mean():z.0f} against {means[:FIRST].mean():z.0f} points"
-    tested = f"of the generations' means: {told(result, 'points')}; holds if p < 0.01"
+    tested = f"of the generations' means: {in_words(result, 'points')}; holds if p < 0.01"
     return LEARNS.found(ours, tested, verdict_of(result, True))
 
 
@@ -162,7 +162,9 @@ def _against(rows: Rows, other: tuple[Rows, Mapping[str, Any]] | None, claim: Cl
     )
     rule = "; holds if p < 0.01" if judged else ""
     return claim.found(
-        ours, f"of the generations' means: {told(result, 'points')}{rule}", verdict_of(result, True) if judged else ""
+        ours,
+        f"of the generations' means: {in_words(result, 'points')}{rule}",
+        verdict_of(result, True) if judged else "",
     )
 
 

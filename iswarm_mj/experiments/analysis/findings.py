@@ -1,4 +1,4 @@
-"""What an experiment says on a statement: the paper's value, ours, the statistics, and whether it holds."""
+"""Findings on statements: the paper's value, ours, the statistics, and whether the statement holds."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,19 +15,19 @@ Rows = Sequence[Row]
 
 
 class Finding(NamedTuple):
-    """One statement and what became of it."""
+    """A statement and the verdict on it."""
 
     claim: str
     source: str
-    """Where the paper says so, or that it does not."""
+    """Place in the paper, or a note that the paper does not say so."""
     paper: str
     """The paper's value."""
     ours: str
-    """Ours; empty where there is no result."""
+    """Our value; empty without results."""
     statistics: str
-    """Test, sample sizes, intervals, and the rule by which the verdict was made."""
+    """Test, sample sizes, intervals, and the rule for the verdict."""
     verdict: str
-    """One of HOLDS, FAILS, UNDECIDED and NOT_RUN; empty for a number that is given without a judgement."""
+    """One of HOLDS, FAILS, UNDECIDED and NOT_RUN; empty for a number that is reported without a verdict."""
 
 
 class Claim(NamedTuple):
@@ -38,18 +38,18 @@ class Claim(NamedTuple):
     paper: str
 
     def found(self, ours: str, statistics: str, verdict: str | bool) -> Finding:
-        """Return the finding; a verdict may be a truth value."""
+        """Return the finding; the verdict may be a Boolean."""
         if not isinstance(verdict, str):
             verdict = HOLDS if verdict else FAILS
         return Finding(*self, ours, statistics, verdict)
 
     def not_run(self) -> Finding:
-        """Return the finding where there are no results."""
+        """Return the finding for missing results."""
         return Finding(*self, "", "", NOT_RUN)
 
 
 def verdict_of(comparison: Comparison, is_larger: bool) -> str:
-    """HOLDS if the first group's values are larger (smaller, where not `is_larger`) at the level `ALPHA`."""
+    """HOLDS if the first group's values are larger (smaller, if not `is_larger`) at the level `ALPHA`."""
     if smallest_p(comparison.n_first, comparison.n_second) >= ALPHA:
         return UNDECIDED
     right = comparison.superiority > 0.5 if is_larger else comparison.superiority < 0.5
@@ -57,7 +57,7 @@ def verdict_of(comparison: Comparison, is_larger: bool) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number in as many significant digits, without an exponent where it has up to six places."""
+    """A number with `digits` significant digits, without an exponent if it has at most six places."""
     if math.isnan(value):
         return "undefined"
     if value == 0 or 1e-3 <= abs(value) < 1e6:
@@ -81,7 +81,7 @@ def percent(value: Interval) -> str:
     return f"{ends[0]} % (95 % interval {ends[1]} to {ends[2]} %)"
 
 
-def told(comparison: Comparison, unit: str = "") -> str:
+def in_words(comparison: Comparison, unit: str = "") -> str:
     """A comparison in words."""
     return (
         f"Mann-Whitney U = {number(comparison.u)}, two-sided p = {number(comparison.p, 2)}, "

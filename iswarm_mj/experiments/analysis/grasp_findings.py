@@ -10,10 +10,10 @@ from iswarm_mj.experiments.analysis.findings import (
     Finding,
     Row,
     Rows,
+    in_words,
     number,
     percent,
     span,
-    told,
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.statistics import compare, interval, share, slope
@@ -128,9 +128,7 @@ def _humidity(dry: Rows, rows: Rows) -> list[Finding]:
             continue
         result = compare(wet, less)
         ours = f"mean {wet.mean():.1f} V against {less.mean():.1f} V"
-        tested = (
-            f"{told(result, 'V')}; holds if p < 0.01; the rise of adhesion with humidity is put in, after its ref. 54"
-        )
+        tested = f"{in_words(result, 'V')}; holds if p < 0.01; the rise of adhesion with humidity is put in, after its ref. 54"
         found.append(claim.found(ours, tested, verdict_of(result, True)))
     return found
 

@@ -13,15 +13,15 @@ class Measure(NamedTuple):
 
     name: str
     label: str
-    """With its unit, for axes."""
+    """Including the unit, for axes."""
     unit: str
     value: Callable[[Row], float | None]
     is_better_larger: bool
-    """Else a smaller value is better."""
+    """Otherwise a smaller value is better."""
 
 
 def time_of(row: Row) -> float:
-    """Control step at which the goal was reached; the time limit, where it was not."""
+    """Control step at which the goal was reached; the time limit if it was not."""
     return float(row["max_steps"] if row["finished_at"] is None else row["finished_at"])
 
 
@@ -35,13 +35,13 @@ MEASURES = (TIME, DUST, COLLISIONS, CARRIAGE)
 
 
 def values(rows: Rows, measure: Measure) -> np.ndarray:
-    """Values of the rows that have one."""
+    """Values of a measure, in the rows that have one."""
     found = (measure.value(row) for row in rows)
     return np.array([value for value in found if value is not None], float)
 
 
 def select(rows: Rows, **labels: object) -> list[Row]:
-    """Rows with these values in their columns."""
+    """Rows that have these values in their columns."""
     return [row for row in rows if all(row[name] == value for name, value in labels.items())]
 
 

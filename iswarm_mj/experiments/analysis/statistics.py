@@ -29,7 +29,7 @@ class Comparison(NamedTuple):
     """Two groups compared by the Mann-Whitney test, two-sided."""
 
     u: float
-    """Pairs in which the first group's value is the larger one; a tie counts one half."""
+    """Number of pairs in which the first group's value is larger; a tie counts one half."""
     p: float
     n_first: int
     n_second: int
@@ -38,7 +38,7 @@ class Comparison(NamedTuple):
 
     @property
     def superiority(self) -> float:
-        """Share of the pairs in which the first group's value is the larger one; a tie counts one half."""
+        """Share of the pairs in which the first group's value is larger; a tie counts one half."""
         return self.u / (self.n_first * self.n_second)
 
 
@@ -73,8 +73,8 @@ def difference(first: Values, second: Values, statistic: Statistic = median) -> 
 def compare(first: Values, second: Values) -> Comparison:
     """Mann-Whitney test of two samples and the difference of their medians.
 
-    The p-value is exact up to 20 values in a sample where there are no ties, else by the normal approximation with
-    its corrections for ties and continuity.
+    The p-value is exact for up to 20 values in the smaller sample without ties, otherwise by the normal approximation
+    with corrections for ties and continuity.
     """
     a, b = np.asarray(first, float), np.asarray(second, float)
     tied = len(np.unique(np.concatenate([a, b]))) < len(a) + len(b)
@@ -85,7 +85,7 @@ def compare(first: Values, second: Values) -> Comparison:
 
 
 def smallest_p(n_first: int, n_second: int) -> float:
-    """Least p-value that the exact two-sided Mann-Whitney test can give for samples of these sizes."""
+    """Smallest p-value that the exact two-sided Mann-Whitney test can give for samples of these sizes."""
     return min(1.0, 2.0 / math.comb(n_first + n_second, n_first)) if n_first and n_second else 1.0
 
 
@@ -96,7 +96,7 @@ def share(count: int, total: int) -> Interval:
 
 
 def correlation(x: Values, y: Values) -> Interval:
-    """Pearson's correlation with Fisher's interval; nan where one of them does not vary."""
+    """Pearson's correlation with Fisher's interval; NaN if one of them does not vary."""
     a, b = np.asarray(x, float), np.asarray(y, float)
     if len(a) < 4 or np.ptp(a) == 0 or np.ptp(b) == 0:
         return Interval(math.nan, math.nan, math.nan)
@@ -106,7 +106,7 @@ def correlation(x: Values, y: Values) -> Interval:
 
 
 def rank_correlation(x: Values, y: Values) -> tuple[float, float]:
-    """Spearman's correlation and its p-value; nan where one of them does not vary."""
+    """Spearman's correlation and its p-value; NaN if one of them does not vary."""
     a, b = np.asarray(x, float), np.asarray(y, float)
     if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
         return math.nan, math.nan
@@ -115,7 +115,7 @@ def rank_correlation(x: Values, y: Values) -> tuple[float, float]:
 
 
 def slope(x: Values, y: Values) -> Interval:
-    """Slope of the least-squares line with its t interval; nan where x does not vary."""
+    """Slope of the least-squares line with its t interval; NaN if x does not vary."""
     a, b = np.asarray(x, float), np.asarray(y, float)
     if len(a) < 3 or np.ptp(a) == 0:
         return Interval(math.nan, math.nan, math.nan)

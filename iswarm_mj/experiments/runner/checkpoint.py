@@ -1,8 +1,9 @@
-"""A journal of finished runs on disk, from which a search that was killed goes on.
+"""A journal of finished runs on disk, from which a search can be resumed after its process was killed.
 
-A line a run, each with its checksum, synchronised before the search goes on; the first line holds the settings. All
-else follows from these: random numbers from the settings, genomes from the fitness of those before. A last line that
-was cut short by the end of its process is dropped, anything else that does not fit is refused.
+The first line contains the settings, each further line one run. Every line has a checksum and is synchronised to disk
+before the search continues. Everything else follows from these lines: random numbers from the settings, genomes from
+the fitness of earlier genomes. A last line that was truncated when its process ended is dropped; any other damage is
+an error. A database would detect less: SQLite has no checksums, and needs a second file beside the first.
 """
 
 import fcntl
@@ -19,18 +20,18 @@ from iswarm_mj.utils.versions import versions
 
 Key = tuple[int, ...]
 
-_LEFT_OUT = "the default"  # what stands for a setting that is not in a file, see `settings.kept`
+_LEFT_OUT = "the default"  # of a setting that a file omits, see `serialization.to_dict`
 
 
 class Journal:
-    """Finished runs, by their keys; a context that locks the file.
+    """Finished runs by their keys; a context manager that locks the file.
 
     Args:
-        path: of the file; it is made where it is not there.
-        settings: that decide the runs, as JSON would have them.
+        path: of the file, which is created if it does not exist.
+        settings: that determine the runs; they must be representable as JSON.
 
     Raises:
-        UserError: the file cannot be written to, is in use, of other settings or versions, or damaged.
+        UserError: the file cannot be written, is in use or damaged, or was created with different settings or versions.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any]):
@@ -38,7 +39,7 @@ class Journal:
         self._head = json.loads(json.dumps({"versions": versions(), "settings": settings}))
         self.entries: dict[Key, Any] = {}
         try:
-            self._file = path.open("a+b")
+            self._file = path.open("a+b", buffering=0)
         except OSError as error:
             raise write_error(path, error) from None
         try:
@@ -57,24 +58,32 @@ class Journal:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        """Give the file free."""
+        """Close and unlock the file."""
         self._file.close()
 
     def add(self, key: Key, entry: Any) -> None:
-        """Keep a finished run; it is on disk when this returns."""
+        """Add a finished run, which is on disk when this returns.
+
+        Raises:
+            UserError: the file cannot be written, for example because the disk is full.
+        """
         self.entries[key] = entry
         self._append([list(key), entry])
 
     def settle(self) -> None:
-        """Write the file anew, in the order of the keys: the same bytes in whatever order the runs were finished."""
+        """Rewrite the file in the order of the keys, so that its bytes do not depend on the order of the runs."""
         with atomic_write(self._path) as part:
             rows = [self._head, *([list(key), self.entries[key]] for key in sorted(self.entries))]
             part.write_bytes(b"".join(map(_line, rows)))
 
     def _append(self, content: Any) -> None:
-        self._file.write(_line(content))
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        rest = _line(content)
+        try:
+            while rest:  # a disk that is nearly full takes a part before it fails
+                rest = rest[self._file.write(rest) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise write_error(self._path, error) from None
 
     def _read(self) -> None:
         self._file.seek(0)
@@ -91,10 +100,10 @@ class Journal:
         try:
             self.entries = {tuple(key): entry for key, entry in rows}
         except (TypeError, ValueError):
-            raise UserError(_damaged(self._path, "holds something else than runs")) from None
+            raise UserError(_damaged(self._path, "contains something other than runs")) from None
 
     def _compare(self, head: Any) -> None:
-        """Raise a UserError unless the file is of these settings and versions."""
+        """Raise a UserError unless the file was created with these settings and versions."""
         if not isinstance(head, dict) or set(head) != set(self._head):
             raise UserError(_damaged(self._path, "has no settings in its first line"))
         for what in self._head:
@@ -123,7 +132,7 @@ def _damaged(path: Path, how: str) -> str:
 
 
 def _differences(had: Any, wanted: Any, name: str = "") -> list[str]:
-    """What differs between two contents of JSON, each as 'name: had, now wanted'."""
+    """Differences of two JSON values, each as 'name: old there, new now'."""
     if isinstance(had, dict) and isinstance(wanted, dict):
         names = sorted(had.keys() | wanted.keys())
         found = [

@@ -1,7 +1,7 @@
-"""Ways to look for a fit genome, one generation at a time: the paper's, and two to compare it with.
+"""Methods of searching for a fit genome, one generation at a time: the paper's, and two for comparison.
 
-All draw from random numbers that follow from the seed and the generation alone, so that the same fitness values lead
-to the same genomes whenever a search is done again.
+Their random numbers depend on the seed and the generation only, so that the same fitness values lead to the same
+genomes when a search is repeated or resumed.
 """
 
 from collections.abc import Sequence
@@ -26,19 +26,19 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 
 class Optimiser(Protocol):
-    """A search that gives genomes and takes their fitness, in turn."""
+    """A search that proposes genomes and receives their fitness, in turn."""
 
     def ask(self) -> list[Individual]:
         """Return the genomes of the next generation."""
         ...
 
     def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of the genomes that were asked for last."""
+        """Receive the fitness of the genomes that the last `ask` returned."""
         ...
 
 
 def optimiser(method: str, operators: Operators, population: int, seed: int) -> Optimiser:
-    """Search of this name, with so many genomes a generation."""
+    """Return the search of this name, with `population` genomes per generation."""
     if method == "cmaes":
         return CmaEs(operators, population, seed)
     return (Evolution if method == "paper" else RandomSearch)(operators, population, seed)
@@ -61,14 +61,14 @@ class RandomSearch:
         return random_population(self._operators, self._size, generator(self._seed, self._generation))
 
     def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of the genomes that were asked for last."""
+        """Receive the fitness of the genomes that the last `ask` returned."""
         self._generation += 1
 
 
 class Evolution(RandomSearch):
-    """The paper's evolution; the elite is evaluated anew in each generation, with other random numbers.
+    """The paper's evolution; the elite is evaluated again in each generation, with other random numbers.
 
-    That makes the paper's 1200 simulations of 120 generations of 10 swarms, and a swarm that was lucky once does not
+    This yields the paper's 1200 simulations in 120 generations of 10 swarms, and a swarm that was lucky once does not
     stay at the top.
     """
 
@@ -86,7 +86,7 @@ class Evolution(RandomSearch):
         return self._population
 
     def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of the genomes that were asked for last."""
+        """Receive the fitness of the genomes that the last `ask` returned."""
         super().tell(fitness)
         self._fitness = fitness
 
@@ -94,8 +94,8 @@ class Evolution(RandomSearch):
 class CmaEs:
     """CMA-ES with margin (Hamano et al. 2022), of the `cmaes` package, from the middle of the ranges.
 
-    The search space is the unit cube that spans the ranges; a Boolean is true above 0.5, and the margin keeps both of
-    its values possible. Where the search has converged, it begins again at a random point.
+    The search space is the unit cube, onto which the ranges are mapped; a Boolean is true above 0.5, and the margin
+    keeps both of its values possible. When the search has converged, it restarts at a random point.
     """
 
     SIGMA = 0.3
@@ -115,7 +115,7 @@ class CmaEs:
         return [Individual(to_genome(np.clip(v, self._low, self._high)), "cmaes") for v in values]
 
     def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of the genomes that were asked for last."""
+        """Receive the fitness of the genomes that the last `ask` returned."""
         self._search.tell([(point, -value) for point, value in zip(self._points, fitness, strict=True)])
         self._generation += 1
         if self._search.should_stop():

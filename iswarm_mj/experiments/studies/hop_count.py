@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from iswarm_mj.experiments.analysis.findings import Claim, Finding, Rows, told, verdict_of
+from iswarm_mj.experiments.analysis.findings import Claim, Finding, Rows, in_words, verdict_of
 from iswarm_mj.experiments.analysis.measures import (
     CARRIAGE,
     COLLISIONS,
@@ -58,7 +58,7 @@ def findings(rows: Rows) -> list[Finding]:
         if measure is TIME:
             counts = [f"{finished(group)} of {len(group)}" for group in groups]
             ours += f"; {counts[0]} runs reached {rows[0]['goal']} balls with, {counts[1]} without"
-        result = told(comparison := compare(there, absent), measure.unit)
+        result = in_words(comparison := compare(there, absent), measure.unit)
         found.append(
             claim.found(ours, f"{result}; holds if p < 0.01", verdict_of(comparison, measure.is_better_larger))
         )

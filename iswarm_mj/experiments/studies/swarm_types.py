@@ -16,9 +16,9 @@ from iswarm_mj.experiments.analysis.findings import (
     Claim,
     Finding,
     Rows,
+    in_words,
     number,
     span,
-    told,
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select
@@ -133,7 +133,7 @@ def _fitness(one: Rows, two: Rows) -> Finding:
         f"mean {span(interval(first))} and {span(interval(second))} points, best {max(first):.0f} and {max(second):.0f}"
     )
     tested = (
-        f"difference of the means {span(apart, 'points')}; {told(compare(first, second), 'points')}; "
+        f"difference of the means {span(apart, 'points')}; {in_words(compare(first, second), 'points')}; "
         f"holds if the interval lies within {100 * EQUAL:.0f} % of the mean fitness"
     )
     few = smallest_p(len(first), len(second)) >= ALPHA
@@ -150,7 +150,7 @@ def _gathering(one: Rows, two: Rows) -> Finding:
         f"median {100 * np.median(second):.0f} % of the empty workers in type 2, {100 * np.median(first):.0f} % in "
         f"type 1, within {NEAR:g} rd of a dust area until half of the balls are delivered"
     )
-    return GATHER.found(ours, f"{told(result)}; holds if p < 0.01", verdict_of(result, True))
+    return GATHER.found(ours, f"{in_words(result)}; holds if p < 0.01", verdict_of(result, True))
 
 
 def _better(name: str, runs: Rows, other: Rows) -> Finding:
@@ -160,7 +160,7 @@ def _better(name: str, runs: Rows, other: Rows) -> Finding:
     first, second = ([row["fitness"] for row in group] for group in (runs, other))
     result = compare(first, second)
     ours = f"mean {number(float(np.mean(first)), 4)} against {number(float(np.mean(second)), 4)} points"
-    return claim.found(ours, f"{told(result, 'points')}; holds if p < 0.01", verdict_of(result, True))
+    return claim.found(ours, f"{in_words(result, 'points')}; holds if p < 0.01", verdict_of(result, True))
 
 
 def _show(name: str, directory: Path, frames: Mapping[str, np.ndarray], out: Path, quick: bool) -> None:
