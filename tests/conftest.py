@@ -20,6 +20,17 @@ CHECKED = [
         "strategy.controller",
         "strategy.turns",
         "strategy.vector_strategy",
+        "gripper.laws.detachment",
+        "gripper.laws.maugis",
+        "gripper.laws.probe_table",
+        "gripper.laws.sphere_plane",
+        "gripper.handling",
+        "gripper.bench.protocol",
+        "gripper.bench.ramps",
+        "gripper.bench.staircase",
+        "output.plot_swarm",
+        "output.rerun_swarm",
+        "output.rerun_trial",
     )
 ]
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""

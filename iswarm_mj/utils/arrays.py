@@ -4,9 +4,13 @@ import sys
 from typing import Any, TypeAlias
 
 import numpy as np
+from jaxtyping import Real
 
 Array: TypeAlias = Any
-"""A number, or a NumPy or JAX array of any shape; arguments broadcast."""
+"""A NumPy or JAX array; its shape stands in the annotation that contains it."""
+
+Quantity: TypeAlias = float | Real[Array, "..."]
+"""A number, or a NumPy or JAX array of any shape; the arguments of a law broadcast."""
 
 
 def array_module(*values: Array) -> Any:

@@ -10,7 +10,7 @@ from helpers_sensing import lay, place
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.config import GripperConfig
+from iswarm_mj.config import GripperConfig, SwarmConfig, conditions_of
 from iswarm_mj.gripper.handling import carry, handle, loaded
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
@@ -28,7 +28,7 @@ def grip(gripper, balls, poses, picks, falls):
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
-    return handle(gripper, gripper, balls, tips, view, picks, falls)
+    return handle(gripper, conditions_of(SwarmConfig(gripper=gripper)), balls, tips, view, picks, falls)
 
 
 def hands(balls, *rows, gripper=GRIPPER, picks=True, falls=False):

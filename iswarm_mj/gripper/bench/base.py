@@ -1,6 +1,6 @@
 """The interface of the bench's engines: B benches, each with a ball and a tool that can be moved."""
 
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -32,6 +32,7 @@ class Watch(NamedTuple):
     """Whether the whole state is finite."""
 
 
+@runtime_checkable
 class Bench(Protocol):
     """B benches, built from B trials and the initial gap between tool and ball.
 

@@ -2,10 +2,10 @@
 
 import math
 
-from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.arrays import Quantity, array_module
 
 
-def work_of_adhesion(surface_energy_1: Array, surface_energy_2: Array) -> Array:
+def work_of_adhesion(surface_energy_1: Quantity, surface_energy_2: Quantity) -> Quantity:
     """Work of adhesion of two surfaces, W = 2 sqrt(gamma_1 gamma_2).
 
     Source: geometric mean, stated below Eq. 1. Valid for dispersion forces between clean surfaces.
@@ -21,7 +21,7 @@ def work_of_adhesion(surface_energy_1: Array, surface_energy_2: Array) -> Array:
     return 2 * xp.sqrt(surface_energy_1) * xp.sqrt(surface_energy_2)
 
 
-def jkr_pull_off(radius: Array, work: Array) -> Array:
+def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
     """Pull-off force of a compliant contact, F = 3/2 pi R W.
 
     Source: Johnson, Kendall, Roberts 1971; lower bound of Eq. 1. Valid for a Tabor parameter
@@ -37,7 +37,7 @@ def jkr_pull_off(radius: Array, work: Array) -> Array:
     return 1.5 * math.pi * radius * work
 
 
-def dmt_pull_off(radius: Array, work: Array) -> Array:
+def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
     """Pull-off force of a stiff contact, F = 2 pi R W.
 
     Source: Derjaguin, Muller, Toporov 1975; upper bound of Eq. 1. Valid for a Tabor parameter
@@ -53,7 +53,9 @@ def dmt_pull_off(radius: Array, work: Array) -> Array:
     return 2 * math.pi * radius * work
 
 
-def tabor_parameter(radius: Array, work: Array, reduced_modulus: Array, equilibrium_separation: Array) -> Array:
+def tabor_parameter(
+    radius: Quantity, work: Quantity, reduced_modulus: Quantity, equilibrium_separation: Quantity
+) -> Quantity:
     """Tabor parameter mu = (R W^2 / (E*^2 z0^3))^(1/3), elastic stretch over the range of adhesion.
 
     Source: Tabor 1977. Small: DMT; large: JKR. The Maugis parameter is lambda = 1.157 mu.
@@ -73,7 +75,7 @@ def tabor_parameter(radius: Array, work: Array, reduced_modulus: Array, equilibr
     return xp.cbrt(radius / equilibrium_separation * stretch**2)
 
 
-def van_der_waals_force(hamaker: Array, radius: Array, gap: Array) -> Array:
+def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Quantity:
     """Attraction of a sphere to a half-space across a gap, F = 2 A R^3 / (3 z^2 (z + 2 R)^2).
 
     Source: Hamaker 1937, pairwise and without retardation; F -> A R / (6 z^2) for z << R. Too large beyond

@@ -9,9 +9,11 @@ while the tool touches it.
 
 import math
 
+from jaxtyping import Bool
+
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, pick_force, release_force
-from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.arrays import Array, Quantity, array_module
 
 WORK_TOOL_OBJECT = 1.41e-3
 """W_TO at 10 % RH [J/m^2]; calibrated."""
@@ -40,7 +42,7 @@ PRINTED_EQ3_CONSTANT = 5.49e5
 """The constant as printed in Eq. 3, which equals sqrt(8 / (3 eps0)) and does not follow from Eqs. 1 and 2."""
 
 
-def detachment_voltage(work: Array, gap: Array, constant: float = EQ3_CONSTANT) -> Array:
+def detachment_voltage(work: Quantity, gap: Quantity, constant: float = EQ3_CONSTANT) -> Quantity:
     """Voltage that overcomes adhesion across a gap, V = sqrt(2 W D / eps0).
 
     Source: Eq. 3, without weight. Valid for D << R and a stiff (DMT) contact.
@@ -57,7 +59,7 @@ def detachment_voltage(work: Array, gap: Array, constant: float = EQ3_CONSTANT) 
     return constant * xp.sqrt(work) * xp.sqrt(gap)
 
 
-def ball_weight(radius: Array, density: Array = BALL_DENSITY, gravity: float = GRAVITY) -> Array:
+def ball_weight(radius: Quantity, density: Quantity = BALL_DENSITY, gravity: float = GRAVITY) -> Quantity:
     """Weight of a ball, 4/3 pi R^3 rho g.
 
     Args:
@@ -71,7 +73,7 @@ def ball_weight(radius: Array, density: Array = BALL_DENSITY, gravity: float = G
     return 4 / 3 * math.pi * radius**3 * density * gravity
 
 
-def scattered_work(work: Array, variation: Array, standard_normal: Array) -> Array:
+def scattered_work(work: Quantity, variation: Quantity, standard_normal: Quantity) -> Quantity:
     """Work of adhesion of one trial, log-normal about its median, W exp(z sqrt(ln(1 + cv^2))).
 
     Args:
@@ -87,10 +89,10 @@ def scattered_work(work: Array, variation: Array, standard_normal: Array) -> Arr
 
 
 def grasp_deficit(
-    radius: Array,
-    work_tool_object: Array = WORK_TOOL_OBJECT,
-    work_object_substrate: Array = WORK_OBJECT_SUBSTRATE,
-) -> Array:
+    radius: Quantity,
+    work_tool_object: Quantity = WORK_TOOL_OBJECT,
+    work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
+) -> Quantity:
     """Force that the voltage must add to lift a touched ball, F_OS + weight - F_TO.
 
     Source: Eq. 5 with the weight; DMT pull-offs.
@@ -106,7 +108,7 @@ def grasp_deficit(
     return dmt_pull_off(radius, work_object_substrate - work_tool_object) + ball_weight(radius)
 
 
-def release_deficit(radius: Array, work_tool_object: Array = WORK_TOOL_OBJECT) -> Array:
+def release_deficit(radius: Quantity, work_tool_object: Quantity = WORK_TOOL_OBJECT) -> Quantity:
     """Force that the voltage must add to drop a held ball, F_TO - weight.
 
     Source: section 3.2.1, Fig. 2(b), with the weight; DMT pull-off.
@@ -122,13 +124,13 @@ def release_deficit(radius: Array, work_tool_object: Array = WORK_TOOL_OBJECT) -
 
 
 def is_grasped(
-    voltage: Array,
-    radius: Array,
-    work_tool_object: Array = WORK_TOOL_OBJECT,
-    work_object_substrate: Array = WORK_OBJECT_SUBSTRATE,
-    gap: Array = CONTACT_GAP,
-    probe_radius: Array = PROBE_RADIUS,
-) -> Array:
+    voltage: Quantity,
+    radius: Quantity,
+    work_tool_object: Quantity = WORK_TOOL_OBJECT,
+    work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
+    gap: Quantity = CONTACT_GAP,
+    probe_radius: Quantity = PROBE_RADIUS,
+) -> Bool[Array, "..."]:
     """Whether a touching tool lifts the ball, F_C(pick) + F_TO > F_OS + weight.
 
     Source: Eq. 5 with the weight. Valid within the range of `probe_table`.
@@ -149,12 +151,12 @@ def is_grasped(
 
 
 def is_released(
-    voltage: Array,
-    radius: Array,
-    work_tool_object: Array = WORK_TOOL_OBJECT,
-    gap: Array = RELEASE_GAP,
-    probe_radius: Array = PROBE_RADIUS,
-) -> Array:
+    voltage: Quantity,
+    radius: Quantity,
+    work_tool_object: Quantity = WORK_TOOL_OBJECT,
+    gap: Quantity = RELEASE_GAP,
+    probe_radius: Quantity = PROBE_RADIUS,
+) -> Bool[Array, "..."]:
     """Whether a held ball leaves the tool, F_C(release) + weight > F_TO.
 
     Source: section 3.2.1, Fig. 2(b), with the weight. Valid within the range of `probe_table`.
@@ -173,12 +175,12 @@ def is_released(
 
 
 def grasp_voltage(
-    radius: Array,
-    work_tool_object: Array = WORK_TOOL_OBJECT,
-    work_object_substrate: Array = WORK_OBJECT_SUBSTRATE,
-    gap: Array = CONTACT_GAP,
-    probe_radius: Array = PROBE_RADIUS,
-) -> Array:
+    radius: Quantity,
+    work_tool_object: Quantity = WORK_TOOL_OBJECT,
+    work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
+    gap: Quantity = CONTACT_GAP,
+    probe_radius: Quantity = PROBE_RADIUS,
+) -> Quantity:
     """Least voltage that lifts a touched ball, where `is_grasped` turns true; 0 where adhesion suffices.
 
     Source: Eq. 5 with the weight. Valid within the range of `probe_table`.
@@ -198,11 +200,11 @@ def grasp_voltage(
 
 
 def release_voltage(
-    radius: Array,
-    work_tool_object: Array = WORK_TOOL_OBJECT,
-    gap: Array = RELEASE_GAP,
-    probe_radius: Array = PROBE_RADIUS,
-) -> Array:
+    radius: Quantity,
+    work_tool_object: Quantity = WORK_TOOL_OBJECT,
+    gap: Quantity = RELEASE_GAP,
+    probe_radius: Quantity = PROBE_RADIUS,
+) -> Quantity:
     """Least voltage that drops a held ball, where `is_released` turns true; 0 where its weight suffices.
 
     Source: section 3.2.1, Fig. 2(b), with the weight. Valid within the range of `probe_table`.
@@ -220,7 +222,9 @@ def release_voltage(
     return _least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
 
 
-def melts(voltage: Array, in_contact: Array = True, threshold: Array = MELTING_VOLTAGE) -> Array:
+def melts(
+    voltage: Quantity, in_contact: bool | Bool[Array, "..."] = True, threshold: Quantity = MELTING_VOLTAGE
+) -> Bool[Array, "..."]:
     """Whether a ball melts to the tool: in contact, at the threshold or above.
 
     Source: the one observation of Fig. 10 (radius 15 um, 70 V); a threshold, not a heat balance.
@@ -237,7 +241,7 @@ def melts(voltage: Array, in_contact: Array = True, threshold: Array = MELTING_V
     return xp.logical_and(xp.abs(voltage) >= threshold, in_contact)
 
 
-def _least_voltage(deficit: Array, force_per_volt2: Array) -> Array:
+def _least_voltage(deficit: Quantity, force_per_volt2: Quantity) -> Quantity:
     xp = array_module(deficit, force_per_volt2)
     needed = deficit > 0
     return xp.where(needed, xp.sqrt(xp.where(needed, deficit / force_per_volt2, 1.0)), 0.0)

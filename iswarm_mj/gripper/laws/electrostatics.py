@@ -5,7 +5,7 @@ from typing import Literal
 
 from iswarm_mj.gripper.laws.probe_table import probe_factor
 from iswarm_mj.gripper.laws.sphere_plane import capacitance_series, force_series
-from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.arrays import Quantity
 from iswarm_mj.utils.errors import UserError
 
 VACUUM_PERMITTIVITY = 8.8541878188e-12
@@ -14,7 +14,7 @@ VACUUM_PERMITTIVITY = 8.8541878188e-12
 Model = Literal["boundary_elements", "asymptotic"]
 
 
-def asymptotic_force(voltage: Array, gap: Array, radius: Array) -> Array:
+def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quantity:
     """Force between a sphere and a plane nearly touching, F = pi eps0 V^2 R / D.
 
     Source: Eq. 2. Valid for D << R; at D/R = 0.25 it is 31 % too high for a bare sphere.
@@ -30,7 +30,7 @@ def asymptotic_force(voltage: Array, gap: Array, radius: Array) -> Array:
     return math.pi * VACUUM_PERMITTIVITY * voltage**2 * (radius / gap)
 
 
-def sphere_plane_force(voltage: Array, gap: Array, radius: Array) -> Array:
+def sphere_plane_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quantity:
     """Force between a sphere and a plane, F = 2 pi eps0 V^2 sum_n (n coth(n a) - coth a) / sinh(n a).
 
     Source: derivative of the bispherical capacitance (Smythe 1950), cosh a = 1 + D/R. Valid at all gaps.
@@ -46,7 +46,7 @@ def sphere_plane_force(voltage: Array, gap: Array, radius: Array) -> Array:
     return math.pi * VACUUM_PERMITTIVITY * voltage**2 * force_series(gap / radius)
 
 
-def sphere_plane_capacitance(gap: Array, radius: Array) -> Array:
+def sphere_plane_capacitance(gap: Quantity, radius: Quantity) -> Quantity:
     """Capacitance of a sphere above a grounded plane, C = 4 pi eps0 R sinh(a) sum_n 1 / sinh(n a).
 
     Source: bispherical coordinates (Smythe 1950), cosh a = 1 + D/R. Valid at all gaps.
@@ -62,8 +62,8 @@ def sphere_plane_capacitance(gap: Array, radius: Array) -> Array:
 
 
 def release_force(
-    voltage: Array, gap: Array, radius: Array, probe_radius: Array, model: Model = "boundary_elements"
-) -> Array:
+    voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model = "boundary_elements"
+) -> Quantity:
     """Force towards the plane on a sphere that touches a probe, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
 
     Source: f from `boundary_elements` (sphere and probe at V, plane at 0, probe 20 R long), through
@@ -83,8 +83,8 @@ def release_force(
 
 
 def pick_force(
-    voltage: Array, gap: Array, radius: Array, probe_radius: Array, model: Model = "boundary_elements"
-) -> Array:
+    voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model = "boundary_elements"
+) -> Quantity:
     """Force towards a probe on a sphere that lies on the plane, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
 
     Source: f from `boundary_elements` (probe at V, sphere and plane at 0, probe 20 R long), through
@@ -103,7 +103,7 @@ def pick_force(
     return _shape("pick", gap, radius, probe_radius, model) * asymptotic_force(voltage, gap, radius)
 
 
-def _shape(task: str, gap: Array, radius: Array, probe_radius: Array, model: Model) -> Array:
+def _shape(task: str, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model) -> Quantity:
     if model == "asymptotic":
         return 1.0
     if model == "boundary_elements":

@@ -5,7 +5,7 @@ Relative humidity is a percentage everywhere, 0 to 100.
 
 from typing import Literal
 
-from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.arrays import Quantity, array_module
 from iswarm_mj.utils.errors import UserError
 
 GAS_CONSTANT = 8.31446
@@ -18,7 +18,7 @@ ROUGH_GAP = 2.4e-9
 """Distance at which asperities hold the surfaces apart [m]; a choice that puts the threshold at 65 % RH."""
 
 
-def humidity_factor(relative_humidity: Array) -> Array:
+def humidity_factor(relative_humidity: Quantity) -> Quantity:
     """Work of adhesion over that at 10 % RH, h = 1 + (RH - 10)/70 above 10 % and 1 + 0.04 (10 - RH) below.
 
     Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70 to 90 %.
@@ -35,7 +35,7 @@ def humidity_factor(relative_humidity: Array) -> Array:
     return 1 + xp.where(above > 0, above / 70, -0.04 * above)
 
 
-def kelvin_radius(relative_humidity: Array, temperature: Array = 298.15) -> Array:
+def kelvin_radius(relative_humidity: Quantity, temperature: Quantity = 298.15) -> Quantity:
     """Radius of a water meniscus in equilibrium with its vapour, r_K = -gamma V_m / (R_g T ln RH).
 
     Source: Thomson (Lord Kelvin) 1871; 0.525 nm / -ln(RH) at 25 deg C. Valid from about 1 nm; gamma and
@@ -54,11 +54,11 @@ def kelvin_radius(relative_humidity: Array, temperature: Array = 298.15) -> Arra
 
 
 def meniscus_work(
-    relative_humidity: Array,
-    rough_gap: Array = ROUGH_GAP,
-    contact_angle: Array = 0.0,
-    temperature: Array = 298.15,
-) -> Array:
+    relative_humidity: Quantity,
+    rough_gap: Quantity = ROUGH_GAP,
+    contact_angle: Quantity = 0.0,
+    temperature: Quantity = 298.15,
+) -> Quantity:
     """Work of adhesion of a water meniscus, W = 2 gamma cos(theta) max(0, 1 - h / (2 r_K cos(theta))).
 
     Source: Laplace pressure gamma / r_K on the area where the gap of a sphere held at distance h is below
@@ -80,7 +80,9 @@ def meniscus_work(
     return 2 * WATER_SURFACE_TENSION * wet * xp.maximum(0.0, 1 - rough_gap / height)
 
 
-def humid_work(work: Array, relative_humidity: Array, model: Literal["empirical", "meniscus"] = "empirical") -> Array:
+def humid_work(
+    work: Quantity, relative_humidity: Quantity, model: Literal["empirical", "meniscus"] = "empirical"
+) -> Quantity:
     """Work of adhesion at a humidity, W h(RH), or W plus that of a meniscus on rough surfaces.
 
     Source and validity: `humidity_factor` and `meniscus_work`.

@@ -2,12 +2,12 @@
 
 import math
 
-from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.arrays import Quantity, array_module
 
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
-def maugis_pull_off(radius: Array, work: Array, maugis_parameter: Array) -> Array:
+def maugis_pull_off(radius: Quantity, work: Quantity, maugis_parameter: Quantity) -> Quantity:
     """Pull-off force of a Dugdale contact, F = -pi W R min P(lambda), from 2 pi R W down to 3/2 pi R W.
 
     Source: Maugis 1992 (load control). With the contact radius a = c cos(t), his two equations become one
@@ -33,7 +33,7 @@ def maugis_pull_off(radius: Array, work: Array, maugis_parameter: Array) -> Arra
     return -math.pi * radius * work * _load(lam, xp.exp(high))
 
 
-def _load(lam: Array, angle: Array) -> Array:
+def _load(lam: Quantity, angle: Quantity) -> Quantity:
     """Load P / (pi W R) of the contact whose radius is a = c cos(angle)."""
     xp = array_module(lam, angle)
     twice = 2 * angle

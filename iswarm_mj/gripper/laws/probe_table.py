@@ -8,8 +8,9 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
+from jaxtyping import Float, Int
 
-from iswarm_mj.utils.arrays import Array, array_module, is_concrete
+from iswarm_mj.utils.arrays import Array, Quantity, array_module, is_concrete
 from iswarm_mj.utils.errors import UserError
 
 GAP_EXPONENTS = np.arange(-27, 7) / 3
@@ -21,7 +22,7 @@ PROBE_EXPONENTS = np.arange(-18, 10) / 3
 FILE = "probe_table.csv"
 
 
-def probe_factor(task: str, gap_ratio: Array, probe_ratio: Array) -> Array:
+def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
     """Shape factor f = F D / (R pi eps0 V^2); f -> 1 as D/R -> 0.
 
     Source: boundary elements, good to 2e-4; interpolation adds less than 2e-4. Concrete numbers outside the
@@ -44,7 +45,7 @@ def probe_factor(task: str, gap_ratio: Array, probe_ratio: Array) -> Array:
     return xp.exp(xp.sum(patch * row_weights[..., :, None] * column_weights[..., None, :], axis=(-2, -1)))
 
 
-def _locate(xp, name: str, ratio: Array, exponents: np.ndarray) -> tuple[Array, Array]:
+def _locate(xp, name: str, ratio: Quantity, exponents: np.ndarray) -> tuple[Int[Array, "... 4"], Float[Array, "... 4"]]:
     """Indices (..., 4) of the spline's coefficients around each ratio, and their weights (..., 4)."""
     low, high = 2.0 ** exponents[0], 2.0 ** exponents[-1]
     if is_concrete(ratio):

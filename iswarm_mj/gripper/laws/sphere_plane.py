@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.arrays import Quantity, array_module
 
 SWITCH = 0.5
 """Bispherical parameter a, with cosh a = 1 + D/R, between the two forms."""
@@ -25,7 +25,7 @@ MELLIN = [
 """Pairs (k, c_k zeta(-k)), where 1/sinh(x) = 1/x + sum_k c_k x^k."""
 
 
-def capacitance_series(gap_ratio: Array) -> Array:
+def capacitance_series(gap_ratio: Quantity) -> Quantity:
     """Capacitance over that of the sphere alone, C / (4 pi eps0 R) = sinh(a) sum_n 1/sinh(n a).
 
     Args:
@@ -44,7 +44,7 @@ def capacitance_series(gap_ratio: Array) -> Array:
     return xp.where(parameter < SWITCH, near, far)
 
 
-def force_series(gap_ratio: Array) -> Array:
+def force_series(gap_ratio: Quantity) -> Quantity:
     """Force F / (pi eps0 V^2) = 2 sum_n (n coth(n a) - coth a) / sinh(n a).
 
     Args:
@@ -64,12 +64,12 @@ def force_series(gap_ratio: Array) -> Array:
     return 2 * xp.where(parameter < SWITCH, near, xp.sum(terms, axis=-1))
 
 
-def _parameter(gap_ratio: Array) -> Array:
+def _parameter(gap_ratio: Quantity) -> Quantity:
     """Bispherical parameter arcosh(1 + x), without loss of digits at small x."""
     xp = array_module(gap_ratio)
     x = xp.asarray(gap_ratio)
     return xp.log1p(x + xp.sqrt(x) * xp.sqrt(x + 2))
 
 
-def _coth(xp, a: Array) -> Array:
+def _coth(xp, a: Quantity) -> Quantity:
     return (1 + xp.exp(-2 * a)) / -xp.expm1(-2 * a)

@@ -33,9 +33,9 @@ _SCALARS: dict[str, Any] = {
 }
 
 _CALLBACKS = (
-    "nstate", "nsensordata", "init", "destroy", "copy", "reset", "compute", "advance", "visualize",
-    "actuator_act_dot", "sdf_distance", "sdf_gradient", "sdf_staticdistance", "sdf_attribute", "sdf_aabb",
-)  # fmt: skip
+    *("nstate", "nsensordata", "init", "destroy", "copy", "reset", "compute", "advance", "visualize"),
+    *("actuator_act_dot", "sdf_distance", "sdf_gradient", "sdf_staticdistance", "sdf_attribute", "sdf_aabb"),
+)
 
 _kept: list[Any] = []
 

@@ -102,7 +102,7 @@ def adhesion_compute() -> Any:
     The state is ball, surface, work, humidity, hamaker, gap, force. Out of contact the distance z of the surfaces is
     the gap plus z0 = sqrt(A / (12 pi W)), at which A R / (6 z^2) is the pull-off force.
     """
-    offsets, factors = _offsets(), humidity_factor(np.arange(101.0))
+    offsets, factors = _offsets(), np.asarray(humidity_factor(np.arange(101.0)))
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
