@@ -53,6 +53,7 @@ class MujocoEngine:
         self._scratch = mujoco.MjData(arena.model)
         self._scene = Scene(config, arena, self._batch)
         self._is_present = np.ones((n_worlds, self._n_robots), bool)
+        self._height: np.ndarray | None = None  # of the bodies in each world, once some robots are absent
         self._edge = mm_from_rd(config.arena.size) / 2
         self.robot = arena.robot
 
@@ -60,10 +61,11 @@ class MujocoEngine:
         """See `Engine.place`."""
         self._is_present = is_present[:, : self._n_robots]
         if not self._is_present.all():
+            self._height = self._batch.expand("body_pos")[..., 2]
+        if self._height is not None:
             depth = _PARKED - 10.0 * np.arange(self._n_robots)
-            height = self._batch.expand("body_pos")[..., 2]
             standing = self._arena.model.body_pos[self._arena.body, 2]
-            height[:, self._arena.body] = np.where(self._is_present, standing, depth)
+            self._height[:, self._arena.body] = np.where(self._is_present, standing, depth)
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos[:, self._arena.qpos] = poses[:, : self._n_robots]
         self._batch.forward()
