@@ -1,20 +1,20 @@
 """The paper's "Evolutionary Strategy": how one generation of swarms follows from another. Pure.
 
-Source: Valdastri et al. (2006), section 4.6. What it says: the best two pass unchanged; the others are drawn with
-chances by their relative fitness; dependent mutation at a rate of 0.5 within +-0.05 of the parent's value;
-independent mutation at 0.05; crossover at 0.2, half of it intermediate, half taking the values of one parent or
-the other. What it leaves open is chosen here:
+Source: Valdastri et al. (2006), section 4.6, which specifies: the best two pass unchanged; parents are drawn with
+probabilities proportional to their fitness; dependent mutation at a rate of 0.5 within +-0.05 of the parent's value;
+independent mutation at a rate of 0.05; crossover at a rate of 0.2, half of it intermediate, half taking each value from
+one parent or the other. Choices where it is silent:
 
-- Crossover comes first, then dependent, then independent mutation; both kinds of mutation fall on each parameter by
-  itself. In a crossover that is not intermediate, each parameter comes from either parent with equal chances. The
-  second parent is drawn like the first, and may be the same.
-- The span is absolute, since all parameters are shares and the swarms of the paper's Fig. 14(b) are spread far more
-  widely than steps of 5 % of a value spread them. `relative_span` takes it as a share of the value instead.
-- A mutation that leads out of the range ends at its edge: Table 2 has a value of 1.00.
-- A dependent mutation of a Boolean turns it over. Section 4.6.1 has 484 of 1200 swarms without hop counts, although
-  few of them were fit; turned over at a rate of 0.5 in eight offspring of ten they would be 481. An intermediate
-  crossover gives a Boolean from either parent.
-- A fitness below zero counts as zero; where none is above zero, all have the same chances. The elite takes part in
+- Crossover comes first, then dependent, then independent mutation; both kinds of mutation apply to each parameter
+  independently. In a crossover that is not intermediate, each parameter comes from either parent with equal
+  probability. The second parent is drawn like the first, and may be the same.
+- The span is absolute, since all parameters are shares, and since the swarms of the paper's Fig. 14(b) are spread far
+  more widely than steps of 5 % of a value would spread them. `relative_span` makes it a share of the value instead.
+- A mutation that leaves the range ends at its limit: Table 2 has a value of 1.00.
+- A dependent mutation flips a Boolean. Section 4.6.1 counts 484 of 1200 swarms without hop counts, although few of
+  them were fit; flips at a rate of 0.5 in eight offspring of ten would give 481. An intermediate crossover takes a
+  Boolean from either parent.
+- A fitness below zero counts as zero; if none is above zero, all swarms are equally probable. The elite takes part in
   the draw.
 - Densities lie within 0.01 and 0.3304, as "the biggest swarm that was tested" had 785 robots. All other parameters
   lie within 0 and 1, distances in units of the sensory radius.
@@ -25,6 +25,7 @@ from dataclasses import astuple, dataclass, fields
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.strategy.genome import Genome, Share
 from iswarm_mj.utils.constraints import Above, Within, check, validate
@@ -41,13 +42,13 @@ class Operators:
     elite: Annotated[int, Within(0)] = 2
     """Fittest swarms that pass to the next generation without any change."""
     dependent_rate: Share = 0.5
-    """Probability that a parameter mutates to a value near its own; a Boolean turns over."""
+    """Probability that a parameter mutates to a value near its own; a Boolean flips."""
     span: Share = 0.05
-    """How far from its own value."""
+    """Largest difference from its own value."""
     relative_span: bool = False
     """The span is a share of the value."""
     independent_rate: Share = 0.05
-    """Probability that a parameter gets a totally random new value."""
+    """Probability that a parameter is drawn anew from its whole range."""
     crossover_rate: Share = 0.2
     """Probability that an offspring has two parents."""
     intermediate_share: Share = 0.5
@@ -73,13 +74,13 @@ class Individual(NamedTuple):
     """Their places in the generation before."""
 
 
-def to_vector(genome: Genome) -> np.ndarray:
-    """Values of a genome (P,), Booleans as 0 or 1."""
+def to_vector(genome: Genome) -> Float[np.ndarray, "P"]:
+    """Values of a genome, Booleans as 0 or 1."""
     return np.array(astuple(genome), float)
 
 
-def to_genome(vector: np.ndarray) -> Genome:
-    """Genome of the values (P,); a Boolean is true above 0.5."""
+def to_genome(vector: Float[np.ndarray, "P"]) -> Genome:
+    """Genome with these values; a Boolean is true above 0.5."""
     values: list[Any] = [bool(v > 0.5) if b else float(v) for v, b in zip(vector, IS_BOOLEAN, strict=True)]
     return Genome(*values)
 
@@ -93,7 +94,7 @@ def ranges(operators: Operators) -> tuple[np.ndarray, np.ndarray]:
 
 
 def random_vector(operators: Operators, rng: np.random.Generator) -> np.ndarray:
-    """Draw values (P,) evenly from their ranges; Booleans true or false with equal chances."""
+    """Draw values (P,) uniformly from their ranges; Booleans are true or false with equal probability."""
     vector = rng.uniform(*ranges(operators))
     return np.where(IS_BOOLEAN, vector > 0.5, vector)
 
@@ -103,8 +104,8 @@ def random_population(operators: Operators, size: int, rng: np.random.Generator)
     return [Individual(to_genome(random_vector(operators, rng)), "random") for _ in range(size)]
 
 
-def chances(fitness: Sequence[float]) -> np.ndarray:
-    """Probability of each swarm to be drawn as a parent: its share of the fitness above zero."""
+def selection_probabilities(fitness: Sequence[float]) -> Float[np.ndarray, "B"]:
+    """Probability that each of B swarms is drawn as a parent: its share of the total fitness above zero."""
     weight = np.maximum(fitness, 0.0)
     total = weight.sum()
     return weight / total if total > 0 else np.full(len(weight), 1 / len(weight))
@@ -137,7 +138,7 @@ def next_generation(
     """Draw the generation that follows `population`, of the same size; the elite comes first, the fittest ahead."""
     ranking = np.argsort(-np.asarray(fitness, float), kind="stable")
     elite = [Individual(population[i], "elite", (int(i),)) for i in ranking[: operators.elite]]
-    vectors, chance = [to_vector(genome) for genome in population], chances(fitness)
+    vectors, chance = [to_vector(genome) for genome in population], selection_probabilities(fitness)
 
     def offspring() -> Individual:
         one, other = (int(i) for i in rng.choice(len(population), 2, p=chance))

@@ -27,7 +27,7 @@ class Genome:
     p_vector_forget: Share = 0.29
     """Probability per step that a robot forgets the vectors in its memory."""
     use_hop_count: bool = True
-    """A robot takes over a vector only if its hop count is smaller than that of its own."""
+    """A robot adopts a vector only if its hop count is smaller than that of its own."""
     priority_coll_avoid_dist: Share = 0.40
     """Distance that empty robots keep from robots that send the priority flag [sr]."""
     empty_coll_avoid_dist: Share = 0.65
@@ -76,9 +76,9 @@ PRESETS = {
 
 
 def load_genome(name: str) -> Genome:
-    """Return a preset by its name, or the genome in a JSON file of Table 2's names.
+    """Return a preset by its name, or the genome in a JSON file, whose keys are the names of the fields.
 
-    A file may leave names out; they keep the value of type 1.
+    Fields that the file leaves out have the values of type 1.
 
     Raises:
         UserError: unknown name, unreadable or broken file, unknown parameter, or value out of range.
@@ -88,7 +88,7 @@ def load_genome(name: str) -> Genome:
     presets = ", ".join(PRESETS)
     path = Path(name)
     if not path.is_file():
-        raise UserError(f"genome was {name!r}; give one of the presets {presets} or the path of a JSON file.")
+        raise UserError(f"genome must be a preset ({presets}) or the path of a JSON file (got {name!r})")
     try:
         values = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
@@ -114,5 +114,5 @@ def load_genome(name: str) -> Genome:
 
 
 def overridden(genome: Genome, values: Mapping[str, float | bool | None]) -> Genome:
-    """Return the genome with those values that are not None in place of its own."""
+    """Return the genome with those of its values replaced that are not None here."""
     return replace(genome, **{name: value for name, value in values.items() if value is not None})

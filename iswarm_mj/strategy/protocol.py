@@ -1,6 +1,8 @@
-"""What a strategy is: the rules by which robots speak and move, from what they sense."""
+"""What a strategy is: the rules by which robots speak and move, given what they sense."""
 
 from typing import Any, Protocol, runtime_checkable
+
+from jaxtyping import Bool
 
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy.controller import Command, Observation
@@ -8,10 +10,10 @@ from iswarm_mj.utils.arrays import Array
 
 
 class Strategy(Protocol):
-    """Rules of N robots of one world, in pure JAX: `jit` and `vmap` go through all methods.
+    """Rules of N robots of one world, in pure JAX: all methods run under `jit` and `vmap`.
 
-    A strategy is a pytree (`jax.tree_util.register_dataclass`): its arrays may differ from world to world, what is
-    static is compiled in. Its memory is a pytree of arrays with the robots first.
+    A strategy is a pytree (`jax.tree_util.register_dataclass`): its arrays may differ from world to world, and its
+    static fields are compiled in. Its memory is a pytree of arrays whose first axis is that of the robots.
     """
 
     def init(self, n_robots: int, key: Array) -> Any:
@@ -23,17 +25,17 @@ class Strategy(Protocol):
         """
         ...
 
-    def say(self, memory: Any, is_loaded: Array) -> Message:
-        """Return what each robot says to all sides (N,); `led` is replaced by that of the LED that sends.
+    def say(self, memory: Any, is_loaded: Bool[Array, "N"]) -> Message:
+        """Return what each robot says to all sides (N,); `led` is replaced by the number of the LED that sends.
 
         Args:
             memory: from the step before.
-            is_loaded: (N,) bool, the robot holds a ball.
+            is_loaded: the robot holds a ball.
         """
         ...
 
-    def picks(self, memory: Any) -> Array:
-        """Whether each robot picks up balls that its tool reaches (N,) bool."""
+    def picks(self, memory: Any) -> Bool[Array, "N"]:
+        """Return whether each robot picks up the balls that its tool reaches."""
         ...
 
     def act(self, memory: Any, observation: Observation, key: Array) -> tuple[Any, Command]:
@@ -43,22 +45,25 @@ class Strategy(Protocol):
             memory: from the step before.
             observation: what the robots sense now.
             key: random key of this world and step.
+
+        Returns:
+            The memory, with the same shapes and types, and the commands.
         """
         ...
 
 
 @runtime_checkable
 class RelayingStrategy(Strategy, Protocol):
-    """A strategy whose robots can pass on what they have just heard, as updates one after the other ask for."""
+    """A strategy whose robots can pass on what they have just heard, which sequential updates need."""
 
     def listen(self, memory: Any, observation: Observation, key: Array) -> Any:
-        """Return the memory that robots speak from after they heard and before they move.
+        """Return the memory from which robots speak after they heard and before they move.
 
-        What one robot remembers must depend on what that robot senses alone.
+        What one robot remembers may depend only on what that robot senses.
 
         Args:
             memory: from the step before.
-            observation: as for `act`, which is called with the same memory and key later.
+            observation: as for `act`, which is called later with the same memory and key.
             key: likewise.
         """
         ...

@@ -1,4 +1,4 @@
-"""Whether a strategy returns what a control step can go on with: shapes and types, found without running it."""
+"""Whether a strategy returns what a control step needs: shapes and types, found without running it."""
 
 from typing import Any
 
@@ -16,24 +16,35 @@ from iswarm_mj.utils.errors import UserError
 def observation_shapes(n_robots: int) -> Observation:
     """Shapes and types of what N robots sense."""
     here, sides = (n_robots,), (n_robots, N_SIDES)
-    memory = VectorMemory(_floats(*sides, 2), _integers(*sides), _flags(*sides))
     return Observation(
-        is_heard=_flags(*sides), bearing=_floats(*sides), distance=_floats(*sides), led=_integers(*sides),
-        priority=_flags(*sides), dust=memory, dump=memory, sees_wall=_flags(*sides), at_dust=_flags(*here),
-        ball_vector=_floats(*here, 2), on_dump=_flags(*here), is_loaded=_flags(*here), grasp_failed=_flags(*here),
-    )  # fmt: skip
+        is_heard=_flags(*sides),
+        bearing=_floats(*sides),
+        distance=_floats(*sides),
+        led=_integers(*sides),
+        priority=_flags(*sides),
+        dust=_vectors(*sides),
+        dump=_vectors(*sides),
+        sees_wall=_flags(*sides),
+        at_dust=_flags(*here),
+        ball_vector=_floats(*here, 2),
+        on_dump=_flags(*here),
+        is_loaded=_flags(*here),
+        grasp_failed=_flags(*here),
+    )
 
 
 def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
-    """Raise a UserError unless what a strategy's methods return has the right shapes and types.
+    """Check the shapes and types of what a strategy's methods return.
 
     Args:
         strategy: of one world.
         n_robots: N.
         key: any random key.
+
+    Raises:
+        UserError: a method returns something else.
     """
-    vector = VectorMemory(_floats(n_robots, 2), _integers(n_robots), _flags(n_robots))
-    message = Message(_integers(n_robots), _flags(n_robots), vector, vector)
+    message = Message(_integers(n_robots), _flags(n_robots), _vectors(n_robots), _vectors(n_robots))
     command = Command(_floats(n_robots), _floats(n_robots))
     memory = jax.eval_shape(lambda key: strategy.init(n_robots, key), key)
     name = type(strategy).__name__
@@ -41,31 +52,36 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
     _compare(f"{name}.picks", jax.eval_shape(strategy.picks, memory), _flags(n_robots))
     if isinstance(strategy, RelayingStrategy):
         listened = jax.eval_shape(strategy.listen, memory, observation_shapes(n_robots), key)
-        _compare(f"{name}.listen", listened, memory, "memory, which must be as it was given")
+        _compare(f"{name}.listen", listened, memory, "memory")
     returned = jax.eval_shape(strategy.act, memory, observation_shapes(n_robots), key)
     if not isinstance(returned, tuple) or len(returned) != 2:
-        raise UserError(f"{name}.act returned a {type(returned).__name__}; it must be the memory and a Command: do so.")
-    _compare(f"{name}.act", returned[0], memory, "memory, which must be as it was given")
+        raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
+    _compare(f"{name}.act", returned[0], memory, "memory")
     _compare(f"{name}.act", returned[1], command, "command")
 
 
 def _compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
+    same = " as it was given" if what == "memory" else ""
     if jax.tree.structure(given) != jax.tree.structure(wanted):
         raise UserError(
-            f"{method} returned {_named(given)} as {what}; it must be {_named(wanted)}: return the same type, "
-            "with the same parts."
+            f"{method} must return {_named(wanted)} as its {what}{same} (got {_named(given)}); return the same type "
+            "with the same parts"
         )
     for (path, mine), its in zip(jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True):
         if (mine.shape, mine.dtype) != (its.shape, its.dtype):
             part = jax.tree_util.keystr(path)
             raise UserError(
-                f"{method} returned {mine.dtype}{list(mine.shape)} as {part + ' of its ' if part else ''}{what}; "
-                f"it must be {its.dtype}{list(its.shape)}: make it so, for instance by astype."
+                f"{method} must return {its.dtype}{list(its.shape)} as {part + ' of ' if part else ''}its {what}{same} "
+                f"(got {mine.dtype}{list(mine.shape)}); convert it, for instance with astype"
             )
 
 
 def _named(tree: Any) -> str:
     return f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"
+
+
+def _vectors(*shape: int) -> Any:
+    return VectorMemory(_floats(*shape, 2), _integers(*shape), _flags(*shape))
 
 
 def _floats(*shape: int) -> Any:

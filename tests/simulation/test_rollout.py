@@ -133,14 +133,14 @@ def test_strategies_that_are_no_arrays_of_worlds(small, strategy, words):
 @pytest.mark.parametrize(
     "methods, words",
     [
-        ({"act": lambda s, m, seen, key: (m * 1.0, Command(m * 0.1, m * 0.1))}, r"float32\[2\] as memory.* int32\[2\]"),
-        ({"act": lambda s, m, seen, key: (m[:, None], Command(m * 0.1, m * 0.1))}, r"int32\[2, 1\] as memory"),
-        ({"act": lambda s, m, seen, key: ((m, m), Command(m * 0.1, m * 0.1))}, "tuple of 2 arrays as memory"),
-        ({"act": lambda s, m, seen, key: (m, Command(m, m * 0.1))}, r"int32\[2\] as .turn of its command"),
-        ({"act": lambda s, m, seen, key: (m, Command(m * 0.1, jnp.zeros(())))}, r"float32\[\] as .forward of its"),
-        ({"act": lambda s, m, seen, key: Command(m * 0.1, m * 0.1)._asdict()}, "act returned a dict"),
-        ({"picks": lambda s, m: m}, r"picks returned int32\[2\] as result; it must be bool"),
-        ({"say": lambda s, m, is_loaded: m}, "say returned .* of 1 arrays"),
+        ({"act": lambda s, m, seen, key: (m * 1.0, Command(m * 0.1, m * 0.1))}, r"its memory .*got float32\[2"),
+        ({"act": lambda s, m, seen, key: (m[:, None], Command(m * 0.1, m * 0.1))}, r"memory .*got int32\[2, 1\]"),
+        ({"act": lambda s, m, seen, key: ((m, m), Command(m * 0.1, m * 0.1))}, "got tuple of 2 arrays"),
+        ({"act": lambda s, m, seen, key: (m, Command(m, m * 0.1))}, r"turn of its command \(got int32"),
+        ({"act": lambda s, m, seen, key: (m, Command(m * 0.1, jnp.zeros(())))}, r"forward of its .*got float32\[\]"),
+        ({"act": lambda s, m, seen, key: Command(m * 0.1, m * 0.1)._asdict()}, "act must .*got a dict"),
+        ({"picks": lambda s, m: m}, r"picks must return bool\[2\] as its result \(got int32"),
+        ({"say": lambda s, m, is_loaded: m}, "say must return Message .* of 1 arrays"),
     ],
 )
 def test_what_methods_return_is_checked(small, methods, words):

@@ -85,7 +85,7 @@ def test_bytes_that_are_no_text(tmp_path):
 
 @pytest.mark.parametrize("name", ["type3", "missing.json", "", "."])
 def test_unknown_names(name):
-    with pytest.raises(UserError, match=r"presets type1, type2, evolved or the path of a JSON file"):
+    with pytest.raises(UserError, match=r"a preset \(type1, type2, evolved\) or the path of a JSON file"):
         load_genome(name)
 
 
