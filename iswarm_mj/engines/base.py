@@ -1,7 +1,7 @@
 """What every engine can do: put robots somewhere, sense light, move."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from jaxtyping import Bool, Float, Int
 
@@ -62,6 +62,7 @@ def find_lost(
     return bits.astype(xp.int32), first.astype(xp.int32)
 
 
+@runtime_checkable
 class Engine(Protocol[Bodies]):
     """Rigid-body physics and light of worlds with N robots each. Units: mm, mg, s, rad.
 

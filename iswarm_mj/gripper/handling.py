@@ -33,7 +33,7 @@ class Balls(NamedTuple):
     """Control steps for which it has been held."""
 
     @property
-    def is_lying(self) -> Bool[Array, "K"]:
+    def is_lying(self) -> Bool[Array, "*B K"]:
         """Whether it lies on the floor, and was not delivered."""
         return ~self.is_held & ~self.is_delivered
 

@@ -1,7 +1,7 @@
 """How control steps follow each other: what a run needs of it, and the loop on the host."""
 
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import numpy as np
@@ -25,6 +25,7 @@ class Counts(NamedTuple):
     fault: Fault
 
 
+@runtime_checkable
 class Loop(Protocol):
     """Carries B worlds through control steps."""
 

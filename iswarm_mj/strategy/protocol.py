@@ -9,6 +9,7 @@ from iswarm_mj.strategy.controller import Command, Observation
 from iswarm_mj.utils.arrays import Array
 
 
+@runtime_checkable
 class Strategy(Protocol):
     """Rules of N robots of one world, in pure JAX: all methods run under `jit` and `vmap`.
 
