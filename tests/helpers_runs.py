@@ -57,6 +57,19 @@ def end_of(run):
     return poses_of(run), [run.measures(w) for w in range(len(run.worlds))]
 
 
+def spoil(run, step, world, robot, value=1e3):
+    """Put a robot of a world at x = `value` in the middle of a control step, counted from 1."""
+    engine, steps = engine_of(run), iter(range(1, 10**6))
+    move = engine.move
+
+    def move_and_spoil(*arguments):
+        if next(steps) == step:
+            engine._qpos[world, engine._arena.qpos[robot, 0]] = value
+        return move(*arguments)
+
+    engine.move = move_and_spoil
+
+
 class CountingMemory(NamedTuple):
     """The paper's memory, and the number of control steps so far (N,)."""
 

@@ -42,10 +42,20 @@ def senses_nothing(n, sides=4):
     silence = remember(jnp.zeros((n, sides, 2)), known=False)
     bearing = jnp.broadcast_to(jnp.arange(sides) * (jnp.pi / 2), (n, sides))
     return Observation(
-        is_heard=never, bearing=bearing, distance=jnp.full((n, sides), 5.0), led=jnp.zeros((n, sides), jnp.int32),
-        priority=never, dust=silence, dump=silence, sees_wall=never, at_dust=no, ball_vector=jnp.zeros((n, 2)),
-        on_dump=no, is_loaded=no, grasp_failed=no,
-    )  # fmt: skip
+        is_heard=never,
+        bearing=bearing,
+        distance=jnp.full((n, sides), 5.0),
+        led=jnp.zeros((n, sides), jnp.int32),
+        priority=never,
+        dust=silence,
+        dump=silence,
+        sees_wall=never,
+        at_dust=no,
+        ball_vector=jnp.zeros((n, 2)),
+        on_dump=no,
+        is_loaded=no,
+        grasp_failed=no,
+    )
 
 
 def lay(*positions, holders=None):
@@ -53,11 +63,16 @@ def lay(*positions, holders=None):
     k = len(positions)
     holders = holders or [None] * k
     return Balls(
-        position=jnp.asarray(positions, jnp.float32), radius=jnp.full(k, 20e-6), work_tool_object=jnp.full(k, 1.41e-3),
-        work_object_substrate=jnp.full(k, 14.7e-3), is_held=jnp.array([h is not None for h in holders]),
-        is_delivered=jnp.zeros(k, bool), holder=jnp.array([h or 0 for h in holders], jnp.int32),
-        was_picked=jnp.array([h is not None for h in holders]), carried_steps=jnp.zeros(k, jnp.int32),
-    )  # fmt: skip
+        position=jnp.asarray(positions, jnp.float32),
+        radius=jnp.full(k, 20e-6),
+        work_tool_object=jnp.full(k, 1.41e-3),
+        work_object_substrate=jnp.full(k, 14.7e-3),
+        is_held=jnp.array([h is not None for h in holders]),
+        is_delivered=jnp.zeros(k, bool),
+        holder=jnp.array([h or 0 for h in holders], jnp.int32),
+        was_picked=jnp.array([h is not None for h in holders]),
+        carried_steps=jnp.zeros(k, jnp.int32),
+    )
 
 
 def crowd(rng, density, edge=9):

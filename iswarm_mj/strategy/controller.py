@@ -155,7 +155,14 @@ def listen(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
     """Draw the random numbers of a step."""
     numbers = jax.random.uniform(key, (n_robots, 4 + 2 * n_sides))
-    return Draws(*numbers.T[:4], numbers[:, 4 : 4 + n_sides], numbers[:, 4 + n_sides :])
+    return Draws(
+        forget=numbers[:, 0],
+        follow=numbers[:, 1],
+        direction=numbers[:, 2],
+        side=numbers[:, 3],
+        dust_tie=numbers[:, 4 : 4 + n_sides],
+        dump_tie=numbers[:, 4 + n_sides :],
+    )
 
 
 def _remember(

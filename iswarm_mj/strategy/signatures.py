@@ -77,7 +77,8 @@ def _compare(method: str, given: Any, wanted: Any, what: str = "result") -> None
 
 
 def _named(tree: Any) -> str:
-    return f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"
+    is_array = isinstance(tree, jax.ShapeDtypeStruct)
+    return "an array" if is_array else f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"
 
 
 def _vectors(*shape: int) -> Any:

@@ -9,12 +9,13 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
+from helpers_rrd import read
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands import main as cli
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.simulation import run_mujoco as rollout
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.simulation import worlds as simulation_worlds
 from iswarm_mj.strategy.genome import PRESETS, Genome
 
 ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
@@ -113,7 +114,7 @@ def number_of_robots(*flags):
     """Number of robots that a run would have, without the run."""
     seen = []
 
-    def clean(config, genome, settings, *_):
+    def clean(run, settings, *_):
         seen.append(settings.n_robots)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -138,7 +139,7 @@ class TestRefusals:
             ("--density nan", r"--density must be .*\(got nan\)"),
             ("--density inf", r"--density must be .*\(got inf\)"),
             ("--density 0.1 --robots 10", r"--robots and --density exclude each other"),
-            ("--steps -1", r"--steps must be between 1 and 1000000.*\(got -1\)"),
+            ("--steps -1", r"--steps must be a whole number between 1 and 1000000 \(got -1\)"),
             ("--steps 0", r"--steps must be .*\(got 0\)"),
             ("--seed -1", r"--seed must be .*\(got -1\)"),
             ("--seed 4294967295", r"--seed must be .*\(got 4294967295\)"),
@@ -222,39 +223,55 @@ class TestRefusals:
         assert list(here.iterdir()) == []
 
 
-def test_a_fault_ends_with_code_1_and_readable_files(capfd, here, monkeypatch):
-    drive = rollout.swarm.drive
+class TestFaults:
+    def test_ends_with_code_1_and_readable_files(self, capfd, here, monkeypatch):
+        move, steps = MujocoEngine.move, iter(range(1, 99))
 
-    def faulty(config, engine, command, worlds):
-        pairs = drive(config, engine, command, worlds)
-        faulty.step += 1
-        if faulty.step == 8:
-            engine._qpos[0, engine._arena.qpos[[5, 6], 2]] = np.nan
-        return pairs
+        def faulty(self, bodies, phases, is_running):
+            if next(steps) == 8:
+                self._qpos[0, self._arena.qpos[[5, 6], 2]] = np.nan
+            return move(self, bodies, phases, is_running)
 
-    faulty.step = 0
-    monkeypatch.setattr(rollout.swarm, "drive", faulty)
-    assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 1
-    error = capfd.readouterr().err
-    assert re.fullmatch(r"iswarm: step 8, world 0: robots 5, 6 [^\n]*\n", error)
-    assert sorted(path.name for path in (here / "out").iterdir()) == ["clean.rrd", "trajectory.npz"]
-    with np.load("out/trajectory.npz") as file:
-        assert file["step"].tolist() == list(range(8)) and np.isfinite(file["pose"]).all()
-    steps = [
-        row["step"]
-        for chunk in RrdReader("out/clean.rrd").stream().to_chunks()
-        if chunk.entity_path == "/world/robots/body"
-        for row in chunk.to_record_batch().to_pylist()
-        if "step" in row
-    ]
-    assert sorted(steps) == list(range(8))
+        monkeypatch.setattr(MujocoEngine, "move", faulty)
+        assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 1
+        error = capfd.readouterr().err.splitlines()[-1]  # after MuJoCo's own warnings
+        assert re.fullmatch(r"iswarm: step 8, world 0: the pose of robot 5 is not finite; [^\n]*", error)
+        assert sorted(path.name for path in (here / "out").iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
+        with np.load("out/trajectory.npz") as file:
+            assert file["step"].tolist() == list(range(9)) and np.isfinite(file["pose"]).all()
+        assert read("out/clean.rrd")["/world/robots/body"]["step"] == list(range(9))
+        (fault,) = result("out")["faults"]
+        assert fault.startswith("step 8, world 0: the pose of robot 5 is not finite; ")
+
+    def test_of_one_world_leave_the_others_their_results(self, capfd, monkeypatch):
+        draw = simulation_worlds.draw_start
+
+        def draw_start(config, n_robots, seed, index, failed_fraction):
+            start = draw(config, n_robots, seed, index, failed_fraction)
+            if index == 1:
+                start.poses[3, 0] = 50.0
+            return start
+
+        flags = (*SMALL, "--worlds=3", "--steps=30", "--no-record")
+        assert code_of("clean", *flags, "--out=healthy") == 0
+        monkeypatch.setattr(simulation_worlds, "draw_start", draw_start)
+        assert code_of("clean", *flags, "--out=out") == 1
+        out, error = capfd.readouterr()
+        assert out.count("30 in 3 world(s)") == 2
+        assert error.startswith("iswarm: step 1, world 1: robot 3 left the arena; increase --drive.walk-substeps")
+        healthy, content = result("healthy"), result("out")
+        assert healthy["faults"] == [] and len(content["faults"]) == 1
+        assert content["faults"][0].startswith("step 1, world 1: robot 3 left the arena; ")
+        for name in ("collisions", "picked", "delivered", "fitness"):
+            assert [content[name][world] for world in (0, 2)] == [healthy[name][world] for world in (0, 2)]
+        assert content["collisions"][1] == 0 < healthy["collisions"][1] and content["steps"] == 30
 
 
 def test_interruption_ends_quietly(capfd, here, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(rollout.swarm, "see", interrupted)
+    monkeypatch.setattr(MujocoEngine, "sense", interrupted)
     assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 130
     assert "Traceback" not in capfd.readouterr().err
     assert not (here / "out" / "result.json").exists()
@@ -300,7 +317,7 @@ def test_bench_prints_one_line(capfd, here):
     assert code_of("bench", *SMALL, "--steps", 5, "--warm-up", 2) == 0
     content = json.loads(capfd.readouterr().out)
     assert (content["n_robots"], content["steps"], content["engine"]) == (30, 5, "mujoco")
-    stages = sum(content[f"{stage}_ms"] for stage in ("sense", "act", "physics"))
+    stages = sum(content[f"{stage}_ms"] for stage in ("sense", "policy", "physics"))
     assert 0 < stages < 2 * content["ms_per_step"]
     assert list(here.iterdir()) == []
 

@@ -155,11 +155,14 @@ class TestRecord:
         [
             ('"led1" class="optics" pos="0 1.001', '"led1" class="optics" pos="0 0.9', "led1 .* must lie on side 1"),
             ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie on side 1"),
-            ('a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
-             'a" class="optics" pos="1.001 0.36 0" xyaxes="0 1 0 -1 0 0"', "photodiode0a .* outward normal"),
+            (
+                'a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
+                'a" class="optics" pos="1.001 0.36 0" xyaxes="0 1 0 -1 0 0"',
+                "photodiode0a .* outward normal",
+            ),
             ('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"', "must stand on the floor"),
         ],
-    )  # fmt: skip
+    )
     def test_of_an_unsuitable_file_is_refused(self, tmp_path, old, new, reason):
         with pytest.raises(UserError, match=reason):
             read_robot(changed(tmp_path, (old, new)))

@@ -5,50 +5,40 @@ from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
-from rerun.chunk import RrdReader
+from helpers_rrd import read
+from helpers_runs import engine_of, first_step, records, run_of, spoil
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import Frames, Scene
-from iswarm_mj.simulation import run_mujoco as rollout
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER
-from iswarm_mj.workflows.clean import BLOCK, clean, summary
+from iswarm_mj.workflows.clean import clean, summary
+from iswarm_mj.workflows.recorder import BLOCK
 
 STEPS = BLOCK + 6
 
 
-def read(path):
-    """Columns of a recording that change: entity -> column -> list, in the order of steps."""
-    rows = {}
-    for chunk in RrdReader(path).stream().to_chunks():
-        for row in chunk.to_record_batch().to_pylist():
-            if "step" in row:
-                rows.setdefault(chunk.entity_path, []).append(row)
-    for entity, group in rows.items():
-        group.sort(key=lambda row: row["step"])
-        rows[entity] = {name: [row[name] for row in group] for name in group[0]}
-    return rows
+def run_to(config, record=True, steps=STEPS, **settings):
+    """A run that stops when all balls are delivered; of several worlds the first is recorded."""
+    return run_of(config, steps=steps, record_worlds=(0,) if record else (), **{"seed": 3, "stop_at": 24, **settings})
 
 
-def run_clean(config, out, record=True, steps=STEPS, **settings):
-    settings = RunSettings(30, steps, **{"seed": 3, "n_threads": 1, "stop_at": 24, **settings})
-    return clean(config, PRESETS["type1"], settings, "mujoco", out, (0,) if record else ())
+def run_clean(config, out, **settings):
+    run = run_to(config, **settings)
+    return clean(run, run.settings, out)
 
 
 @pytest.fixture(scope="module")
 def done(small, tmp_path_factory):
-    """Directory, result.json, trajectory.npz, and the views that a run of the same seed shows."""
+    """Directory, result.json, trajectory.npz, and the records of a run of the same seed."""
     out = tmp_path_factory.mktemp("results") / "new" / "folder"
     run_clean(small, out)
-    run = Run(small, PRESETS["type1"], RunSettings(30, STEPS, seed=3, n_threads=1, stop_at=24))
-    views = [run.start_view()]
-    while not run.is_over:
-        views.append(run.advance())
+    run = run_to(small)
+    recorded = [first_step(run.start), *records(run)]
     with np.load(out / "trajectory.npz") as file:
-        return out, json.loads((out / "result.json").read_text()), dict(file), views
+        return out, json.loads((out / "result.json").read_text()), dict(file), recorded
 
 
 def timeless(content):
@@ -56,7 +46,7 @@ def timeless(content):
 
 
 def test_result_has_all_that_was_promised(done, small):
-    out, content, _, views = done
+    out, content, _, recorded = done
     named = (
         "seed engine n_robots n_dust steps finished_at picked delivered collisions mean_carriage_steps fitness wall_s"
     )
@@ -68,16 +58,16 @@ def test_result_has_all_that_was_promised(done, small):
     assert content["config"] == json.loads(json.dumps(asdict(small)))
     assert content["genome"] == asdict(PRESETS["type1"])
     assert content["config"].keys() == {f.name for f in fields(SwarmConfig)}
-    balls = views[-1].state.balls
+    balls = recorded[-1].swarm.balls
     assert content["delivered"] == balls.is_delivered.sum() > 0
     assert content["picked"] == balls.was_picked.sum()
-    assert content["collisions"] == views[-1].collisions[0] > 0
+    assert content["collisions"] == recorded[-1].collisions[0] > 0
     assert content["mean_carriage_steps"] == pytest.approx(balls.carried_steps[balls.is_delivered].mean())
-    assert content["steps"] == len(views) - 1
+    assert content["steps"] == len(recorded) - 1
     points = 40 * content["delivered"] + 20 * (content["picked"] - content["delivered"])
-    if content["delivered"] < 24:
-        assert content["finished_at"] is None
-        assert content["fitness"] == pytest.approx(points - content["collisions"] * 0.05 / 30)
+    assert content["delivered"] < 24 and content["finished_at"] is None
+    assert content["fitness"] == pytest.approx(points - content["collisions"] * 0.05 / 30)
+    assert content["faults"] == content["devices"] == []
     assert content["wall_s"] > 0
     assert sorted(path.name for path in out.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
 
@@ -95,34 +85,34 @@ def test_trajectory_agrees_with_result(done):
 
 def test_trajectory_is_in_si(done):
     """Metres: a robot diameter is 2.83e-3."""
-    _, _, frames, views = done
-    poses = np.stack([view.poses[0] for view in views])
+    _, _, frames, recorded = done
+    poses = np.stack([record.poses[0] for record in recorded])
     np.testing.assert_allclose(frames["pose"][..., :2], 1e-3 * poses[..., :2], atol=1e-8)
     np.testing.assert_allclose(frames["pose"][..., 2], poses[..., 2], atol=1e-5)
-    balls = np.stack([view.balls[0] for view in views])
+    balls = np.stack([record.balls[0] for record in recorded])
     np.testing.assert_allclose(frames["ball_position"], 1e-3 * balls, atol=1e-8)
-    np.testing.assert_allclose(frames["mean_speed"], [1e-3 * view.speed[0] for view in views], rtol=1e-5)
+    np.testing.assert_allclose(frames["mean_speed"], [1e-3 * record.speed[0] for record in recorded], rtol=1e-5)
     for name in ("dust", "dump"):
-        memory = [getattr(view.state.memory, name) for view in views]
+        memory = [getattr(record.swarm.memory, name) for record in recorded]
         vectors = np.stack([1e-3 * np.asarray(m.vector[0]) for m in memory])
         np.testing.assert_allclose(frames[f"{name}_vector"], vectors, atol=1e-8)
         np.testing.assert_array_equal(frames[f"{name}_known"], [m.known[0] for m in memory])
     for name in ("sender", "valid"):
-        links = [getattr(view.links, name)[0] for view in views]
+        links = [getattr(record.links, name)[0] for record in recorded]
         np.testing.assert_array_equal(frames[f"link_{name}"], links)
-    np.testing.assert_array_equal(frames["has_priority"], [view.has_priority[0] for view in views])
+    np.testing.assert_array_equal(frames["has_priority"], [record.has_priority[0] for record in recorded])
     assert frames["link_valid"].any() and frames["dust_known"].any() and frames["has_priority"].any()
 
 
 def test_scene(done):
-    _, _, frames, views = done
+    _, _, frames, recorded = done
     assert frames["scene_arena_size"] == pytest.approx(15 * ROBOT_DIAMETER)
     np.testing.assert_allclose(frames["scene_dump"] / ROBOT_DIAMETER, [-1.5, -1.5, 1.5, 1.5])
     areas = [[-6.5, -1.5, -3.5, 1.5], [3.5, -1.5, 6.5, 1.5]]
     np.testing.assert_allclose(frames["scene_dust_areas"] / ROBOT_DIAMETER, areas)
     np.testing.assert_allclose(frames["scene_robot_size"], [2e-3, 2e-3, 1e-3])
     assert frames["scene_is_scout"].sum() == 2 and frames["scene_control_period"] == 1.0
-    np.testing.assert_array_equal(frames["scene_ball_radius"], views[0].state.balls.radius[0])
+    np.testing.assert_array_equal(frames["scene_ball_radius"], recorded[0].swarm.balls.radius[0])
     centres = frames["ball_position"][0, :, :2] / ROBOT_DIAMETER
     for x_min, y_min, x_max, y_max in areas:
         assert ((centres >= [x_min, y_min]) & (centres <= [x_max, y_max])).all(axis=1).sum() == 12
@@ -148,7 +138,7 @@ def test_recording_agrees_with_trajectory(done):
 class TestSeeds:
     def test_same_seed_same_result_at_any_number_of_threads(self, done, small, tmp_path):
         for n_threads in (1, 2):
-            content = run_clean(small, tmp_path, record=False, n_threads=n_threads)
+            content = run_clean(small, tmp_path, record=False, threads=n_threads)
             assert timeless(content) == timeless(done[1])
             assert json.loads((tmp_path / "result.json").read_text()) == content
 
@@ -210,28 +200,73 @@ class TestOut:
         assert (tmp_path / "result.json").read_text() == "old"
 
 
-def test_a_fault_leaves_what_was_recorded_so_far(done, small, tmp_path, monkeypatch):
-    """A robot is far outside in step 66, after one block of frames was written and before the second is full."""
-    monkeypatch.chdir(tmp_path)
-    drive = rollout.swarm.drive
+class TestFaults:
+    """Robot 5 is far outside in step 66, after one block of frames was written and before the second is full."""
 
-    def faulty(config, engine, command, worlds):
-        pairs = drive(config, engine, command, worlds)
-        faulty.step += 1
-        if faulty.step == BLOCK + 2:
-            engine._qpos[0, engine._arena.qpos[5, 0]] = 1e3
-        return pairs
+    STEP = BLOCK + 2
 
-    faulty.step = 0
-    monkeypatch.setattr(rollout.swarm, "drive", faulty)
-    with pytest.raises(SimulationFault, match=r"step 66, world 0: robots 5 "):
-        run_clean(small, tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "trajectory.npz"]
-    with np.load(tmp_path / "trajectory.npz") as file:
-        frames = dict(file)
-    assert frames["step"].tolist() == list(range(66))
-    np.testing.assert_array_equal(frames["pose"], done[2]["pose"][:66])
-    recorded = read(tmp_path / "clean.rrd")
-    assert recorded["/world/robots/body"]["step"] == list(range(66))
-    centres = np.array(recorded["/world/robots/body"]["Boxes3D:centers"])
-    np.testing.assert_allclose(centres[..., :2], 1e3 * frames["pose"][..., :2], atol=1e-4)
+    @pytest.fixture(autouse=True)
+    def elsewhere(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)  # MuJoCo logs to the working directory
+
+    def test_all_files_are_written_and_the_fault_is_raised(self, done, small, tmp_path):
+        run = run_to(small)
+        spoil(run, self.STEP, world=0, robot=5)
+        with pytest.raises(SimulationFault, match=r"^step 66, world 0: robot 5 left the arena; ") as raised:
+            clean(run, run.settings, tmp_path)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
+        content = json.loads((tmp_path / "result.json").read_text())
+        assert content["faults"] == [str(raised.value)] and content["steps"] == self.STEP
+        assert content["finished_at"] is None and content["collisions"] > 0
+        with np.load(tmp_path / "trajectory.npz") as file:
+            frames = dict(file)
+        assert frames["step"].tolist() == list(range(self.STEP + 1))
+        np.testing.assert_array_equal(frames["pose"][:-1], done[2]["pose"][: self.STEP])
+        np.testing.assert_array_equal(frames["pose"][-1], frames["pose"][-2])  # the step that failed moves nobody
+        assert frames["mean_speed"][-1] == 0 and frames["collisions"][-1] == frames["collisions"][-2]
+        recorded = read(tmp_path / "clean.rrd")["/world/robots/body"]
+        assert recorded["step"] == list(range(self.STEP + 1))
+        centres = np.array(recorded["Boxes3D:centers"])
+        np.testing.assert_allclose(centres[..., :2], 1e3 * frames["pose"][..., :2], atol=1e-4)
+
+    def test_the_other_worlds_have_their_usual_results(self, small, tmp_path, capsys):
+        healthy = run_clean(small, tmp_path / "healthy", n_worlds=3, record=False)
+        run = run_to(small, n_worlds=3, record=False)
+        spoil(run, 9, world=1, robot=4)
+        with pytest.raises(SimulationFault, match=r"^step 9, world 1: robot 4 left the arena; "):
+            clean(run, run.settings, tmp_path)
+        assert str(tmp_path) in capsys.readouterr().out  # the summary
+        content = json.loads((tmp_path / "result.json").read_text())
+        assert len(content["faults"]) == 1 and healthy["faults"] == []
+        for name in ("delivered", "picked", "collisions", "mean_carriage_steps", "finished_at", "fitness"):
+            assert [content[name][w] for w in (0, 2)] == [healthy[name][w] for w in (0, 2)]
+        assert content["collisions"][1] < healthy["collisions"][1] and content["steps"] == healthy["steps"] == STEPS
+
+    def test_what_was_recorded_is_kept_whatever_happens(self, done, small, tmp_path, monkeypatch):
+        run = run_to(small)
+        step = iter(range(1, 100))
+
+        def interrupted(*arguments):
+            if next(step) == self.STEP:
+                raise KeyboardInterrupt
+            return sense(*arguments)
+
+        sense = engine_of(run).sense
+        monkeypatch.setattr(engine_of(run), "sense", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            clean(run, run.settings, tmp_path)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "trajectory.npz"]
+        with np.load(tmp_path / "trajectory.npz") as file:
+            np.testing.assert_array_equal(file["pose"], done[2]["pose"][: self.STEP])
+
+
+def test_each_recorded_world_has_its_own_folder(small, tmp_path):
+    run = run_of(small, n_worlds=3, steps=4, record_worlds=(2, 0))
+    content = clean(run, run.settings, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "clean.rrd", "result.json", "trajectory.npz", "world-0",
+    ]  # fmt: skip
+    for place, world in ((tmp_path, 2), (tmp_path / "world-0", 0)):
+        with np.load(place / "trajectory.npz") as file:
+            np.testing.assert_allclose(file["pose"][0, :, :2], 1e-3 * run.starts[world].poses[:, :2], rtol=1e-6)
+            assert file["collisions"][-1] == content["collisions"][world]

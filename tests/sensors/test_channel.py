@@ -16,8 +16,9 @@ N = 25_000  # robots, so 1e5 messages
 
 
 def clean_but(**errors):
-    return OpticsConfig(**{"error_distance_measure": 0.0, "error_in_communication": 0.0,
-                           "p_communication_break": 0.0} | errors)  # fmt: skip
+    return OpticsConfig(
+        **{"error_distance_measure": 0.0, "error_in_communication": 0.0, "p_communication_break": 0.0} | errors
+    )
 
 
 def contents(n, seed=0):

@@ -13,8 +13,9 @@ from iswarm_mj.strategy.genome import PRESETS
 CONFIG = SwarmConfig()
 
 
-@pytest.mark.parametrize("preset, to_empty, to_flagged, of_loaded", [("type1", 0.65, 0.40, 0.25),
-                                                                    ("type2", 0.77, 0.41, 0.27)])  # fmt: skip
+@pytest.mark.parametrize(
+    "preset, to_empty, to_flagged, of_loaded", [("type1", 0.65, 0.40, 0.25), ("type2", 0.77, 0.41, 0.27)]
+)
 def test_distances_of_table_2(preset, to_empty, to_flagged, of_loaded):
     kept = avoidance_distance(rules_of(PRESETS[preset]), jnp.array([False, True]), jnp.array([[False, True]] * 2))
     np.testing.assert_allclose(kept, [[to_empty, to_flagged], [of_loaded, of_loaded]], rtol=1e-6)
@@ -28,8 +29,9 @@ def test_push_is_straight_away_and_linear(degrees):
     angle = np.radians(degrees)
     away = -np.array([np.cos(angle), np.sin(angle)])
     shares = np.array([0.0, 0.25, 0.5, 0.9, 1.0, 1.5, 40.0])
-    push = repulsion(*(jnp.asarray(a)[:, None] for a in (np.full(7, angle), shares * 0.65, np.full(7, 0.65),
-                                                         np.ones(7))))  # fmt: skip
+    push = repulsion(
+        *(jnp.asarray(a)[:, None] for a in (np.full(7, angle), shares * 0.65, np.full(7, 0.65), np.ones(7)))
+    )
     np.testing.assert_allclose(push, np.maximum(1 - shares, 0)[:, None] * away, atol=1e-6)
 
 

@@ -107,9 +107,13 @@ def test_weights_are_probabilities(loaded, gene):
     memory = memories(1, dust=[0, 6], dump=[-8, 0])
     other = {"weight_find_dust": 0.5, "weight_find_dump": 0.5}
     for weight, draw_follow, follows in (
-        (1.0, 0.0, True), (1.0, 0.999999, True), (0.0, 0.0, False), (0.0, 0.9, False), (0.3, 0.29, True),
+        (1.0, 0.0, True),
+        (1.0, 0.999999, True),
+        (0.0, 0.0, False),
+        (0.0, 0.9, False),
+        (0.3, 0.29, True),
         (0.3, 0.31, False),
-    ):  # fmt: skip
+    ):
         assert bool(planned(memory, loaded, draw_follow, rules=genes(**other | {gene: weight}))[2][0]) is follows
 
 
@@ -309,11 +313,19 @@ def crowded(n, rng):
         return remember(rng.uniform(-30, 30, (n, *shape, 2)), rng.integers(0, 12, (n, *shape)), some(0.7, *shape))
 
     seen = senses_nothing(n)._replace(
-        is_heard=some(0.7, 4), distance=jnp.asarray(rng.uniform(2, 9.9, (n, 4)), jnp.float32),
-        led=jnp.asarray(rng.integers(0, 4, (n, 4))), priority=some(0.3, 4), dust=memory(4), dump=memory(4),
-        sees_wall=some(0.2, 4), at_dust=some(0.3), ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),
-        on_dump=some(0.2), is_loaded=some(0.4), grasp_failed=some(0.2),
-    )  # fmt: skip
+        is_heard=some(0.7, 4),
+        distance=jnp.asarray(rng.uniform(2, 9.9, (n, 4)), jnp.float32),
+        led=jnp.asarray(rng.integers(0, 4, (n, 4))),
+        priority=some(0.3, 4),
+        dust=memory(4),
+        dump=memory(4),
+        sees_wall=some(0.2, 4),
+        at_dust=some(0.3),
+        ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),
+        on_dump=some(0.2),
+        is_loaded=some(0.4),
+        grasp_failed=some(0.2),
+    )
     return RobotMemory(memory(), memory(), some(0.2)), seen
 
 
@@ -355,9 +367,12 @@ def world(rng, centre, spread):
     memory = memory._replace(is_scout=memory.is_scout.at[8:10].set(False))
     balls = lay(*lying, *under, *[(0.0, 0.0)] * 3, holders=[None] * 10 + [20, 21, 22])
     links = Links(
-        sender=rng.integers(0, n, (n, 4)), valid=np.asarray(seen.is_heard), led=np.asarray(seen.led),
-        bearing=np.asarray(seen.bearing), distance=np.asarray(seen.distance),
-    )  # fmt: skip
+        sender=rng.integers(0, n, (n, 4)),
+        valid=np.asarray(seen.is_heard),
+        led=np.asarray(seen.led),
+        bearing=np.asarray(seen.bearing),
+        distance=np.asarray(seen.distance),
+    )
     return poses, SwarmState(memory, balls, jnp.ones(N_ROBOTS, bool)), links, np.asarray(seen.sees_wall)
 
 

@@ -131,10 +131,17 @@ def swarm_that_hears(n_seed):
     message, is_heard, distance = transmit(strategy, links, key, memory, was_loaded)
     nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n))
     seen = nothing._replace(
-        is_heard=is_heard, bearing=links.bearing, distance=distance, led=message.led, priority=message.priority,
-        dust=message.dust, dump=message.dump, is_loaded=is_loaded, at_dust=jnp.asarray(rng.random(n) < 0.1),
+        is_heard=is_heard,
+        bearing=links.bearing,
+        distance=distance,
+        led=message.led,
+        priority=message.priority,
+        dust=message.dust,
+        dump=message.dump,
+        is_loaded=is_loaded,
+        at_dust=jnp.asarray(rng.random(n) < 0.1),
         on_dump=jnp.asarray(rng.random(n) < 0.1),
-    )  # fmt: skip
+    )
     return strategy, memory, links, seen, was_loaded, key
 
 
@@ -159,6 +166,19 @@ def hear_all(strategy, memory, seen, turns, links, key):
     return heard_in_turn(seen, turns, links.sender, relay)
 
 
+@jax.jit
+def take_turn(strategy, links, key, robot, memory, loaded, heard, is_loaded):
+    """One robot hears what the others say now, and speaks from then on of what it has learned."""
+
+    def own(new, old):
+        return old.at[robot].set(new[robot])
+
+    message = transmit(strategy, links, key, memory, loaded).message
+    heard = jax.tree.map(own, heard._replace(**message._asdict()), heard)
+    memory = jax.tree.map(own, listen(strategy, memory, heard, key), memory)
+    return memory, own(is_loaded, loaded), heard
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_all_at_once_is_one_by_one(seed):
     """Sweeps give what robots hear if one after the other hears, and speaks from then on of what it has learned."""
@@ -168,15 +188,7 @@ def test_all_at_once_is_one_by_one(seed):
     at_once = hear_all(strategy, memory, seen, turns, links, key)
     now, loaded, heard = memory, was_loaded, seen
     for robot in np.argsort(turns):
-        message = transmit(strategy, links, key, now, loaded).message
-
-        def own(new, old, robot=robot):
-            return old.at[robot].set(new[robot])
-
-        messages = Observation(**{**heard._asdict(), **message._asdict()})
-        heard = jax.tree.map(own, messages, heard)
-        now = jax.tree.map(own, listen(strategy, memory, heard, key), now)
-        loaded = loaded.at[robot].set(seen.is_loaded[robot])
+        now, loaded, heard = take_turn(strategy, links, key, robot, now, loaded, heard, seen.is_loaded)
     for name in Observation._fields:
         for mine, its in zip(*(jax.tree.leaves(getattr(s, name)) for s in (at_once, heard)), strict=True):
             where = np.asarray(seen.is_heard)
@@ -263,4 +275,4 @@ def test_a_strategy_that_cannot_pass_on_news_is_refused():
     poses = place((0, 0, 0), (8, 0, 0))
     arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
     with pytest.raises(UserError, match=r"update_order is sequential, but SimpleNamespace has no method listen"):
-        decided(deaf, config, *arguments)
+        jax.eval_shape(partial(decided, deaf, config), *arguments)
