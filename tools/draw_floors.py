@@ -29,7 +29,7 @@ def count(rooms: list[str]) -> tuple[Counter[str], Counter[tuple[str, str]]]:
     graph = grimp.build_graph("iswarm_mj")
 
     def room(module: str) -> str:
-        return (module.split(".") + [""])[1]
+        return [*module.split("."), ""][1]
 
     sizes, arrows = Counter(), Counter()
     for module in graph.modules:

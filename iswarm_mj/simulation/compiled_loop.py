@@ -89,8 +89,13 @@ class CompiledLoop:
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
         """Take a chunk of control steps, see `Loop.advance`."""
         rows = self._rows[list(recorded)]
-        counts = (jnp.int32(n) for n in (self.worlds_per_device, first, last))
-        shared = Shared(self._engine, *counts, jnp.asarray(rows, jnp.int32))
+        shared = Shared(
+            engine=self._engine,
+            n_worlds=jnp.int32(self.worlds_per_device),
+            first=jnp.int32(first),
+            last=jnp.int32(last),
+            recorded=jnp.asarray(rows, jnp.int32),
+        )
         with without_shardy():
             self._state, records = _advance(
                 self._config, self.mesh, self._chunk, bool(recorded), shared, self._params, self._state

@@ -1,5 +1,6 @@
 """How control steps follow each other: what a run needs of it, and the loop on the host."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -7,11 +8,12 @@ import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Engine, Motion, Sight
+from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.decide import Decision, decide
 from iswarm_mj.simulation.state import Fault, StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.step import control_step
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.profiling import Stopwatch
 
 
@@ -120,12 +122,12 @@ class TimedEngine:
         self.place, self.poses = engine.place, engine.poses
         self.robot = engine.robot
 
-    def sense(self, *arguments: Any) -> Sight:
+    def sense(self, bodies: Any, emits: Array, is_running: Array) -> Sight:
         """See `Engine.sense`."""
         with self._watch("sense"):
-            return self._engine.sense(*arguments)
+            return self._engine.sense(bodies, emits, is_running)
 
-    def move(self, *arguments: Any) -> Motion:
+    def move(self, bodies: Any, phases: Sequence[Phase], is_running: Array) -> Motion:
         """See `Engine.move`."""
         with self._watch("physics"):
-            return self._engine.move(*arguments)
+            return self._engine.move(bodies, phases, is_running)

@@ -90,8 +90,9 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
             before = run.step
             record = run.advance()
             hosts.look()
-            for recorder in recorders:
-                recorder.add(record)
+            if record is not None:
+                for recorder in recorders:
+                    recorder.add(record)
             bar.update(run.step - before)
             if not hidden:
                 bar.set_postfix_str(f"delivered {int(run.delivered().sum())} of {goal}", refresh=False)

@@ -96,7 +96,7 @@ class MujocoEngine:
             worlds = np.flatnonzero(is_running & (fault == 0))
             fault[self._step(phase.n_substeps, worlds, n_contacts[worlds] > JAM)] |= FaultKind.SOLVER_FAILED
             poses = self._padded(self._qpos[:, self._arena.qpos])
-            for world in worlds:
+            for world in worlds.tolist():
                 self._read_contacts(world, touching, n_contacts)
         lost, robot = find_lost(poses[:, :n], self._is_present & is_running[:, None], self._edge)
         fault |= lost

@@ -2,7 +2,7 @@
 
 import importlib.util
 from collections.abc import Generator, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import jax
 
@@ -26,7 +26,7 @@ takes time for unused space: 6 times as long with 4 times the default.
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
-def implementation() -> str:
+def implementation() -> Literal["jax", "warp"]:
     """MJX's implementation for batches: warp where JAX's first device is an NVIDIA GPU and Warp is there, else jax."""
     device = jax.devices()[0]
     is_nvidia = device.platform == "gpu" and "nvidia" in device.device_kind.lower()
