@@ -11,9 +11,9 @@ def test_laws_and_settings_are_light():
     """Importing the gripper's laws, the genome and the configuration loads neither engine, nor JAX, nor a viewer."""
     light = [
         *(f"gripper.laws.{name}" for name in [*LAWS, "sphere_plane"]),
-        "config", "output.trajectory", "strategy.genome", "commands.main",
+        *("config", "output.trajectory", "strategy.genome", "commands.main"),
         *(f"utils.{name}" for name in ("arrays", "errors", "units", "jax_setup")),
-    ]  # fmt: skip
+    ]
     heavy = {"jax", "mujoco", "rerun", "scipy", "matplotlib", "trimesh"}
     code = "import sys\n" + "\n".join(f"import iswarm_mj.{name}" for name in light)
     code += f"\nprint(sorted({heavy} & set(sys.modules)))"

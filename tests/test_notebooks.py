@@ -15,7 +15,7 @@ def first_run(names):
 
 def batched_rollouts(names):
     papers, walk = names["found"].values()
-    assert papers.delivered.shape == walk.delivered.shape == (4,)
+    assert papers.delivered.shape == walk.delivered.shape == (3,)
     assert papers.delivered.sum() > walk.delivered.sum() > 0
     assert (papers.delivered_after[:, -1] == papers.delivered).all()
     assert len(set(names["swept"].collisions)) > 1

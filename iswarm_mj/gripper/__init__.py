@@ -1,1 +1,1 @@
-"""The electrostatic gripper: force laws and what they decide."""
+"""The electrostatic gripper: force laws, their plugins in MuJoCo, the bench of one ball, and balls in the swarm."""

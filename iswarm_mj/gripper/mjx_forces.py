@@ -6,9 +6,9 @@
     potential = ON_PROBE
     dx, potential = step(forces, mx, dx, potential)      # in jit, scan, vmap
 
-MJX knows no plugins: it drops their forces, so they enter as `qfrc_applied`. `GripperForces` is a pytree whose
-arrays can be replaced and batched by `vmap`, as can radii in the model (`resize`), and voltages and the probe's path
-in `Data.ctrl`. What each force does, and when, is told in `plugin`.
+MJX has no plugins and drops their forces, so here they enter as `qfrc_applied`. `GripperForces` is a pytree whose
+arrays can be replaced and batched by `vmap`, and so can the radii in the model (`resize`), and the voltages and the
+probe's path in `Data.ctrl`. The docstring of `plugin` describes the forces.
 """
 
 import math
@@ -18,18 +18,19 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import mujoco
+from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.native.callbacks import NN, UM
 from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
+from iswarm_mj.gripper.units import NN, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
 ON_PLATE, ON_PROBE = 0.0, 1.0
-"""Whose potential the ball has; a ball starts with the probe's, and takes the plate's where it touches it."""
+"""The electrode whose potential the ball has; it starts with the probe's, and takes the plate's on contact."""
 
 
 class Joint(NamedTuple):
@@ -44,25 +45,26 @@ class Joint(NamedTuple):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class GripperForces:
-    """Attributes of the plugins of a model: arrays, and static ids.
+    """Attributes of a model's plugins: arrays, and static ids.
 
     Attributes:
-        work: (P,) work of adhesion at 10 % RH of each pair of surfaces [nN/um].
-        humidity: (P,) relative humidity [%].
-        hamaker: (P,) Hamaker constant [nN um].
+        work: work of adhesion at 10 % RH of each pair of surfaces [nN/um].
+        humidity: relative humidity [%].
+        hamaker: Hamaker constant [nN um].
         contact_gap: effective gap of a touching tool [um].
-        off_voltage: voltage taken as off [V].
+        off_voltage: voltage up to which the supply counts as off [V].
         pairs: P pairs of geoms, ball and surface, in the order of the plugin instances.
-        ball: geom, and so on; `voltage` is an actuator.
-        plane: for each geom whether it is a plane.
-        joints: for each geom the joints that move it.
+        ball, probe, plate: geoms.
+        voltage: actuator.
+        plane: whether each geom is a plane.
+        joints: the joints that move each geom.
     """
 
-    work: Array
-    humidity: Array
-    hamaker: Array
-    contact_gap: Array
-    off_voltage: Array
+    work: Float[Array, "P"]
+    humidity: Float[Array, "P"]
+    hamaker: Float[Array, "P"]
+    contact_gap: Float[Array, ""]
+    off_voltage: Float[Array, ""]
     pairs: tuple[tuple[int, int], ...] = field(metadata={"static": True})
     ball: int = field(metadata={"static": True})
     probe: int = field(metadata={"static": True})
@@ -73,7 +75,7 @@ class GripperForces:
 
 
 def gripper_forces(model: mujoco.MjModel) -> GripperForces:
-    """Forces that a model's plugin instances declare: any number of adhesion, one electrostatic.
+    """Forces that a model declares: any number of instances of the adhesion plugin, one of the electrostatic plugin.
 
     Args:
         model: compiled, with its plugins.
@@ -110,9 +112,9 @@ def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
 
 
 def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a model that every implementation of MJX accepts: without plugins, and flags that MJX-Warp does not know.
+    """Compile a model that every implementation of MJX accepts, without plugins and flags that MJX-Warp lacks.
 
-    The flags change nothing there: it has no midphase, and never resets by itself. The specification stays as it is.
+    MJX-Warp needs no such flags, since it has no midphase and never resets by itself. The specification is not changed.
     """
     spec = spec.copy()
     for plugin in list(spec.plugins):
@@ -123,11 +125,11 @@ def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
-    """MJX model whose ball, alone in a body with a free joint, has another radius; mass and inertia follow.
+    """MJX model whose ball, the only geom of a body with a free joint, has another radius, mass and inertia.
 
     Args:
-        forces: tell which geom the ball is.
-        model: MJX's.
+        forces: of the model.
+        model: of MJX.
         radius: [um]; for a batch use `vmap`.
     """
     joint = forces.joints[forces.ball][0]
@@ -147,18 +149,18 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
 
 
 class Force(NamedTuple):
-    """What acts at one moment."""
+    """The forces at one moment."""
 
-    generalized: Array
-    """(nv,), for `qfrc_applied`."""
-    adhesion: Array
-    """(P,) towards the surface [nN]."""
-    electrostatic: Array
-    """Towards the probe, or negative towards the plate [nN]."""
-    gaps: Array
-    """(P,) between the pairs [um]."""
-    potential: Array
-    """Whose potential the ball has after this step."""
+    generalized: Float[Array, "nv"]
+    """For `qfrc_applied`."""
+    adhesion: Float[Array, "P"]
+    """Towards the surface [nN]."""
+    electrostatic: Float[Array, ""]
+    """Positive towards the probe, negative towards the plate [nN]."""
+    gaps: Float[Array, "P"]
+    """Between the pairs [um]."""
+    potential: Float[Array, ""]
+    """`ON_PLATE` or `ON_PROBE`, after this step."""
 
 
 def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, potential: Array) -> Force:
@@ -166,8 +168,8 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, poten
 
     Args:
         forces: attributes and ids.
-        model: MJX's; radii are those of its geoms.
-        data: MJX's.
+        model: of MJX, with the radii in its geoms.
+        data: of MJX.
         potential: `ON_PLATE` or `ON_PROBE`, as the last call returned it.
     """
     data = mjx.kinematics(model, data)
@@ -199,7 +201,7 @@ def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, potential: Arr
     """One physics step with the gripper's forces; arguments as for `gripper_force`.
 
     Returns:
-        The data, and whose potential the ball has.
+        The data, and the ball's potential, `ON_PLATE` or `ON_PROBE`.
     """
     force = gripper_force(forces, model, data, potential)
     return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.potential

@@ -7,22 +7,22 @@ They are passive forces, compiled by Numba, and work in `mj_step`, in the viewer
 `mujoco.rollout` and `mujoco.batch`. Units are those of the bench: um, ug, ms, nN, V; W in nN/um = mJ/m^2.
 
 `iswarm.adhesion` pulls a ball to one surface: with the DMT force 2 pi R W h(RH) while they touch (gap <= 0), and
-beyond with the van der Waals attraction that is left, A R / (6 z^2), z = gap + sqrt(A / (12 pi W)), which goes on
-from the same value and falls to a hundredth within about 5 nm. An approaching ball is hence pulled in only at
-contact, while one that leaves needs the full force: the hysteresis of pull-off. A = 0 cuts the force off at contact.
+beyond with the remaining van der Waals attraction, A R / (6 z^2), z = gap + sqrt(A / (12 pi W)), which starts at the
+same value and falls to a hundredth of it within about 5 nm. Hence an approaching ball is pulled in only at contact,
+while a leaving ball needs the full force: the hysteresis of pull-off. With A = 0 the force ends at contact.
 
-`iswarm.electrostatic` pulls a ball to the probe while it has the plate's potential, to the plate while it has the
-probe's. A ball that touches the plate has the plate's, also while the tool touches it: the tool's oxide insulates,
-and its effective electrical gap D_eff is the least gap that counts. A lifted ball keeps its potential until, with
-the tool in contact, the voltage falls to `off_voltage` or below; from then on it has the probe's. One that hangs at
-the probe after a reset has the probe's. The law is that of a ball on the probe's axis; off the axis the closest
-points of ball and probe give gap and direction. Valid range: that of `probe_table`, whose edge is used beyond.
+`iswarm.electrostatic` pulls a ball to the probe while it has the plate's potential, and to the plate while it has
+the probe's. A ball that touches the plate has the plate's potential, even if the tool touches it too, since the tool's
+oxide insulates; the effective electrical gap D_eff of the oxide is the least gap in the law. A lifted ball keeps its
+potential until, with the tool in contact, the voltage falls to `off_voltage` or below; from then on it has the
+probe's, as does a ball that hangs at the probe after a reset. The law is that of a ball on the probe's axis; off the
+axis, gap and direction are those of the closest points. Valid within the range of `probe_table`, clamped beyond.
 
-The voltage is the control of an actuator of zero gain, an input that every engine and the viewer already carry: in
-`mujoco.rollout` it is a column of `control`, in `mujoco.batch` and MJX a column of `ctrl`, in the viewer a slider.
+The voltage is the control of an actuator of zero gain, since all engines and the viewer have controls: a column of
+`control` in `mujoco.rollout`, a column of `ctrl` in `mujoco.batch` and MJX, a slider in the viewer.
 
-Attributes and what else an instance keeps are numbers in `MjData.plugin_state`, at `state_index`: there a run can
-change a work of adhesion or a humidity without compiling a model, and there gaps and forces can be read.
+Attributes and results of an instance are numbers in `MjData.plugin_state`, at `state_index`: there a run can change a
+work of adhesion or a humidity without compiling another model, and read gaps and forces.
 """
 
 from typing import NamedTuple
@@ -41,18 +41,18 @@ ELECTROSTATIC = "iswarm.electrostatic"
 
 
 class Attribute(NamedTuple):
-    """What a plugin instance is told in MJCF."""
+    """An attribute of a plugin instance in MJCF."""
 
     name: str
-    demand: str
-    """What is acceptable, with its unit."""
+    constraint: str
+    """The values that are valid, with their unit."""
     kind: int
     low: float = 0.0
     """Least number, or a type of geom."""
     high: float = np.inf
     """Largest number, or another type of geom."""
     default: float = np.nan
-    """Number taken if it is not given; nan: it must be."""
+    """Number if the attribute is absent; nan: it is required."""
 
 
 _BALL = Attribute("ball", "the name of a sphere", GEOM, SPHERE, SPHERE)
@@ -80,7 +80,7 @@ COMPUTED = {
     ADHESION: {"gap": 0.0, "force": 0.0},
     ELECTROSTATIC: {"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
 }
-"""What the state holds behind the attributes, and its value after a reset.
+"""Results that follow the attributes in the state, and their values after a reset.
 
 gap, probe_gap, plate_gap [um]; force [nN], positive towards the surface, or towards the probe and negative towards the
 plate; potential 0 for the plate's and 1 for the probe's.
@@ -88,7 +88,7 @@ plate; potential 0 for the plate's and 1 for the probe's.
 
 
 def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
-    """Index in `MjData.plugin_state` of an attribute or a computed number of a plugin instance.
+    """Index of an attribute or a result of a plugin instance in `MjData.plugin_state`.
 
     Args:
         model: with the instance.
@@ -97,12 +97,12 @@ def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
     """
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, instance)
     if number < 0:
-        raise UserError(f"The model has no plugin instance {instance!r}; give the name of one in its <extension>.")
+        raise UserError(f"The model has no plugin instance {instance!r}; name one of its <extension>.")
     for name in ATTRIBUTES:
         known = state_fields(name)
         if model.plugin[number] == SLOTS[name]:
             if field not in known:
-                raise UserError(f"{name} keeps no {field!r} in its state; give one of {', '.join(known)}.")
+                raise UserError(f"The state of {name} has no {field!r}; choose one of {', '.join(known)}.")
             return int(model.plugin_stateadr[number]) + known.index(field)
     raise UserError(f"The plugin instance {instance!r} is none of {', '.join(ATTRIBUTES)}.")
 
@@ -115,7 +115,7 @@ def state_fields(plugin: str) -> tuple[str, ...]:
 def _texts(plugin: str) -> np.ndarray:
     """Names and messages of a plugin's attributes (3, n, 256), zero-terminated."""
     rows = [
-        (a.name, f'{plugin}: {a.name} is "', f'"; give {a.demand}, as attribute of the instance.')
+        (a.name, f'{plugin}: {a.name} is "', f'"; give {a.constraint}, as attribute of the instance.')
         for a in ATTRIBUTES[plugin]
     ]
     return np.array(
@@ -132,4 +132,4 @@ def _register(plugin: str) -> int:
 
 
 SLOTS = {plugin: _register(plugin) for plugin in ATTRIBUTES}
-"""Numbers under which MuJoCo knows the plugins."""
+"""Slots of the plugins in MuJoCo's registry."""

@@ -1,1 +1,1 @@
-"""What runs write: trajectories, results, recordings, pictures, figures."""
+"""Files that runs write: trajectories, results, recordings, pictures, videos, figures."""

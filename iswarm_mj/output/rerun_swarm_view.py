@@ -63,7 +63,7 @@ LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends prior
 
 **Floor**: yellow the dump, light blue the dust. All lengths are in millimetres."""
 _SHEET = 0.02
-"""Thickness of what is painted on the floor [mm]."""
+"""Thickness of the areas that are painted on the floor [mm]."""
 
 
 def _sheet(rectangles: np.ndarray, top: float, colour: tuple[int, int, int]) -> rr.Boxes3D:

@@ -1,7 +1,7 @@
-"""Processes on several hosts that share the worlds of a run; they meet only to hand in results and to report faults.
+"""Processes on several hosts that share the worlds of a run; they communicate only results and faults.
 
-Each computes its own worlds by a program of its own. Nothing that JAX compiles spans two processes: all have to start
-such a program at about the same time, while they may be through with their shares hours apart.
+Each process runs its own worlds with its own program. Nothing that JAX compiles spans two processes, since all would have
+to start such a program at about the same time, while they may finish their shares hours apart.
 """
 
 import json
@@ -17,22 +17,22 @@ from typing import Any
 import jax
 
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
 HEARTBEAT_S = 60
-"""JAX ends all processes when one has been silent for so long."""
+"""JAX ends all processes when one has been silent for this long."""
 PARTING_S = 900
-"""For so long a process that is through waits for the others to be."""
+"""A process that has finished waits this long for the others."""
 POLL_S = 2.0
 _GIVEN = ("JAX_COORDINATOR_ADDRESS", "JAX_NUM_PROCESSES", "JAX_PROCESS_ID")
 
 
 @dataclass(frozen=True)
 class Hosts:
-    """The processes of a job; by default this one alone."""
+    """The processes of a job; by default only this one."""
 
     index: int = 0
-    """Number of this process; 0 writes the results."""
+    """Index of this process; process 0 writes the results."""
     count: int = 1
     """Number of processes."""
 
@@ -44,25 +44,25 @@ class Hosts:
             recorded: worlds that process 0 has to have.
 
         Raises:
-            UserError: there are fewer worlds than processes, or more are recorded than process 0 can have.
+            ConfigError: there are fewer worlds than processes, or more are recorded than process 0 can have.
         """
         if self.count == 1:
             return list(range(n_worlds))
         check("worlds", n_worlds, f"at least {self.count}, one for each process", n_worlds >= self.count)
         most = -(-n_worlds // self.count)
-        said = f"at most {most} worlds, the share of the process that writes the results"
-        check("record_worlds", tuple(recorded), said, len(recorded) <= most)
+        allowed = f"at most {most} worlds, the share of the process that writes the results"
+        check("record_worlds", tuple(recorded), allowed, len(recorded) <= most)
         order = [*recorded, *(world for world in range(n_worlds) if world not in recorded)]
         each, more = divmod(n_worlds, self.count)
         first = self.index * each + min(self.index, more)
         return sorted(order[first : first + each + (self.index < more)])
 
     def gathered(self, name: str, mine: Any) -> list[Any]:
-        """Hand something in, wait until all processes have, and return what they handed in, in their order.
+        """Contribute a value, wait for those of all processes, and return them in the order of the processes.
 
         Args:
-            name: of the occasion, another each time.
-            mine: what JSON can hold.
+            name: of the exchange, unique within a job.
+            mine: a value that JSON can represent.
 
         Raises:
             SimulationFault: another process cannot go on.
@@ -74,7 +74,7 @@ class Hosts:
 
     def _waited_for(self, key: str) -> str:
         while True:
-            try:  # before others are looked for: what all have handed in reaches all
+            try:  # before looking for faults: what all have contributed reaches all
                 return _service().blocking_key_value_get(key, round(1e3 * POLL_S))
             except jax.errors.JaxRuntimeError as error:
                 if "DEADLINE_EXCEEDED" not in str(error):
@@ -82,13 +82,13 @@ class Hosts:
             self.look()
 
     def agree(self, settings: dict[str, Any]) -> None:
-        """See that all processes were given the same; each of them finds out if not.
+        """Check that all processes have the same settings; if not, each of them raises.
 
         Args:
-            settings: what decides the run, by names, as JSON can hold it.
+            settings: everything that determines the run, by name, as JSON can represent it.
 
         Raises:
-            UserError: another process was given something else.
+            UserError: the settings of another process differ.
         """
         first, *others = map(_flat, self.gathered("settings", settings))
         for process, other in enumerate(others, 1):
@@ -97,26 +97,26 @@ class Hosts:
                 differences = [f"{name} {other.get(name)} instead of {first.get(name)}" for name in names[:3]]
                 more = f" and {len(names) - 3} more" * (len(names) > 3)
                 raise UserError(
-                    f"--hosts was given, but process {process} of {self.count} has {', '.join(differences)}{more}, "
-                    "unlike process 0; start all of them with the same settings and versions."
+                    f"process {process} of {self.count} has {', '.join(differences)}{more}, unlike process 0; start all "
+                    "processes with the same settings and versions"
                 )
 
     def look(self) -> None:
-        """See whether the other processes are well.
+        """Check that no other process has failed.
 
         Raises:
             SimulationFault: one of them cannot go on.
         """
         if self.count == 1:
             return
-        for _, said in _service().key_value_dir_get("iswarm/fault/"):
-            process, reason = json.loads(said)
+        for _, report in _service().key_value_dir_get("iswarm/fault/"):
+            process, reason = json.loads(report)
             if process != self.index:
-                raise SimulationFault(f"process {process} of {self.count} could not go on: {reason}")
+                raise SimulationFault(f"process {process} of {self.count} failed: {reason}")
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Let the other processes know if the block ends by an error, so that they end too."""
+        """Report an error that leaves the block to the other processes, so that they end too."""
         try:
             yield
         except BaseException as error:
@@ -125,7 +125,7 @@ class Hosts:
             raise
 
     def _report(self, reason: str) -> None:
-        """Report the fault of this process, if it is the first and the service is still there."""
+        """Report the failure of this process, if it is the first one and the service still answers."""
         with suppress(jax.errors.JaxRuntimeError):
             _service().key_value_set("iswarm/fault/first", json.dumps((self.index, reason)))
 
@@ -135,16 +135,16 @@ ALONE = Hosts()
 
 
 def join(timeout_s: float) -> Hosts:
-    """Join the other processes of a job, by `jax.distributed`; to be called before JAX sees its devices.
+    """Join the other processes of a job by `jax.distributed`; must be called before JAX initialises its devices.
 
-    They are found by JAX_COORDINATOR_ADDRESS (host:port of process 0), JAX_NUM_PROCESSES and JAX_PROCESS_ID, or by what
-    Slurm, Open MPI or Kubernetes tell a process.
+    They are found through JAX_COORDINATOR_ADDRESS (host:port of process 0), JAX_NUM_PROCESSES and JAX_PROCESS_ID, or
+    through the environment of Slurm, Open MPI or Kubernetes.
 
     Args:
-        timeout_s: for how long to wait for the others.
+        timeout_s: how long to wait for the others [s].
 
     Raises:
-        UserError: nothing tells of the others, or they cannot be reached.
+        UserError: the environment does not name the others, or they cannot be reached.
     """
     given = _given()
     jax.config.update("jax_enable_preemption_service", False)  # or SIGTERM would not end a process
@@ -162,13 +162,13 @@ def join(timeout_s: float) -> Hosts:
         except Exception as error:
             failures.append(error)
 
-    # JAX aborts the process when its own time limit is over; so that one is longer, and this one counts.
+    # JAX aborts the process when its own time limit expires; so that one is longer, and this one decides.
     attempt = threading.Thread(target=initialize, daemon=True)
     attempt.start()
     attempt.join(timeout_s)
     if attempt.is_alive():
         where = f" at {given[0]}" if given[0] else ""
-        raise _refusal(f"not all of the processes{where} were there within {timeout_s:g} s")
+        raise _refusal(f"not all processes{where} answered within {timeout_s:g} s")
     if failures:
         raise _refusal(str(failures[0]).splitlines()[0].rstrip("."))
     return Hosts(jax.process_index(), jax.process_count())
@@ -178,35 +178,33 @@ def _given() -> tuple[str | None, int | None, int | None]:
     """Address, number of processes and number of this one, where the environment gives them.
 
     Raises:
-        UserError: they are not what they should be.
+        UserError: a value is malformed.
     """
     address, count, index = (os.environ.get(name) or None for name in _GIVEN)
     for name, value in zip(_GIVEN[1:], (count, index), strict=True):
         if value is not None and not (value.isascii() and value.isdecimal()):
-            raise UserError(f"{name} was {value}; it must be a whole number, processes counted from 0: set it anew.")
+            raise UserError(f"{name} must be a whole number, with processes counted from 0 (got {value})")
     if address is not None:
         port = re.fullmatch(r".+:([0-9]{1,5})", address)
         if port is None or int(port[1]) > 65535:
-            raise UserError(
-                f"{_GIVEN[0]} was {address}; it must be host:port of process 0, as node1:4321: set it anew."
-            )
+            raise UserError(f"{_GIVEN[0]} must be host:port of process 0, such as node1:4321 (got {address})")
         if index is not None and int(index) == 0:
-            _see_that_it_is_free(int(port[1]))
+            _check_port(int(port[1]))
     return address, None if count is None else int(count), None if index is None else int(index)
 
 
-def _see_that_it_is_free(port: int) -> None:
-    """See that process 0 can listen there; JAX 0.10 dies with a segmentation fault where it cannot."""
+def _check_port(port: int) -> None:
+    """Check that process 0 can bind the port; JAX 0.10 dies with a segmentation fault where it cannot."""
     try:
         socket.create_server(("", port)).close()
     except OSError as error:
-        raise _refusal(f"port {port} cannot be listened at: {error.strerror}") from None
+        raise _refusal(f"cannot bind port {port}: {error.strerror}") from None
 
 
 def _refusal(reason: str) -> UserError:
     return UserError(
-        f"--hosts was given, but this process could not join the others ({reason}); start all of them by Slurm, Open "
-        f"MPI or Kubernetes, or with {_GIVEN[0]}, {_GIVEN[1]} and {_GIVEN[2]}."
+        f"cannot join the other processes ({reason}); start all of them with Slurm, Open MPI or Kubernetes, or set "
+        f"{_GIVEN[0]}, {_GIVEN[1]} and {_GIVEN[2]}"
     )
 
 
@@ -217,7 +215,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings within settings by their full names, as arena.size."""
+    """Nested settings by their full names, such as arena.size."""
     found = {}
     for name, value in settings.items():
         found |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
@@ -225,10 +223,10 @@ def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _service() -> Any:
-    """Return JAX's coordination service, which keeps texts by keys.
+    """Return the client of JAX's coordination service, a store of texts by key.
 
-    It has no public name. What has one, `multihost_utils.process_allgather`, is a program that spans the processes, and
-    wants as many devices of each.
+    It has no public name. The public alternative, `multihost_utils.process_allgather`, is a program that spans the
+    processes and needs the same number of devices in each.
     """
     from jax._src.distributed import global_state
 
@@ -242,14 +240,12 @@ def devices(count: str) -> list[Any]:
         count: "all", or how many of the visible ones.
 
     Raises:
-        UserError: there are not so many, or it is no number.
+        ConfigError: it is neither, or there are fewer devices.
     """
     visible = jax.local_devices()
     if count == "all":
         return visible
     if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= len(visible):
-        raise UserError(
-            f"--devices was {count}; JAX sees {len(visible)} ({visible[0].device_kind}): give all, or 1 to "
-            f"{len(visible)}."
-        )
+        constraint = f"all, or between 1 and {len(visible)}, the number of devices that JAX sees"
+        raise ConfigError("devices", count, f"{constraint} ({visible[0].device_kind})")
     return visible[: int(count)]

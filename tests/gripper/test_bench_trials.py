@@ -190,8 +190,7 @@ def charge(gap, probe_radius, task, shift):
 
 SHARE = st.floats(0.7, 1.3)
 TIMES = [field.name for field in fields(Protocol) if field.name.endswith("_time")]
-PARAMETERS = {"radius": 20e-6, "work_tool_object": WORK_TOOL_OBJECT, "work_object_substrate": WORK_OBJECT_SUBSTRATE,
-              "relative_humidity": 30.0, "contact_gap": CONTACT_GAP, "probe_radius": PROBE_RADIUS}  # fmt: skip
+NUMBERS = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, 30.0, CONTACT_GAP, PROBE_RADIUS)
 
 
 def never_breaks(trial, protocol, gap):
@@ -204,15 +203,24 @@ def never_breaks(trial, protocol, gap):
     assert drop.landed[0]
 
 
+@st.composite
+def scaled_trials(draw):
+    """A trial, each of whose numbers is 70 to 130 % of the default."""
+    return Trial(*(draw(SHARE) * number for number in NUMBERS))
+
+
+@st.composite
+def scaled_protocols(draw):
+    """The default protocol with other durations and another rate of the ramp."""
+    normal = Protocol()
+    durations = {name: draw(SHARE) * getattr(normal, name) for name in TIMES}
+    return replace(normal, ramp_rate=draw(SHARE) * normal.ramp_rate, **durations)
+
+
 def parameters(max_examples):
-    return lambda test: settings(max_examples=max_examples, deadline=None, derandomize=True,
-                                 suppress_health_check=list(HealthCheck))(given(
-        trial=st.builds(Trial, **{name: SHARE.map(lambda s, v=value: s * v) for name, value in PARAMETERS.items()}),
-        protocol=st.builds(lambda shares, ramp: replace(Protocol(ramp_rate=40e3 * ramp), **{
-            name: share * getattr(Protocol(), name) for name, share in zip(TIMES, shares, strict=True)}),
-            st.lists(SHARE, min_size=len(TIMES), max_size=len(TIMES)), SHARE),
-        gap=SHARE.map(lambda s: s * GAP),
-    )(test))  # fmt: skip
+    examples = given(trial=scaled_trials(), protocol=scaled_protocols(), gap=SHARE.map(lambda share: share * GAP))
+    kept = settings(max_examples=max_examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    return lambda test: kept(examples(test))
 
 
 @parameters(12)

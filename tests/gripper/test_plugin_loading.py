@@ -120,7 +120,7 @@ def test_threads_of_batch_give_the_same(model):
         ('key="contact_gap" value="0.2"', 'key="contact_gap" value="0"', r'contact_gap is "0"; give'),
         ('key="contact_gap"', 'key="gap"', r"gap"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_attribute_is_a_load_error_with_a_sentence(old, new, message):
     assert old in TEXT
     with pytest.raises((ValueError, mujoco.FatalError), match=message):
@@ -128,7 +128,7 @@ def test_a_wrong_attribute_is_a_load_error_with_a_sentence(old, new, message):
 
 
 def test_unknown_state_fields_are_named(model):
-    with pytest.raises(UserError, match="keeps no 'gaps' in its state; give one of ball, surface, work"):
+    with pytest.raises(UserError, match="has no 'gaps'; choose one of ball, surface, work"):
         plugin.state_index(model, "adhesion_plate", "gaps")
     with pytest.raises(UserError, match="no plugin instance 'adhesion'"):
         plugin.state_index(model, "adhesion", "gap")

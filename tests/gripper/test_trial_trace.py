@@ -8,11 +8,11 @@ from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 
 def straight(count):
     """A trace in which nothing happens but the passing of time."""
-    line, zero = np.arange(count) * 1e-6, np.zeros(count)
-    return Trace(
-        line, zero.astype(int), ("rest",), zero, np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 4)),
-        zero, zero, zero, zero, zero, zero, zero, zero.astype(bool), 20e-6, 13e-6, 2.4e-9,
-    )  # fmt: skip
+    zero = np.zeros(count)
+    arrays = {name: zero for name in Trace._fields} | {"time": np.arange(count) * 1e-6, "phase": zero.astype(int)}
+    arrays |= {"probe": np.zeros((count, 3)), "ball": np.zeros((count, 3)), "ball_quaternion": np.zeros((count, 4))}
+    numbers = {"phases": ("rest",), "radius": 20e-6, "probe_radius": 13e-6, "weight": 2.4e-9}
+    return Trace(**arrays | numbers | {"on_plate_potential": zero.astype(bool)})
 
 
 def test_short_traces_stay():

@@ -36,15 +36,22 @@ def test_robots_have_the_colours_of_their_states(tmp_path):
     from PIL import Image
 
     frames = {
-        "scene_arena_size": np.array(0.04), "scene_dump": np.array([-0.001, -0.001, 0.001, 0.001]),
-        "scene_dust_areas": np.array([[0.01, -0.001, 0.012, 0.001]]), "scene_robot_size": np.array([2e-3, 2e-3, 1e-3]),
-        "scene_is_scout": np.array([False, False, True]), "is_loaded": np.array([[False, True, False]]),
+        "scene_arena_size": np.array(0.04),
+        "scene_dump": np.array([-0.001, -0.001, 0.001, 0.001]),
+        "scene_dust_areas": np.array([[0.01, -0.001, 0.012, 0.001]]),
+        "scene_robot_size": np.array([2e-3, 2e-3, 1e-3]),
+        "scene_is_scout": np.array([False, False, True]),
+        "is_loaded": np.array([[False, True, False]]),
         "pose": np.array([[[-0.015, 0.01, 0], [0.0, 0.01, 0], [0.015, 0.01, 0]]]),
-        "link_sender": np.zeros((1, 3, 1), int), "link_valid": np.zeros((1, 3, 1), bool),
-        "dust_known": np.array([[True, True, True]]), "dust_vector": np.full((1, 3, 2), -0.005),
-        "dump_known": np.zeros((1, 3), bool), "dump_vector": np.zeros((1, 3, 2)),
-        "ball_position": np.zeros((1, 1, 3)), "ball_state": np.array([[2]]),
-    }  # fmt: skip
+        "link_sender": np.zeros((1, 3, 1), int),
+        "link_valid": np.zeros((1, 3, 1), bool),
+        "dust_known": np.array([[True, True, True]]),
+        "dust_vector": np.full((1, 3, 2), -0.005),
+        "dump_known": np.zeros((1, 3), bool),
+        "dump_vector": np.zeros((1, 3, 2)),
+        "ball_position": np.zeros((1, 1, 3)),
+        "ball_state": np.array([[2]]),
+    }
     path = draw_swarm(frames, 0, "three robots", tmp_path / "a")
     with Image.open(path) as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)

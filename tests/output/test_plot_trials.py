@@ -33,11 +33,26 @@ def shown(monkeypatch):
 
 def make_row(experiment="grasp", **changes):
     row = {
-        "experiment": experiment, "radius": 20e-6, "relative_humidity": 10.0, "repeat": 0, "seed": 0,
-        "work_tool_object": 1.41e-3, "work_object_substrate": 14.7e-3, "gap": 0.0, "voltage": 25.0,
-        "limit_voltage": 80.0, "step_voltage": 0.25, "melted": False, "flight_time": None, "landing_speed": None,
-        "landed": None, "quasi_static_voltage": 25.0, "faulty": False, "engine": "mujoco", "impl": "c",
-    }  # fmt: skip
+        "experiment": experiment,
+        "radius": 20e-6,
+        "relative_humidity": 10.0,
+        "repeat": 0,
+        "seed": 0,
+        "work_tool_object": 1.41e-3,
+        "work_object_substrate": 14.7e-3,
+        "gap": 0.0,
+        "voltage": 25.0,
+        "limit_voltage": 80.0,
+        "step_voltage": 0.25,
+        "melted": False,
+        "flight_time": None,
+        "landing_speed": None,
+        "landed": None,
+        "quasi_static_voltage": 25.0,
+        "faulty": False,
+        "engine": "mujoco",
+        "impl": "c",
+    }
     if experiment == "release":
         row |= {"gap": 5e-6, "voltage": 42.0, "flight_time": 0.18e-3, "landing_speed": 0.14, "landed": True}
     if experiment == "no_contact":
@@ -195,10 +210,20 @@ def test_no_rows(tmp_path):
 
 def make_curves(voltages=(0.0, 40.0), directions=("approach", "retract"), radii=(20e-6,)):
     return [
-        {"gap": gap, "voltage": voltage, "direction": direction, "radius": radius, "electrostatic": voltage * 1e-8,
-         "adhesion": 1.8e-7 * (gap < 1e-8), "total": voltage * 1e-8 + 1.8e-7 * (gap < 1e-8)}
-        for voltage in voltages for direction in directions for radius in radii for gap in (0.0, 1e-8, 1e-6)
-    ]  # fmt: skip
+        {
+            "gap": gap,
+            "voltage": voltage,
+            "direction": direction,
+            "radius": radius,
+            "electrostatic": voltage * 1e-8,
+            "adhesion": 1.8e-7 * (gap < 1e-8),
+            "total": voltage * 1e-8 + 1.8e-7 * (gap < 1e-8),
+        }
+        for voltage in voltages
+        for direction in directions
+        for radius in radii
+        for gap in (0.0, 1e-8, 1e-6)
+    ]
 
 
 def test_force_curve(tmp_path, shown):

@@ -29,9 +29,14 @@ def directory(tmp_path_factory):
     kind = np.arange(N) * 3 // N
     (out / RESULT).write_text(json.dumps({"config": asdict(SwarmConfig())}))
     np.savez(
-        out / TRAJECTORY, step=np.array([0]), pose=pose[None].astype(np.float32), is_loaded=(kind == 0)[None],
-        scene_is_scout=kind == 1, scene_ball_radius=np.full(2, 2e-5), ball_position=np.full((1, 2, 3), 2e-5),
-    )  # fmt: skip
+        out / TRAJECTORY,
+        step=np.array([0]),
+        pose=pose[None].astype(np.float32),
+        is_loaded=(kind == 0)[None],
+        scene_is_scout=kind == 1,
+        scene_ball_radius=np.full(2, 2e-5),
+        ball_position=np.full((1, 2, 3), 2e-5),
+    )
     return out
 
 

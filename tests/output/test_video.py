@@ -81,10 +81,15 @@ def test_a_run_is_filmed(small, tmp_path):
     (tmp_path / RESULT).write_text(json.dumps({"config": asdict(small)}))
     pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
     np.savez(
-        tmp_path / TRAJECTORY, step=np.arange(3), pose=pose, is_loaded=np.array([[False], [False], [True]]),
-        scene_is_scout=np.array([False]), scene_ball_radius=np.array([2e-5]), delivered=np.zeros(3, int),
+        tmp_path / TRAJECTORY,
+        step=np.arange(3),
+        pose=pose,
+        is_loaded=np.array([[False], [False], [True]]),
+        scene_is_scout=np.array([False]),
+        scene_ball_radius=np.array([2e-5]),
+        delivered=np.zeros(3, int),
         ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
-    )  # fmt: skip
+    )
     out, size = tmp_path / "a.mp4", (640, 480)
     code = "import sys; from iswarm_mj.commands.main import main; main(sys.argv[1:])"
     flags = ["--camera", "above", "--width", "640", "--height", "480", "--title", "one robot", "--out", str(out)]

@@ -1,4 +1,4 @@
-"""Rollouts of one's own strategy: what the arrays say, which worlds meet, and what is refused."""
+"""Rollouts of one's own strategy: what the arrays say, which worlds meet, what faults do, and what is refused."""
 
 from dataclasses import dataclass
 
@@ -6,25 +6,33 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_mjx import TINY, N, compilations, mjx
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.simulation import initial as layout
-from iswarm_mj.simulation import run_mjx as batched
-from iswarm_mj.simulation.rollout import paper_strategy, rollout
+from iswarm_mj.simulation.initial import draw_radii, place_robots
+from iswarm_mj.simulation.rollout import Rollout, paper_strategy, rollout
+from iswarm_mj.simulation.settings import MujocoSettings
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import FaultKind, UserError
+from iswarm_mj.utils.units import mm_from_rd
 
-KEYS = jax.random.split(jax.random.key(7), 3)
+KEYS = jax.random.split(jax.random.key(8), 3)
+N_FEW = 5
+"""Robots that do not meet in what follows."""
+NEVER = -1
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Straight:
-    """Ahead by `stride` [mm] in each step, in silence; remembers the number of steps."""
+    """Ahead by `stride` [mm] in each step, after a turn by `turn` [rad], in silence; remembers the number of steps."""
 
     stride: jax.Array
+    turn: jax.Array = 0.0
+    breaks_at: jax.Array = NEVER
+    """Number of the step, from 0, in which robot 4 is asked for no number."""
 
     def init(self, n_robots, key):
         return jnp.zeros(n_robots, jnp.int32)
@@ -37,80 +45,149 @@ class Straight:
         return memory < 0
 
     def act(self, memory, seen, key):
-        return memory + 1, Command(jnp.zeros(len(memory)), jnp.broadcast_to(self.stride, memory.shape))
+        is_broken = (jnp.arange(len(memory)) == 4) & (memory == self.breaks_at)
+        return memory + 1, Command(
+            jnp.broadcast_to(self.turn, memory.shape), jnp.where(is_broken, jnp.nan, self.stride)
+        )
+
+
+def straight(stride=(0.0, 0.2, -0.4), turn=0.0, breaks_at=NEVER):
+    each = (jnp.broadcast_to(jnp.asarray(a, t), 3) for a, t in ((stride, float), (turn, float), (breaks_at, int)))
+    return Straight(*each)
+
+
+def walk(strategy, engine=None, steps=7):
+    """Poses of worlds 2, 0, 1."""
+    engine = mjx() if engine is None else engine
+    return rollout(
+        TINY, strategy, KEYS, n_robots=N_FEW, steps=steps, every=5, strategy_per_world=True, poses_of=(2, 0, 1),
+        engine=engine,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def alone(small):
-    strides = Straight(jnp.array([0.0, 0.2, -0.4]))
-    return rollout(small, strides, KEYS, n_robots=1, steps=7, every=5, strategy_per_world=True, poses_of=(2, 0, 1))
+def straight_on():
+    return walk(straight())
 
 
-class TestOneRobot:
-    """A single robot that goes straight ahead, where all is known."""
+class TestStraightOn:
+    """Few robots that go straight ahead, where all is known."""
 
-    def test_each_world_has_its_strategy(self, alone):
-        poses = alone.poses
-        assert poses.shape == (3, 8, 1, 3)
+    def test_each_world_has_its_strategy(self, straight_on):
+        poses = straight_on.poses
+        assert poses.shape == (3, 8, N_FEW, 3)
         for row, stride in enumerate((-0.4, 0.0, 0.2)):
-            start = poses[row, 0, 0]
-            ahead = np.array([np.cos(start[2]), np.sin(start[2])])
-            expected = start[:2] + np.outer(np.arange(8) * stride, ahead)
-            np.testing.assert_allclose(poses[row, :, 0, :2], expected, atol=2e-5)
+            start = poses[row, 0]
+            ahead = np.stack([np.cos(start[:, 2]), np.sin(start[:, 2])], axis=-1)
+            expected = start[:, :2] + np.arange(8)[:, None, None] * stride * ahead
+            np.testing.assert_allclose(poses[row, ..., :2], expected, atol=2e-5)
 
-    def test_worlds_begin_as_their_keys_say(self, alone, small):
+    def test_worlds_begin_as_their_keys_say(self, straight_on):
         for row, world in enumerate((2, 0, 1)):
             rng = np.random.default_rng(np.asarray(jax.random.key_data(KEYS[world])))
-            layout.draw_radii(small.arena, rng)
-            start = layout.place_robots(small.arena, 1, rng)
-            np.testing.assert_array_equal(alone.poses[row, 0], start.astype(np.float32))
+            draw_radii(TINY.arena, rng)
+            start = place_robots(TINY.arena, N_FEW, rng)
+            np.testing.assert_array_equal(straight_on.poses[row, 0], start.astype(np.float32))
 
-    def test_other_values_need_no_compilation(self, alone, small):
-        before = batched._chunk._cache_size()
-        strides = Straight(jnp.full(3, 0.1))
-        rollout(small, strides, KEYS, n_robots=1, steps=4, every=5, strategy_per_world=True, poses_of=(0, 1, 2))
-        rollout(small, Straight(jnp.float32(0.3)), KEYS, n_robots=1, steps=4, every=5, poses_of=(0, 1, 2))
-        assert batched._chunk._cache_size() == before
+    def test_other_values_need_no_compilation(self, straight_on):
+        with compilations() as names:
+            walk(straight(stride=0.1), steps=4)
+        assert names == []
+        with compilations() as names:
+            one = Straight(jnp.float32(0.3), jnp.float32(0.0), jnp.int32(NEVER))
+            rollout(TINY, one, KEYS, n_robots=N_FEW, steps=4, every=5, poses_of=(0, 1, 2), engine=mjx())
+        assert not any("advance" in name for name in names), names
 
-    def test_nothing_is_picked_or_hit(self, alone):
-        assert alone.steps.tolist() == [5, 7]
-        for counts in (alone.delivered, alone.picked, alone.collisions, alone.finished_at):
+    def test_nothing_is_picked_or_hit(self, straight_on):
+        assert straight_on.steps.tolist() == [5, 7]
+        for counts in (straight_on.delivered, straight_on.picked, straight_on.collisions, straight_on.finished_at):
             assert counts.tolist() == [0, 0, 0]
-        assert alone.delivered_after.tolist() == [[0, 0]] * 3
-        assert np.isnan(alone.mean_carriage_steps).all() and not alone.is_finished.any()
+        assert straight_on.delivered_after.tolist() == [[0, 0]] * 3
+        assert np.isnan(straight_on.mean_carriage_steps).all() and not straight_on.is_finished.any()
+        assert straight_on.faults == []
+
+    def test_mujoco_in_c_comes_to_the_same(self, straight_on):
+        theirs = walk(straight(), MujocoSettings(threads=1))
+        assert isinstance(theirs, Rollout)
+        np.testing.assert_allclose(theirs.poses, straight_on.poses, atol=2e-5)
+        for mine, yours in zip(straight_on._replace(poses=None), theirs._replace(poses=None), strict=True):
+            np.testing.assert_array_equal(mine, yours)
+            assert getattr(mine, "dtype", None) == getattr(yours, "dtype", None)
+        assert theirs.poses.dtype == straight_on.poses.dtype
 
 
-def papers(small, keys):
-    strategy = paper_strategy(small, PRESETS["type1"], 30)
-    return rollout(small, strategy, keys, n_robots=30, steps=40, every=10, stop_at=3)
+ENGINES = pytest.mark.parametrize("engine", [None, MujocoSettings(threads=1)], ids=["mjx", "mujoco"])
+
+
+@ENGINES
+def test_the_limits_of_the_drive_hold(engine):
+    """Whatever a strategy asks for: most robots do as much as they can, the others are hindered by walls."""
+    wild = straight(stride=(40.0, -40.0, 0.0), turn=(9.0, 0.0, -1e30))
+    poses = walk(wild, engine, steps=1).poses.astype(float)
+    turned = np.diff(poses[..., 2], axis=1)[:, 0]
+    step, turn = mm_from_rd(TINY.drive.step_length), np.radians(TINY.drive.max_turn)
+    moved = np.diff(poses[..., :2], axis=1)[:, 0]
+    heading = poses[:, 1, :, 2]
+    ahead = moved[..., 0] * np.cos(heading) + moved[..., 1] * np.sin(heading)
+    free = np.median(ahead, axis=1), np.median(turned, axis=1)
+    np.testing.assert_allclose(free[0], [0, step, -step], atol=1e-4)
+    np.testing.assert_allclose(free[1], [-turn, turn, 0], atol=1e-4)
+    assert np.linalg.norm(moved, axis=-1).max() < step + 1e-4
+
+
+@ENGINES
+def test_a_command_that_is_no_number_ends_its_world_alone(engine, straight_on):
+    sound = straight_on if engine is None else walk(straight(), engine)
+    found = walk(straight(breaks_at=(NEVER, 5, NEVER)), engine)
+    (fault,) = found.faults
+    assert (fault.kind, fault.world, fault.step, fault.robots) == (FaultKind.COMMAND_NOT_FINITE, 1, 6, (4,))
+    np.testing.assert_array_equal(found.poses[:2], sound.poses[:2])  # of worlds 2 and 0
+    np.testing.assert_array_equal(found.poses[2, :6], sound.poses[2, :6])
+    assert (found.poses[2, 5:] == sound.poses[2, 5]).all()
+
+
+def papers(keys, **own):
+    strategy = paper_strategy(TINY, PRESETS["type1"], N)
+    settings = {"n_robots": N, "steps": 60, "every": 25, "stop_at": 6, "poses_of": (2, 0), "engine": mjx(), **own}
+    return rollout(TINY, strategy, keys, **settings)
 
 
 @pytest.fixture(scope="module")
-def swarm(small):
-    return papers(small, KEYS)
+def swarm():
+    return papers(KEYS)
 
 
 class TestSwarm:
     """The paper's strategy in three worlds."""
 
     def test_counts_fit_together(self, swarm):
-        assert swarm.poses is None and swarm.delivered_after.shape == (3, 4)
+        assert swarm.poses.shape == (2, 61, N, 3) and swarm.delivered_after.shape == (3, 3)
+        assert swarm.steps.tolist() == [25, 50, 60]
         assert (np.diff(swarm.delivered_after, axis=1) >= 0).all()
         np.testing.assert_array_equal(swarm.delivered_after[:, -1], swarm.delivered)
         assert (swarm.delivered <= swarm.picked).all() and swarm.picked.min() > 0 and swarm.collisions.min() > 0
-        np.testing.assert_array_equal(swarm.is_finished, swarm.delivered >= 3)
+        np.testing.assert_array_equal(swarm.is_finished, swarm.delivered >= 6)
         assert swarm.is_finished.any()
         for world in np.flatnonzero(swarm.is_finished):
             late = swarm.steps >= swarm.finished_at[world]
-            np.testing.assert_array_equal(swarm.delivered_after[world] >= 3, late)
+            np.testing.assert_array_equal(swarm.delivered_after[world] >= 6, late)
         np.testing.assert_array_equal(np.isnan(swarm.mean_carriage_steps), swarm.delivered == 0)
 
-    def test_a_world_is_its_key(self, small, swarm):
-        again = papers(small, KEYS[::-1])
-        for mine, its in zip(swarm, again, strict=True):
-            if mine is not None and len(mine) == 3:
-                np.testing.assert_array_equal(mine, its[::-1])
+    def test_a_world_is_its_key(self, swarm):
+        again = papers(KEYS[::-1], poses_of=(0, 2))
+        for name, mine, its in zip(Rollout._fields, swarm, again, strict=True):
+            if name not in ("steps", "faults"):
+                np.testing.assert_array_equal(mine, its if name == "poses" else its[::-1])
         assert len(set(map(tuple, swarm.delivered_after.tolist()))) > 1 or len(set(swarm.collisions)) > 1
+
+    def test_mujoco_in_c_begins_alike(self, swarm):
+        theirs = papers(KEYS, steps=3, every=3, engine=MujocoSettings(threads=1))
+        np.testing.assert_allclose(theirs.poses, swarm.poses[:, :4], atol=0.02)
+
+
+def test_without_poses():
+    run = rollout(TINY, straight(), KEYS, n_robots=N_FEW, steps=1, strategy_per_world=True, engine=MujocoSettings())
+    assert run.poses is None and run.steps.tolist() == [1]
 
 
 def broken(**methods):
@@ -122,12 +199,12 @@ def broken(**methods):
     "strategy, words",
     [
         (broken(), "Broken where JAX expects an array"),
-        (Straight(jnp.zeros(2)), "first axis is that of the 3 worlds"),
+        (Straight(jnp.zeros(2), jnp.zeros(3), jnp.zeros(3)), "first axis is that of the 3 worlds"),
     ],
 )
-def test_strategies_that_are_no_arrays_of_worlds(small, strategy, words):
+def test_strategies_that_are_no_arrays_of_worlds(strategy, words):
     with pytest.raises(UserError, match=words):
-        rollout(small, strategy, KEYS, n_robots=2, steps=1, strategy_per_world=True)
+        rollout(TINY, strategy, KEYS, n_robots=2, steps=1, strategy_per_world=True)
 
 
 @pytest.mark.parametrize(
@@ -143,10 +220,10 @@ def test_strategies_that_are_no_arrays_of_worlds(small, strategy, words):
         ({"say": lambda s, m, is_loaded: m}, "say must return Message .*got an array"),
     ],
 )
-def test_what_methods_return_is_checked(small, methods, words):
+def test_what_methods_return_is_checked(methods, words):
     cls = jax.tree_util.register_dataclass(dataclass(frozen=True)(type("Own", (Straight,), methods)))
     with pytest.raises(UserError, match=words):
-        rollout(small, cls(jnp.float32(0.1)), KEYS, n_robots=2, steps=1)
+        rollout(TINY, cls(jnp.float32(0.1)), KEYS, n_robots=2, steps=1)
 
 
 @pytest.mark.parametrize(
@@ -159,13 +236,13 @@ def test_what_methods_return_is_checked(small, methods, words):
         ([1, 2], "was a list"),
     ],
 )
-def test_keys_are_one_for_each_world(small, keys, words):
+def test_keys_are_one_for_each_world(keys, words):
     with pytest.raises(UserError, match=words):
-        rollout(small, Straight(jnp.float32(0.1)), keys, n_robots=2, steps=1)
+        rollout(TINY, Straight(jnp.float32(0.1)), keys, n_robots=2, steps=1)
 
 
-@pytest.mark.parametrize("more", [{"n_robots": 1000}, {"steps": 0}, {"every": 0}, {"impl": "c"}, {"poses_of": (3,)}])
-def test_numbers_that_do_not_fit(small, more):
+@pytest.mark.parametrize("more", [{"n_robots": 1000}, {"steps": 0}, {"every": 0}, {"poses_of": (3,)}])
+def test_numbers_that_do_not_fit(more):
     settings = {"n_robots": 2, "steps": 1} | more
     with pytest.raises(UserError, match=r"^[a-z_]+ must be .* \(got "):
-        rollout(small, Straight(jnp.float32(0.1)), KEYS, **settings)
+        rollout(TINY, Straight(jnp.float32(0.1)), KEYS, **settings)

@@ -128,7 +128,8 @@ def _humidity(dry: Rows, rows: Rows) -> list[Finding]:
             continue
         result = compare(wet, less)
         ours = f"mean {wet.mean():.1f} V against {less.mean():.1f} V"
-        tested = f"{in_words(result, 'V')}; holds if p < 0.01; the rise of adhesion with humidity is put in, after its ref. 54"
+        rule = "holds if p < 0.01; the rise of adhesion with humidity is put in, after its ref. 54"
+        tested = f"{in_words(result, 'V')}; {rule}"
         found.append(claim.found(ours, tested, verdict_of(result, True)))
     return found
 

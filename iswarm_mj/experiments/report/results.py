@@ -92,5 +92,5 @@ def _kind(result: Result) -> tuple[str, str] | None:
         return "trials", ""
     if file == SEARCH and "method" in settings:
         return "searches", settings["method"]
-    name = settings.get("experiment")
+    name = str(settings.get("experiment"))
     return ("experiments", name) if name in EXPERIMENTS and file == EXPERIMENTS[name].table else None

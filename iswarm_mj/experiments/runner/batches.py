@@ -1,4 +1,4 @@
-"""Jobs as worlds of batches in MJX, on the devices of this machine."""
+"""Jobs as worlds of MJX batches, on the devices of this machine."""
 
 import importlib.util
 from collections.abc import Generator, Sequence
@@ -15,29 +15,29 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import FaultKind
 
 FIRST_CAPACITY = {"jax": 1.0, "warp": 4.0}
-"""Size of the contact buffers at first, by implementation, relative to `engines.mjx.arena.contact_capacity`."""
+"""Initial size of the contact buffers, by implementation, relative to `engines.mjx.arena.contact_capacity`."""
 MAX_CAPACITY = 8.0
-"""Largest size. A batch whose buffers are too small begins again with buffers twice as large, up to this.
+"""Largest size. A batch whose buffers are full starts again with buffers twice as large, up to this.
 
 In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the default, swarms that do not avoid
-each other at all up to 3.6 times; robots side by side all over the floor would need 7 times. The JAX implementation
-takes time for unused space: 6 times as long with 4 times the default.
+each other at all up to 3.6 times; a floor full of robots would need 7 times. With the JAX implementation unused space
+costs time: 4 times the default takes 6 times as long.
 """
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
 def implementation() -> Literal["jax", "warp"]:
-    """MJX's implementation for batches: warp where JAX's first device is an NVIDIA GPU and Warp is there, else jax."""
+    """MJX's implementation for batches: warp if JAX's first device is an NVIDIA GPU and Warp is installed, else jax."""
     device = jax.devices()[0]
     is_nvidia = device.platform == "gpu" and "nvidia" in device.device_kind.lower()
     return "warp" if is_nvidia and importlib.util.find_spec("warp") else "jax"
 
 
 def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, None]:
-    """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one.
+    """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one batch.
 
-    Rounding differs a little with the number of robots in the largest world, the size of the contact buffers and, on
-    GPUs, the number of worlds, so that another batch may bring a job to another, equally likely end.
+    Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
+    GPUs, the number of worlds. The same job may therefore end differently, but equally likely, in another batch.
 
     Raises:
         SimulationFault: a run could not go on.
@@ -53,7 +53,7 @@ def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, Non
 
 
 def _measured(jobs: Sequence[Job]) -> list[Measures]:
-    """Measures of jobs of equal settings, with contact buffers as large as they need."""
+    """Measures of jobs of equal settings, with contact buffers as large as necessary."""
     impl = implementation()
     contact_capacity = FIRST_CAPACITY[impl]
     while True:
@@ -67,9 +67,9 @@ def _measured(jobs: Sequence[Job]) -> list[Measures]:
 
 
 def _run(jobs: Sequence[Job], engine: MjxSettings) -> Run:
-    """Run the jobs as worlds of one batch until all have ended, or contact buffers were too small.
+    """Run the jobs as worlds of one batch until all have ended or a contact buffer is full.
 
-    Batches whose largest swarms are alike up to `CAPACITY_STEP` share a program.
+    Batches share a compiled program if their largest swarms round up to the same multiple of `CAPACITY_STEP`.
     """
     job, largest = jobs[0], max(job.n_robots for job in jobs)
     capacity = largest

@@ -1,4 +1,4 @@
-"""One world as a job: what a worker process is given and what it gives back."""
+"""One world as a job: the input and the output of a worker process."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import SimulationFault
 
 CAPACITY_STEP = 64
-"""Jobs whose numbers of robots are alike up to a multiple of this share a compiled program."""
+"""Jobs share a compiled program if their numbers of robots round up to the same multiple of this."""
 
 
 @dataclass(frozen=True)
@@ -22,15 +22,15 @@ class Job:
     config: SwarmConfig
     genome: Genome
     n_robots: int
-    """The genome's density does not count."""
+    """Used instead of the genome's density."""
     seed: int
     """Of all random numbers, as in `RunSettings`."""
     steps: int = 800
-    """Control steps at most."""
+    """Largest number of control steps."""
     stop_at: int | None = None
-    """The run ends when this many balls are delivered; None for all."""
+    """Number of delivered balls at which the run ends; None for all."""
     failed_fraction: float = 0.0
-    """Share of the robots that are dead from the start."""
+    """Fraction of the robots that are dead from the start."""
 
 
 class Outcome(NamedTuple):
@@ -42,7 +42,7 @@ class Outcome(NamedTuple):
     mean_carriage_steps: float | None
     finished_at: int | None
     steps: int
-    """Control steps that were run."""
+    """Number of control steps taken."""
     fitness: float
     """The paper's fitness over the job's steps."""
 
@@ -52,15 +52,15 @@ NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 
 
 def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
-    """Outcome of a job whose world gave these measures in so many control steps."""
+    """Outcome of a job with these measures after `steps` control steps."""
     return Outcome(*measures, steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
 
 
 def run_job(job: Job) -> Outcome:
-    """Run a job in this process, on its CPU.
+    """Run a job in this process, on the CPU.
 
     Raises:
-        UserError: the robots find no room.
+        UserError: the arena is too small for the robots.
         SimulationFault: the run cannot go on; the message names the job.
     """
     settings = RunSettings(

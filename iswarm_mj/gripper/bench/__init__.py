@@ -1,1 +1,1 @@
-"""The bench: one ball between plate and probe."""
+"""The bench: one ball between plate and probe, in several engines."""

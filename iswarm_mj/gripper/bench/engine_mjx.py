@@ -13,10 +13,11 @@ from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.model import MS, NN, UM, Layout, bench_spec, layout, start
+from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.mjx_forces import ON_PROBE, GripperForces, gripper_force, gripper_forces, mjx_compatible, resize
+from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 
 N_CONTACTS, N_ROWS = 4, 24

@@ -10,9 +10,10 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.model import MS, UM, bench_spec, layout, plugin_values, sized, start
+from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.units import MS, UM
 
 BLOCK = 64
 """Physics steps in one call of MuJoCo."""

@@ -7,12 +7,13 @@ import numpy as np
 
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.model import MS, NN, UM, bench_spec, layout, plugin_values, sized, start
+from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
 from iswarm_mj.gripper.bench.staircase import hang, rung, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
+from iswarm_mj.gripper.units import MS, NN, UM
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _PLUGIN_FIELDS = (

@@ -1,4 +1,4 @@
-"""Force-distance curves: a tool that comes to a ball, touches it and goes away again, at a constant voltage."""
+"""Force-distance curves: the tool approaches a ball, touches it and retracts, at a constant voltage."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.trial import Trial
 
 SLOWDOWN = 4.0
-"""A curve is run this many times as slowly as a trial."""
+"""How much slower than in a trial the tool moves."""
 
 
 def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[str, Any]]:
@@ -15,12 +15,12 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
 
     Args:
         trial: the ball.
-        protocol: where the tool starts, how far it presses, how fast it goes.
+        protocol: of which the start, the press and the speeds count.
         voltage: of the tool, from the start [V].
 
     Returns:
-        One row a physics step: direction ("approach" or "retract"), voltage [V], radius, tip, gap [m], and what pulls
-        tool and ball together, adhesion, electrostatic, contact (repulsive) and total, their balance [N].
+        One row per physics step: direction ("approach" or "retract"), voltage [V], radius, tip, gap [m], and the
+        forces between tool and ball: adhesion and electrostatic (attractive), contact (repulsive), total [N].
     """
     bench = TraceBench(trial, protocol.start_gap)
     far, pressed, peeled = protocol.start_gap, -protocol.press, protocol.peel

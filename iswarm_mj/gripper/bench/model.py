@@ -1,4 +1,4 @@
-"""The bench of `models/bench.xml` for trials in numbers: no pictures, one model a size, and where its numbers lie."""
+"""The model of the bench, `models/bench.xml`: stripped for speed, sized for a trial, with addresses of its numbers."""
 
 import re
 from typing import NamedTuple
@@ -9,16 +9,14 @@ import numpy as np
 from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.trial import Trial
-
-UM, MS, NN = 1e-6, 1e-3, 1e-9
-"""Units of the bench: length [m], time [s], force [N]."""
+from iswarm_mj.gripper.units import NN, UM
 
 
 def bench_spec(visual: bool = False) -> mujoco.MjSpec:
     """Specification of the bench.
 
-    For pictures it is the file's. Otherwise materials, textures, camera and light are left out, and the stages of a
-    physics step that have nothing to do here are switched off; the physics is the same.
+    Unless it is `visual`, materials, textures, camera and light are left out, and idle stages of the physics step are
+    switched off; the physics is the same.
     """
     text = (models_directory() / "bench.xml").read_text(encoding="utf-8")
     if not visual:
@@ -36,14 +34,14 @@ _IDLE = (
     mujoco.mjtDisableBit.mjDSBL_LIMIT,
     mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS,
 )
-"""Of these the bench has none."""
+"""Stages of the physics step that have nothing to do on the bench."""
 
 
 class Layout(NamedTuple):
-    """Where the numbers of a bench lie in MuJoCo's arrays."""
+    """Addresses of the bench's numbers in MuJoCo's arrays."""
 
     ball: int
-    """Its position in qpos, then its quaternion; its velocity in qvel."""
+    """Of its position in qpos, followed by its quaternion, and of its velocity in qvel."""
     slide: int
     """The probe's height in qpos."""
     tip: int
@@ -66,7 +64,7 @@ def layout(model: mujoco.MjModel) -> Layout:
 
 
 def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
-    """Model with a trial's ball and probe; what else a trial tells is in `plugin_values`."""
+    """Model with a trial's ball and probe; the trial's other numbers are in `plugin_values`."""
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
     return spec.compile()
@@ -91,4 +89,4 @@ def start(model: mujoco.MjModel, trial: Trial, start_gap: float) -> tuple[np.nda
 
 
 SINK = 2e-4
-"""Depth by which a ball starts pressed into the plate, so that it touches [um]."""
+"""Depth to which a ball is pressed into the plate at the start, so that it touches [um]."""

@@ -1,56 +1,57 @@
-"""What happened in one trial of the gripper bench, sample by sample."""
+"""The trace of one trial on the bench, sample by sample."""
 
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 
 class Trace(NamedTuple):
     """T samples of one trial, at increasing times. SI units throughout; z up, the plate's surface at z = 0."""
 
-    time: np.ndarray
-    """(T,) since the trial began [s]."""
-    phase: np.ndarray
-    """(T,) integers, indices into `phases`."""
+    time: Float[np.ndarray, "T"]
+    """Since the trial began [s]."""
+    phase: Int[np.ndarray, "T"]
+    """Indices into `phases`."""
     phases: tuple[str, ...]
     """Names of the phases: approach, ramp, ..."""
-    voltage: np.ndarray
-    """(T,) of the probe against the plate [V]."""
-    probe: np.ndarray
-    """(T, 3) centre of the tip's face [m]."""
-    ball: np.ndarray
-    """(T, 3) centre of the ball [m]."""
-    ball_quaternion: np.ndarray
-    """(T, 4) orientation of the ball, w first."""
-    gap_tool: np.ndarray
-    """(T,) between probe and ball; below 0 they are pressed together [m]."""
-    gap_plate: np.ndarray
-    """(T,) between ball and plate; below 0 they are pressed together [m]."""
-    adhesion_tool: np.ndarray
-    """(T,) attraction of the ball by the probe, at least 0 [N]."""
-    adhesion_plate: np.ndarray
-    """(T,) attraction of the ball by the plate, at least 0 [N]."""
-    electrostatic: np.ndarray
-    """(T,) force on the ball, positive towards the probe, negative towards the plate [N]."""
-    contact_tool: np.ndarray
-    """(T,) normal force between probe and ball, at least 0 [N]."""
-    contact_plate: np.ndarray
-    """(T,) normal force between ball and plate, at least 0 [N]."""
-    on_plate_potential: np.ndarray
-    """(T,) bool: the ball has the plate's potential, otherwise the probe's."""
+    voltage: Float[np.ndarray, "T"]
+    """Of the probe against the plate [V]."""
+    probe: Float[np.ndarray, "T 3"]
+    """Centre of the tip's face [m]."""
+    ball: Float[np.ndarray, "T 3"]
+    """Centre of the ball [m]."""
+    ball_quaternion: Float[np.ndarray, "T 4"]
+    """Orientation of the ball, w first."""
+    gap_tool: Float[np.ndarray, "T"]
+    """Between probe and ball, negative where they are pressed together [m]."""
+    gap_plate: Float[np.ndarray, "T"]
+    """Between ball and plate, negative where they are pressed together [m]."""
+    adhesion_tool: Float[np.ndarray, "T"]
+    """Attraction of the ball by the probe, at least 0 [N]."""
+    adhesion_plate: Float[np.ndarray, "T"]
+    """Attraction of the ball by the plate, at least 0 [N]."""
+    electrostatic: Float[np.ndarray, "T"]
+    """Force on the ball, positive towards the probe, negative towards the plate [N]."""
+    contact_tool: Float[np.ndarray, "T"]
+    """Normal force between probe and ball, at least 0 [N]."""
+    contact_plate: Float[np.ndarray, "T"]
+    """Normal force between ball and plate, at least 0 [N]."""
+    on_plate_potential: Bool[np.ndarray, "T"]
+    """Whether the ball has the plate's potential; otherwise it has the probe's."""
     radius: float
     """Of the ball [m]."""
     probe_radius: float
-    """Of the probe [m]."""
+    """[m]"""
     weight: float
     """Of the ball [N]."""
 
 
 def thinned(trace: Trace, limit: int) -> Trace:
-    """Return a trace of at most about `limit` samples, dense where the ball moves or the electrostatic force changes.
+    """Return a trace of about `limit` samples at most, dense where the ball moves or the electrostatic force changes.
 
     Samples are kept at even distances along a path to which time, the ball's height and the force contribute a third
-    each; in addition the first of each phase, and the trace's last.
+    each, and so are the first sample of each phase and the last one of the trace.
     """
     if len(trace.time) <= limit:
         return trace

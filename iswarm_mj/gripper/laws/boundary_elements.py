@@ -3,7 +3,7 @@
 The unknown is the surface charge density, constant on each ring-shaped element; the potential of a ring is a
 complete elliptic integral; the grounded plane z = 0 is an image of opposite sign; the force on the sphere is
 the integral of the Maxwell stress sigma^2 / (2 eps0). Lengths are in sphere radii, potentials in units of
-the applied one, and eps0 = 1. Off-line only: needs SciPy. The table that the package ships is made again by
+the applied one, and eps0 = 1. Needs SciPy, and serves off-line only: it makes the table of the package, by
 
     python -m iswarm_mj.gripper.laws.boundary_elements
 """
@@ -38,7 +38,7 @@ class Elements:
 
 
 def cut(curve: Curve, length: tuple[float, float], size: Callable[..., np.ndarray], halvings: int) -> Elements:
-    """Elements of length `RESOLUTION` * size(r, z) between two arc lengths, each halved some times."""
+    """Elements of length `RESOLUTION` * size(r, z) between two arc lengths, each halved `halvings` times."""
     s = length[0] + (length[1] - length[0]) * (1 - np.cos(np.linspace(0, np.pi, 20001))) / 2
     density = 1 / size(*curve(s))
     count = np.concatenate([[0.0], np.cumsum(np.diff(s) * (density[1:] + density[:-1]) / 2)])
@@ -187,7 +187,7 @@ def shape_factor(
 
 
 def extrapolated_factor(gap: float, probe_radius: float, task: str) -> float:
-    """Shape factor freed of its error of second order in the length of the elements (Richardson)."""
+    """Shape factor without its error of second order in the length of the elements (Richardson extrapolation)."""
     coarse, fine = (shape_factor(gap, probe_radius, task, halvings) for halvings in (0, 1))
     return (4 * fine - coarse) / 3
 

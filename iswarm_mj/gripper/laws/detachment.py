@@ -1,4 +1,4 @@
-"""Voltages that lift a ball, let it go or melt it, and the decisions of a gripper at a voltage.
+"""Voltages that lift, release or melt a ball, and the outcome of a grasp or a release at a voltage.
 
 The default constants are a calibration, not measurements. Fitted to the paper's experiments at 10 % RH:
 W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without contact

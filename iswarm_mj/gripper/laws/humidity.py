@@ -1,4 +1,4 @@
-"""Humidity's hold on adhesion: an empirical factor by default, a water meniscus as an option.
+"""Effect of humidity on adhesion: an empirical factor by default, a water meniscus as an option.
 
 Relative humidity is a percentage everywhere, 0 to 100.
 """
@@ -15,7 +15,7 @@ WATER_SURFACE_TENSION = 0.0720
 WATER_MOLAR_VOLUME = 1.8069e-5
 """At 25 deg C [m^3/mol]."""
 ROUGH_GAP = 2.4e-9
-"""Distance at which asperities hold the surfaces apart [m]; a choice that puts the threshold at 65 % RH."""
+"""Distance at which asperities keep the surfaces apart [m]; chosen such that the threshold lies at 65 % RH."""
 
 
 def humidity_factor(relative_humidity: Quantity) -> Quantity:

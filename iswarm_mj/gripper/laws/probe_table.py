@@ -1,4 +1,4 @@
-"""Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, looked up in a table that ships.
+"""Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, from a table in the package.
 
 Bicubic spline of ln f in log2(D/R) and log2(R_m/R): twice differentiable. The numbers come from
 `boundary_elements`.
@@ -26,7 +26,7 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
     """Shape factor f = F D / (R pi eps0 V^2); f -> 1 as D/R -> 0.
 
     Source: boundary elements, good to 2e-4; interpolation adds less than 2e-4. Concrete numbers outside the
-    table raise `UserError`; inside a JAX transformation, where numbers cannot be looked at, the ratios are
+    table raise `UserError`; inside a JAX transformation, where the numbers are unknown, the ratios are
     clamped to the table's edge.
 
     Args:

@@ -22,11 +22,7 @@ from iswarm_mj.gripper.native.attraction import attract, gap_to
 from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
 from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
 from iswarm_mj.gripper.native.spline import probe_factor, spline_tables
-
-UM = 1e-6
-"""Length unit [m]."""
-NN = 1e-9
-"""Force unit [N]; the work of adhesion is in nN/um = mJ/m^2, the Hamaker constant in nN um = 1e-15 J."""
+from iswarm_mj.gripper.units import NN, UM
 
 _dmt = compiled(adhesion.dmt_pull_off)
 _van_der_waals = compiled(adhesion.van_der_waals_force)
@@ -65,9 +61,9 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
     """Callbacks that read and check an instance's attributes.
 
     Args:
-        texts: (3, n, 256) uint8, of each attribute its name and what an error says before and after the text given.
+        texts: (3, n, 256) uint8, for each attribute its name and the error before and after the value given.
         table: (n, 4) kind, low, high and default of each attribute.
-        start: (k,) what the state holds behind the attributes after a reset.
+        start: (k,) results in the state after a reset; they follow the attributes.
 
     Returns:
         Callbacks "nstate", "init", "reset".

@@ -1,0 +1,8 @@
+"""Units of the bench, its plugins and its model in MJX: um, ug, ms, hence nN; and V. The laws take SI."""
+
+UM = 1e-6
+"""Length unit [m]."""
+MS = 1e-3
+"""Time unit [s]."""
+NN = 1e-9
+"""Force unit [N]; the work of adhesion is in nN/um = mJ/m^2, the Hamaker constant in nN um = 1e-15 J."""
