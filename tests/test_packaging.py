@@ -69,7 +69,7 @@ def test_the_models_are_the_ones_expected():
     "name",
     [
         *MODELS,
-        "iswarm_mj/gripper/probe_table.csv",
+        "iswarm_mj/gripper/laws/probe_table.csv",
         "iswarm_mj/py.typed",
         "iswarm_mj/experiments/report/templates/report.md",
     ],

@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.experiments.analysis.evolution_figures import PLATEAU, fittest
 from iswarm_mj.experiments.analysis.findings import (
@@ -21,6 +22,7 @@ from iswarm_mj.experiments.analysis.findings import (
 )
 from iswarm_mj.experiments.analysis.statistics import compare, correlation, difference, mean, rank_correlation, share
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.arrays import Array
 
 FIRST, LAST = 5, 20
 """Generations at the beginning and at the end that are compared."""
@@ -115,7 +117,7 @@ def findings(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> list[Fin
     ]
 
 
-def generation_means(rows: Rows) -> np.ndarray:
+def generation_means(rows: Rows) -> Float[Array, "G"]:
     """Mean fitness of each generation's runs, in their order."""
     fitness: dict[int, list[float]] = {}
     for row in rows:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
@@ -19,6 +20,7 @@ from iswarm_mj.experiments.analysis.findings import (
 from iswarm_mj.experiments.analysis.statistics import compare, interval, share, slope
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_TOOL_OBJECT, detachment_voltage
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
+from iswarm_mj.utils.arrays import Array
 
 FLAT = 0.2
 """A voltage does not depend on the radius if its slope is less than this [V/um]."""
@@ -61,7 +63,7 @@ def findings(rows: Rows) -> list[Finding]:
     ]
 
 
-def voltages(rows: Rows) -> np.ndarray:
+def voltages(rows: Rows) -> Float[Array, "R"]:
     """Voltages of the trials that reached one [V]."""
     return np.array([row["voltage"] for row in rows if row["voltage"] is not None], float)
 

@@ -4,8 +4,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.experiments.analysis.findings import Row, Rows, number
+from iswarm_mj.utils.arrays import Array
 
 
 class Measure(NamedTuple):
@@ -34,7 +36,7 @@ CARRIAGE = Measure("carriage", "mean carriage [steps]", "steps", lambda row: row
 MEASURES = (TIME, DUST, COLLISIONS, CARRIAGE)
 
 
-def values(rows: Rows, measure: Measure) -> np.ndarray:
+def values(rows: Rows, measure: Measure) -> Float[Array, "R"]:
     """Values of a measure, in the rows that have one."""
     found = (measure.value(row) for row in rows)
     return np.array([value for value in found if value is not None], float)
@@ -45,7 +47,7 @@ def select(rows: Rows, **labels: object) -> list[Row]:
     return [row for row in rows if all(row[name] == value for name, value in labels.items())]
 
 
-def quartiles(found: np.ndarray, unit: str = "") -> str:
+def quartiles(found: Float[Array, "R"], unit: str = "") -> str:
     """Median and third quartile, the paper's form, in words."""
     if not len(found):
         return "no value"

@@ -5,7 +5,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Real
 from scipy import stats
+
+from iswarm_mj.utils.arrays import Array
 
 RESAMPLES = 9999
 LEVEL = 0.95
@@ -14,7 +17,8 @@ LEVEL = 0.95
 _BATCH = 2**24
 """Numbers that are drawn at once, which limits the memory."""
 
-Values = Sequence[float] | np.ndarray
+Values = Sequence[float] | Real[Array, "_"]
+"""A sample."""
 
 
 class Interval(NamedTuple):
@@ -42,12 +46,12 @@ class Comparison(NamedTuple):
         return self.u / (self.n_first * self.n_second)
 
 
-def median(values: np.ndarray, axis: int = -1) -> np.ndarray:
+def median(values: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
     """Median along an axis."""
     return np.median(values, axis=axis)
 
 
-def mean(values: np.ndarray, axis: int = -1) -> np.ndarray:
+def mean(values: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
     """Mean along an axis."""
     return np.mean(values, axis=axis)
 

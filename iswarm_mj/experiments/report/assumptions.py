@@ -21,7 +21,7 @@ RULES = (
     "Dust or dump under a robot set its vector to zero with hop count 0; the robot's own motion turns and shifts it.",
     "A collision is a pair of robots in contact that was not in contact at the control step before.",
 )
-"""Rules that are no configuration values."""
+"""Rules that are not configuration values."""
 
 
 class Setting(NamedTuple):
@@ -57,14 +57,14 @@ def fitted() -> list[Setting]:
 
 
 def fitting() -> str:
-    """What they were fitted to, and what was not fitted."""
+    """Data to which the constants were fitted, and what was not fitted."""
     return " ".join((inspect.getdoc(detachment) or "").partition("\n\n")[2].split())
 
 
 def operators() -> list[str]:
-    """What the paper leaves open of its evolution, an item each."""
-    text = (inspect.getdoc(evolution) or "").partition("chosen here:")[2]
-    return [" ".join(item.split()) for item in re.split(r"^- ", text, flags=re.MULTILINE) if item.strip()]
+    """What the paper leaves open of its evolution: the items of the list in the docstring of `strategy.evolution`."""
+    items = re.split(r"^- ", inspect.getdoc(evolution) or "", flags=re.MULTILINE)[1:]
+    return [" ".join(item.split()) for item in items]
 
 
 def _descriptions(cls: type[Any]) -> dict[str, str]:
