@@ -12,7 +12,7 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import check_robots
 from iswarm_mj.simulation.metrics import Measures, measure
-from iswarm_mj.simulation.settings import EngineSettings, MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
@@ -77,7 +77,9 @@ class Run:
         self.starts = starts_of(config, self.worlds)
         self.robot = read_robot(robot_file)
         plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file)
-        self._loop, self.start = start_loop(plan, self.watch)
+        device = None if isinstance(self.engine, MjxSettings) else jax.devices("cpu")[0]
+        with jax.default_device(device):  # engines on the host leave GPUs alone
+            self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0
         self._counts = self._loop.counts()
 
