@@ -29,7 +29,7 @@ def decode(fault: Fault, worlds: Sequence[World]) -> list[SimulationFault]:
 
 
 def summary(faults: Sequence[SimulationFault]) -> str:
-    """One sentence on what went wrong in which worlds."""
+    """One sentence that lists the faults."""
     listed = [str(fault) for fault in faults[:MAX_LISTED]]
     more = len(faults) - MAX_LISTED
     return "; ".join(listed) + (f"; and {more} more worlds" if more > 0 else "")

@@ -23,7 +23,7 @@ _PARKED = -1000.0  # height at which robots wait that a world does not have [mm]
 
 
 class ContactCapacity(NamedTuple):
-    """Sizes of MJX's buffers for contacts of one world, since its arrays have fixed shapes."""
+    """Sizes of MJX's contact buffers for one world; MJX's arrays have fixed shapes."""
 
     pairs: int
     """Pairs of robots whose boxes are compared (JAX)."""
@@ -36,7 +36,7 @@ def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) ->
 
     Pairs: 16 + N (0.4 + 1.2 rho). Contact points: 64 + N (0.7 + 2.4 rho), where a pair has up to four. That is about
     twice the most that type 1 showed in the first 60 steps at densities from 0.12 to 0.4. Swarms that jam, such as
-    those that hardly avoid each other, need more. What does not fit is a fault that names world and step.
+    those whose robots hardly avoid each other, need more. A full buffer is a fault that names world and step.
 
     Args:
         config: the size of the arena.

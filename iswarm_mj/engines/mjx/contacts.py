@@ -122,7 +122,7 @@ def _rims(point: Array, box: Box) -> Array:
 
 
 class _Contacts:
-    """A function of MJX's table, which tells the number of its contact points."""
+    """An entry of MJX's table of contact functions, with the number of contact points it returns."""
 
     ncon = 4
 

@@ -90,7 +90,7 @@ def _cast(arena: MjxArena, view: mjx.Data, crowd: Crowd, path: Paths) -> Array:
 
 
 def _view(arena: MjxArena, crowd: Crowd) -> mjx.Data:
-    """Data in which the robots' hulls stand where the crowd is; those that are absent deep down."""
+    """Data with the robots' hulls at the crowd's poses; absent robots are far below the floor."""
     robots = slice(arena.hull, arena.hull + arena.n_robots)
     c, s = jnp.cos(crowd.poses[:, 2]), jnp.sin(crowd.poses[:, 2])
     zero, one = jnp.zeros_like(c), jnp.ones_like(c)

@@ -108,7 +108,7 @@ def _facing_leds(arena: MjxArena, poses: Array, sender: Array) -> Array:
 
 
 def _links(config: SwarmConfig, arena: MjxArena, poses: Array, search: Search) -> Links:
-    """Links to those that were found, with zeros where nobody was."""
+    """Links to the senders found; zero where a side found none."""
     valid = search.is_found
     sender = jnp.where(valid, search.sender, 0)
     views = _receive(config, arena, poses, sender)
