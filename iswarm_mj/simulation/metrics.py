@@ -51,8 +51,8 @@ def fitness(measures: Measures, n_robots: int, n_dust: int, max_steps: int) -> f
 
     40 points per ball delivered, 20 per ball picked up but not delivered, minus 0.05 / n_robots per collision; if
     all balls were delivered, 10 points per step left of `max_steps`. Source: Valdastri et al. (2006), section 4.6.
-    A swarm that does not deliver all of 72 balls gets at most 2860. One that delivers them in 250 of 800 steps gets 8380
-    without collisions; the paper prints 8360.
+    A swarm that does not deliver all of 72 balls gets at most 2860. One that delivers them in 250 of 800 steps gets
+    8380 without collisions; the paper prints 8360.
     """
     points = 40.0 * measures.delivered + 20.0 * (measures.picked - measures.delivered)
     points -= 0.05 / n_robots * measures.collisions

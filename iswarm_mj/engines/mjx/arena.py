@@ -19,7 +19,7 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_rd
 
 _LINE_SEARCH = 8  # iterations; more do not change the end of the search
-_PARKED = -1000.0  # height at which robots wait that a world does not have [mm]
+_PARKED = -1000.0  # height of the robots that are absent [mm]
 
 
 class ContactCapacity(NamedTuple):
@@ -32,7 +32,7 @@ class ContactCapacity(NamedTuple):
 
 
 def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) -> ContactCapacity:
-    """Room for N robots in their arena, by a rule that grows with N and with the density rho = N rd^2 / area.
+    """Buffers for N robots in their arena, by a rule that grows with N and with the density rho = N rd^2 / area.
 
     Pairs: 16 + N (0.4 + 1.2 rho). Contact points: 64 + N (0.7 + 2.4 rho), where a pair has up to four. That is about
     twice the most that type 1 showed in the first 60 steps at densities from 0.12 to 0.4. Swarms that jam, such as

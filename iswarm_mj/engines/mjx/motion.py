@@ -67,7 +67,7 @@ def move(arena: MjxArena, bodies: Bodies, phases: Sequence[Phase], is_masked: bo
 
 
 def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
-    """Bits that say what did not fit into the arrays of a physics step."""
+    """Bits of `FaultKind` for full contact buffers; Warp's are shared, so that all worlds of a device report it."""
     if arena.impl == "warp":
         bits = data._impl.overflow.ravel()[0] & ~_SOLVER_LIMITS
         return jnp.where(bits != 0, int(FaultKind.TOO_MANY_CONTACTS), 0)

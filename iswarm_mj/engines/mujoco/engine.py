@@ -20,7 +20,7 @@ JAM = 4000
 faster in ordinary swarms, takes seconds a control step where more than a thousand joints are connected by contacts."""
 _NEWTON, _GRADIENTS = int(mujoco.mjtSolver.mjSOL_NEWTON), int(mujoco.mjtSolver.mjSOL_CG)
 _MAX_ITERATIONS = 1000  # of conjugate gradients; jams of 800 robots converged after some 400
-_PARKED = -1000.0  # height at which the robots wait that a world does not have [mm]
+_PARKED = -1000.0  # height of the robots that are absent [mm]
 
 
 class Bodies(NamedTuple):
