@@ -235,13 +235,18 @@ class TestWorldsOfDifferentSize:
             for one, many in zip(records(alone), together, strict=True):
                 np.testing.assert_allclose(many.poses[world], one.poses[0], atol=1e-8 if n_robots == 12 else 0, rtol=0)
                 np.testing.assert_array_equal(many.links.valid[world], one.links.valid[0])
+                assert many.collisions[world] == one.collisions[0]
             assert run.measures(world) == alone.measures(0)
         assert run.measures(0).collisions > 0 and run.measures(0).picked > 0 and run.measures(2).collisions == 0
 
     def test_absent_robots_do_nothing(self, small):
         run = run_of(small, worlds=self.worlds(), steps=20)
+        before = poses_of(run)
         for record in records(run):
+            step = np.linalg.norm((record.poses - before)[..., :2], axis=-1)
+            before = record.poses
             for world, n_robots in enumerate(self.SIZES):
+                assert record.speed[world] == pytest.approx(step[world, :n_robots].mean())
                 assert not record.poses[world, n_robots:].any()
                 assert not record.links.valid[world, n_robots:].any()
                 assert (record.links.sender[world][record.links.valid[world]] < n_robots).all()

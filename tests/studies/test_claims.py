@@ -1,14 +1,18 @@
-"""The paper's statements on the cleaning swarm (section 4.6), over six seeds each; run with `pytest -m slow`."""
+"""The paper's statements on the cleaning swarm (section 4.6), over six seeds each; run with `pytest -m slow`.
+
+The README states what these runs give; the limits here leave room for other machines, whose rounding makes other runs.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from iswarm_mj.simulation.run_mujoco import Run, RunSettings
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.metrics import Measures
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
 
 pytestmark = pytest.mark.slow
@@ -21,9 +25,11 @@ def outcomes(genome: Genome, steps: int, config: SwarmConfig = PAPER) -> list[Me
     measures = []
     n_robots = robots_for(config.arena, genome.density_of_robots)
     for seed in SEEDS:
-        run = Run(config, genome, RunSettings(n_robots, steps, seed, n_threads=1, stop_at=66))
+        settings = RunSettings(n_robots, steps, seed, stop_at=66, record_worlds=())
+        run = Run(config, genome, settings, MujocoSettings(threads=1))
         while not run.is_over:
             run.advance()
+        run.raise_faults()
         measures.append(run.measures(0))
     print([m.finished_at or f"- ({m.delivered})" for m in measures])
     return measures
@@ -34,52 +40,68 @@ def evolved() -> dict[str, list[Measures]]:
     return {name: outcomes(PRESETS[name], 500) for name in ("type1", "type2")}
 
 
-@pytest.mark.parametrize("name", ["type1", "type2"])
-def test_both_evolved_types_clean_the_arena(evolved, name):
-    finished = [m.finished_at for m in evolved[name] if m.finished_at is not None]
-    assert len(finished) >= 5
+def finishing_times(measures: list[Measures]) -> np.ndarray:
+    """Control steps after which the swarms had delivered 66 balls; all of them must have."""
+    times = [m.finished_at for m in measures]
+    assert None not in times
+    return np.array(times)
+
+
+@pytest.mark.parametrize("name, earliest, latest", [("type1", 130, 200), ("type2", 150, 250)])
+def test_both_evolved_types_clean_the_arena(evolved, name, earliest, latest):
+    times = finishing_times(evolved[name])
+    assert (times > earliest).all() and (times < latest).all()
+
+
+def test_the_first_type_is_the_faster_one(evolved):
+    one, other = (finishing_times(evolved[name]).mean() for name in ("type1", "type2"))
+    assert 1.05 * one < other < 1.35 * one
 
 
 @pytest.mark.parametrize("name", ["type1", "type2"])
 def test_without_hop_counts_no_swarm_cleans_the_arena(name):
     measures = outcomes(replace(PRESETS[name], use_hop_count=False), 600)
     assert [m.finished_at for m in measures] == [None] * len(measures)
+    assert max(m.delivered for m in measures) < 60
 
 
 def test_a_sparse_swarm_is_slower_than_the_evolved_density(evolved):
-    sparse = outcomes(replace(PRESETS["type1"], density_of_robots=0.05), 500)
-    mean = [sum(m.finished_at or 500 for m in measures) / len(measures) for measures in (sparse, evolved["type1"])]
-    assert mean[0] > 1.2 * mean[1]
+    sparse = finishing_times(outcomes(replace(PRESETS["type1"], density_of_robots=0.05), 500))
+    dense = finishing_times(evolved["type1"])
+    assert sparse.min() > dense.max() and sparse.mean() > 1.5 * dense.mean()
 
 
 def test_wrong_messages_that_pass_the_parity_slow_the_swarm_down(evolved):
-    fooled = outcomes(PRESETS["type1"], 800, SwarmConfig(optics=OpticsConfig(independent_bit_errors=True)))
-    mean = [np.mean([m.finished_at or 800 for m in measures]) for measures in (fooled, evolved["type1"])]
-    assert mean[0] > 1.2 * mean[1]
+    fooled = finishing_times(
+        outcomes(PRESETS["type1"], 800, SwarmConfig(optics=OpticsConfig(independent_bit_errors=True)))
+    )
+    assert fooled.mean() > 1.15 * finishing_times(evolved["type1"]).mean()
 
 
 def test_contacts_of_a_whole_run():
     """How deep robots run into each other, and how many collisions two readings in ten physics steps find."""
-    run = Run(PAPER, PRESETS["type1"], RunSettings(280, 160, seed=1, n_threads=1))
-    engine, step = run.engine, run.engine.advance
-    depths, touched, before, every = [], set(), set(), 0
+    run = Run(PAPER, PRESETS["type1"], RunSettings(280, 160, seed=1), MujocoSettings(threads=1))
+    engine = run._loop._engine._engine
+    step, depths, every = engine._step, [], 0
+    touched, before = np.zeros((2, 1, 280, 280), bool)
 
-    def advance(velocity, n_substeps, worlds):
+    def step_by_step(n_substeps, worlds, is_jam):
         for _ in range(n_substeps):
-            step(velocity, 1, worlds)
-            touched.update(engine.contacts(0).tolist())
+            assert step(1, worlds, is_jam) == []
+            engine._read_contacts(0, touched, np.zeros(1, int))
             contact = engine._batch.get_data(0, engine._scratch).contact
             depths.append(-contact.dist.min(initial=0.0))
+        return []
 
-    engine.advance = advance
+    engine._step = step_by_step
     while not run.is_over:
-        touched.clear()
+        touched[:] = False
         run.advance()
-        every += len(touched - before)
-        before = set(touched)
-    share, deep = run.collisions[0] / every, np.mean(np.array(depths) > 0.4)
+        every += (touched & ~before).sum()
+        before = touched.copy()
+    share, deep = run.measures(0).collisions / every, np.mean(np.array(depths) > 0.4)
     print(
         f"deepest {max(depths):.2f} mm, beyond 0.4 mm in {deep:.1%} of physics steps, {share:.0%} of collisions found"
     )
-    assert max(depths) < 0.75
-    assert share > 0.8
+    assert 0.4 < max(depths) < 0.75 and deep < 0.2
+    assert 0.85 < share < 0.97
