@@ -144,6 +144,8 @@ class TestProcesses:
         def faulty(index, job):
             if index == 3:
                 raise SimulationFault("step 8: gone")
+            if index not in (1, 5):  # which begin before it
+                time.sleep(LIMIT)
             return index, job.seed
 
         with monkeypatch.context() as patch:
@@ -153,9 +155,16 @@ class TestProcesses:
         assert outcomes_of(stubs) == SEEDS
 
     @pytest.mark.filterwarnings("error")
-    def test_closing_it_early_stops_the_workers(self, stubs):
-        with closing(run_jobs(stubs, TWO)) as finished:
-            next(finished)
+    def test_closing_it_early_stops_the_workers(self, stubs, monkeypatch):
+        def slow(index, job):
+            if index != 1:
+                time.sleep(LIMIT)
+            return index, job.seed
+
+        with monkeypatch.context() as patch:
+            patch.setattr(worker, "work", slow)
+            with closing(run_jobs(stubs, TWO)) as finished:
+                assert next(finished) == (1, 1)
         assert outcomes_of(stubs) == SEEDS
 
 
@@ -190,12 +199,14 @@ from types import SimpleNamespace
 from iswarm_mj.experiments.runner import pool, worker
 
 def work(index, job):
-    time.sleep(0.01)
+    if "HAS_WORKED" in os.environ:  # so that the end comes within jobs
+        time.sleep(600)
+    os.environ["HAS_WORKED"] = "1"
     return index, os.getpid()
 
 if __name__ == "__main__":
     worker.work = work
-    jobs = [SimpleNamespace(n_robots=30, seed=seed, steps=1) for seed in range(99_999)]
+    jobs = [SimpleNamespace(n_robots=30, seed=seed, steps=1) for seed in range(99)]
     workers = set()
     try:
         for _, pid in pool.run_jobs(jobs, pool.Execution(workers=2)):
