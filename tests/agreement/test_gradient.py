@@ -1,23 +1,27 @@
 """Derivatives of short rollouts in MJX-JAX: against closed forms, and against differences in double precision."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from iswarm_mj.simulation.run_mjx import BatchRun, BatchSettings
-from iswarm_mj.simulation.run_mujoco import start_with
-from iswarm_mj.simulation.step_mjx import control_step, drive
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
-from iswarm_mj.engines.mjx.motion import Bodies
+from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.simulation.decide import decide
+from iswarm_mj.simulation.initial import start_with
 from iswarm_mj.simulation.rollout import paper_strategy
-from iswarm_mj.simulation.worlds import World
+from iswarm_mj.simulation.settings import MjxSettings, RunSettings
+from iswarm_mj.simulation.start import Plan, start_loop
+from iswarm_mj.simulation.step import control_step, drive_phases
+from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.profiling import Stopwatch
 
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 APART = [[-6, -6, 0.3], [6, -5, 2.0], [-5, 6, -1.0], [5, 5, -2.5]]
@@ -30,13 +34,16 @@ USUAL = np.array([1.1, 0.3])
 def moved(arena, poses, parameters):
     """Poses after four control steps, and the pairs that touched in each."""
     stride, time_constant = parameters
-    model = arena.model.replace(geom_solref=arena.model.geom_solref.at[:, 0].set(time_constant))
+    solref = arena.model.geom_solref.at[:, 0].set(time_constant)
+    engine = MjxEngine(replace(arena, model=arena.model.replace(geom_solref=solref)), SMALL, is_masked=False)
 
     def step(bodies, turn):
-        bodies, touching, _ = drive(SMALL, arena, model, bodies, Command(turn, jnp.full_like(turn, stride)))
-        return bodies, touching
+        phases = drive_phases(SMALL.drive, Command(turn, jnp.full_like(turn, stride)))
+        motion = engine.move(bodies, phases, jnp.bool_(True))
+        return motion.bodies, motion.touching
 
-    bodies, touching = jax.lax.scan(step, Bodies(poses, jnp.zeros_like(poses)), jnp.asarray(TURNS, poses.dtype))
+    start = engine.place(poses, jnp.ones(len(poses), bool))
+    bodies, touching = jax.lax.scan(step, start, jnp.asarray(TURNS, poses.dtype))
     return bodies.poses, touching
 
 
@@ -46,66 +53,75 @@ def distance(arena, poses, parameters):
     return (ends[:, :2] ** 2).sum(axis=-1).mean(), touching
 
 
+def slope_of(arena, derivative):
+    """Program for the derivatives of `distance`, its value, and the pairs that touched."""
+
+    def measure(parameters, poses):
+        value, touching = distance(arena, poses, parameters)
+        return value, (value, touching)
+
+    program = jax.jit(derivative(measure, has_aux=True))
+
+    def slope(poses, parameters):
+        found, (value, touching) = program(parameters, poses)
+        return np.asarray(found), float(value), np.asarray(touching)
+
+    return slope
+
+
 @pytest.fixture(scope="module")
 def double():
-    """The measure and its derivatives, both compiled, in double precision and with a solver that stops by rounding."""
+    """Derivatives, value and pairs in double precision, with a solver that stops by rounding."""
     with jax.enable_x64(True):
         arena = compile_mjx_arena(SMALL, len(CROWD), "jax", 1)
         arena = replace(arena, model=arena.model.tree_replace({"opt.tolerance": jnp.asarray(0.0)}))
-        value = jax.jit(lambda poses, parameters: distance(arena, poses, parameters))
-        slope = jax.jit(lambda poses, parameters: jax.jacfwd(lambda p: distance(arena, poses, p)[0])(parameters))
+        slope = slope_of(arena, jax.jacfwd)
 
-    def in_double(function):
-        def call(poses, parameters):
-            with jax.enable_x64(True):
-                return jax.tree.map(np.asarray, function(jnp.asarray(poses, float), jnp.asarray(parameters)))
+    def call(poses, parameters):
+        with jax.enable_x64(True):
+            return slope(jnp.asarray(poses, float), jnp.asarray(parameters))
 
-        return call
-
-    return in_double(value), in_double(slope)
+    return call
 
 
 def test_without_contacts_it_is_the_closed_form(double):
-    value, slope = double
-    assert not value(APART, USUAL)[1].any()
+    slope, _, touching = double(APART, USUAL)
+    assert not touching.any()
     poses = np.array(APART)
     yaw = poses[:, 2] + np.cumsum(TURNS, axis=0)
     ahead = np.stack([np.cos(yaw).sum(axis=0), np.sin(yaw).sum(axis=0)], axis=-1)
     ends = poses[:, :2] + USUAL[0] * ahead
     expected = [(2 * ends * ahead).sum(axis=-1).mean(), 0.0]
-    np.testing.assert_allclose(
-        slope(APART, USUAL), expected, rtol=1e-6, atol=1e-12
-    )  # the gain of the servos is rounded to float32
+    # The gain of the servos is rounded to float32.
+    np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-12)
 
 
 def test_with_contacts_it_agrees_with_differences(double):
-    value, slope = double
     h = 1e-4
-    touching = value(CROWD, USUAL)[1]
+    slope, _, touching = double(CROWD, USUAL)
     assert touching.any(axis=(1, 2)).all()
     differences = []
     for e in h * np.eye(2):
-        above, below = value(CROWD, USUAL + e), value(CROWD, USUAL - e)
-        np.testing.assert_array_equal(above[1], touching)  # no contact begins or ends in between
-        np.testing.assert_array_equal(below[1], touching)
-        differences.append((above[0] - below[0]) / (2 * h))
+        above, below = double(CROWD, USUAL + e), double(CROWD, USUAL - e)
+        np.testing.assert_array_equal(above[2], touching)  # no contact begins or ends in between
+        np.testing.assert_array_equal(below[2], touching)
+        differences.append((above[1] - below[1]) / (2 * h))
     assert min(np.abs(differences)) > 0.1
-    np.testing.assert_allclose(slope(CROWD, USUAL), differences, rtol=3e-5)
+    np.testing.assert_allclose(slope, differences, rtol=3e-5)
 
 
 @pytest.mark.slow
 def test_in_single_precision_and_in_reverse(double):
     """Of a drive alone, in the precision of all runs: to 5 % in a crowd, and the same by reverse mode."""
     arena = compile_mjx_arena(SMALL, len(CROWD), "jax", 1)
-    forward = jax.jit(lambda poses, p: jax.jacfwd(lambda p: distance(arena, poses, p)[0])(p))
-    reverse = jax.jit(lambda poses, p: jax.jacrev(lambda p: distance(arena, poses, p)[0])(p))
+    forward, reverse = slope_of(arena, jax.jacfwd), slope_of(arena, jax.jacrev)
     parameters = jnp.asarray(USUAL, jnp.float32)
     for poses, tolerance in ((APART, 1e-5), (CROWD, 0.05)):
-        expected = double[1](poses, USUAL)
-        single = jnp.asarray(poses, jnp.float32)
-        print(expected, forward(single, parameters), reverse(single, parameters))
-        np.testing.assert_allclose(forward(single, parameters), expected, rtol=tolerance, atol=1e-5)
-        np.testing.assert_allclose(reverse(single, parameters), forward(single, parameters), rtol=1e-2, atol=1e-5)
+        expected, single = double(poses, USUAL)[0], jnp.asarray(poses, jnp.float32)
+        ahead, back = forward(single, parameters)[0], reverse(single, parameters)[0]
+        print(expected, ahead, back)
+        np.testing.assert_allclose(ahead, expected, rtol=tolerance, atol=1e-5)
+        np.testing.assert_allclose(back, ahead, rtol=1e-2, atol=1e-5)
 
 
 @jax.tree_util.register_dataclass
@@ -137,15 +153,20 @@ def test_through_whole_control_steps():
     strategy = Paced(paper_strategy(SMALL, PRESETS["type1"], n_robots), jnp.float32(1))
     start = start_with(SMALL, n_robots, np.full(2, 2e-5), np.random.default_rng(0))._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
-    run = BatchRun(SMALL, [world], BatchSettings(steps=3, chunk=1), jax.tree.map(lambda a: a[None], strategy))
-    given, state = jax.tree.map(lambda a: a[0], run.arrays())
+    many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)
+    settings = RunSettings(n_robots, 3, record_worlds=())
+    loop, _ = start_loop(
+        Plan(SMALL, settings, MjxSettings(chunk=1), [world], starts_of(SMALL, [world]), many, None), Stopwatch()
+    )
+    params, state, engine = loop.on_first_device()
+    params, state = jax.tree.map(lambda a: a[0], (params, state))
 
     def spread(pace):
-        mine = given._replace(strategy=replace(given.strategy, pace=pace))
+        mine = params._replace(strategy=replace(params.strategy, pace=pace))
 
         def step(state, k):
-            state, _ = control_step(SMALL, run.arena, run.arena.model, mine, state, k, jnp.int32(3))
-            return state, None
+            of_one = partial(decide, SMALL, engine.robot)
+            return control_step(engine, SMALL, of_one, mine, state, k, jnp.int32(3))[0], None
 
         end, _ = jax.lax.scan(step, state, jnp.arange(3))
         return ((end.bodies.poses - state.bodies.poses)[:, :2] ** 2).sum(axis=-1).mean()

@@ -1,5 +1,7 @@
 """Motion, contacts and sight in MJX against MuJoCo in C."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -8,25 +10,27 @@ import pytest
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
-from iswarm_mj.engines.mjx.arena import Capacities, compile_mjx_arena, without_absent
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena
 from iswarm_mj.engines.mjx.contacts import box_box, plane_box
-from iswarm_mj.engines.mjx.motion import TOO_MANY_CONTACTS, TOO_MANY_PAIRS, Bodies, Phase, advance, overlapping
-from iswarm_mj.engines.mjx.sight import see
-from iswarm_mj.engines.mujoco.engine import MujocoBatchEngine
-from iswarm_mj.simulation import step as swarm
+from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.engines.mjx.motion import overlapping
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.simulation.initial import place_robots
+from iswarm_mj.utils.errors import FaultKind
 
 ROBOT = read_robot()
 N, WORLDS = 40, 20
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
-HERE = np.ones(N, bool)
+RUNNING = np.ones(WORLDS, bool)
+ALL = np.ones((WORLDS, N), bool)
 
 
-def crowds(n_worlds=WORLDS, seed=3):
+def crowds(seed=3):
     """Poses (B, N, 3) of robots that stand near and into each other and the walls, as float32 has them."""
     rng = np.random.default_rng(seed)
-    poses = np.stack([place_robots(SMALL.arena, N, rng) for _ in range(n_worlds)])
-    poses[..., :2] += rng.uniform(-0.5, 0.5, (n_worlds, N, 2))
+    poses = np.stack([place_robots(SMALL.arena, N, rng) for _ in range(WORLDS)])
+    poses[..., :2] += rng.uniform(-0.5, 0.5, (WORLDS, N, 2))
     return poses.astype(np.float32)
 
 
@@ -37,22 +41,36 @@ def walks(poses, seed=4):
 
 
 def in_c(poses, config=SMALL):
-    engine = MujocoBatchEngine(compile_arena(config, poses.shape[1], np.full(2, 2e-5)), len(poses), 2)
-    engine.reset(poses.astype(float), np.zeros((len(poses), 2, 3)))
-    return engine
+    """Engine in C, and its bodies at rest at poses (B, N, 3)."""
+    n_worlds, n_robots = poses.shape[:2]
+    engine = MujocoEngine(config, compile_arena(config, n_robots, np.zeros(0)), n_worlds, 2, n_robots)
+    return engine, engine.place(poses.astype(float), np.ones((n_worlds, n_robots), bool))
 
 
-def moved(arena, poses, velocity, n_substeps=10, model=None):
-    def one(poses, velocity):
-        rest = Bodies(poses, jnp.zeros_like(poses))
-        return advance(arena, arena.model if model is None else model, rest, [Phase(n_substeps, lambda _: velocity)])
+def moved_in_c(poses, velocity, n_substeps=10):
+    engine, bodies = in_c(poses)
+    return engine.move(bodies, [Phase(n_substeps, lambda _: velocity.astype(float))], np.ones(len(poses), bool))
 
-    return jax.jit(jax.vmap(one))(poses, velocity)
+
+def moved(engine, poses, velocity, present=ALL, n_substeps=10):
+    """Motion in MJX of B worlds at rest."""
+
+    def one(engine, poses, velocity, present):
+        bodies = engine.place(poses, present)
+        return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], jnp.bool_(True))
+
+    return jax.tree.map(np.asarray, jax.jit(jax.vmap(one, (None, 0, 0, 0)))(engine, poses, velocity, present))
+
+
+def seen(engine, poses, emits, present=ALL):
+    """Sight in MJX of B worlds."""
+    look = jax.jit(jax.vmap(lambda e, p, s, h: e.sense(e.place(p, h), s, jnp.bool_(True)), (None, 0, 0, 0)))
+    return jax.tree.map(np.asarray, look(engine, poses, emits, present))
 
 
 @pytest.fixture(scope="module")
-def arena():
-    return compile_mjx_arena(SMALL, N, "jax", WORLDS)
+def engine():
+    return MjxEngine(compile_mjx_arena(SMALL, N, "jax", WORLDS), SMALL, is_masked=False)
 
 
 class TestMotion:
@@ -61,37 +79,41 @@ class TestMotion:
         pytest.importorskip("warp") if impl == "warp" else None
         poses = crowds()
         velocity = walks(poses)
-        bodies, motion = moved(compile_mjx_arena(SMALL, N, impl, WORLDS), poses, velocity)
-        engine = in_c(poses)
-        engine.advance(velocity.astype(float), 10, np.arange(WORLDS))
-        off = np.abs(np.asarray(bodies.poses) - engine.poses())
+        ours = moved(MjxEngine(compile_mjx_arena(SMALL, N, impl, WORLDS), SMALL, False), poses, velocity)
+        theirs = moved_in_c(poses, velocity)
+        off = np.abs(ours.bodies.poses - theirs.bodies.poses)
         assert off[..., :2].max() < 0.02 and off[..., 2].max() < 0.02
-        assert not np.asarray(motion.overflow).any()
-        pairs = 0
-        for world in range(WORLDS):
-            touching = np.argwhere(np.asarray(overlapping(motion.before[world, 0], ROBOT))) @ [N, 1]
-            np.testing.assert_array_equal(touching, np.unique(engine.contacts(world)))
-            pairs += len(touching)
-        assert pairs > 100
+        assert not ours.fault.any() and not theirs.fault.any()
+        np.testing.assert_array_equal(ours.touching, theirs.touching)
+        assert ours.touching.sum() > 100
 
-    def test_robots_that_are_absent_leave_no_trace(self, arena):
-        poses, present = crowds(1)[0], HERE.copy()
-        present[::2] = False
-        velocity = walks(poses[None])[0]
-        bodies, _ = moved(arena, poses[None], velocity[None], model=without_absent(arena.model, jnp.asarray(present)))
-        engine = in_c(poses[None, present])
-        engine.advance(velocity[None, present].astype(float), 10, np.arange(1))
-        np.testing.assert_allclose(np.asarray(bodies.poses)[0, present], engine.poses()[0], atol=2e-3)
+    def test_robots_that_are_absent_leave_no_trace(self, engine):
+        """Every other one, in each world."""
+        poses = crowds()
+        velocity = walks(poses)
+        present = (np.arange(N) + np.arange(WORLDS)[:, None]) % 2 == 1
+        ours = moved(replace(engine, is_masked=True), poses, velocity, present)
+        for world in range(4):
+            here = present[world]
+            theirs = moved_in_c(poses[world : world + 1, here], velocity[world : world + 1, here])
+            off = np.abs(ours.bodies.poses[world, here] - theirs.bodies.poses[0])
+            assert off.max() < 0.02 and np.median(off) < 1e-4
+            np.testing.assert_array_equal(ours.touching[world][np.ix_(here, here)], theirs.touching[0])
+            assert not ours.touching[world][~here].any() and not ours.touching[world][:, ~here].any()
 
     def test_too_little_room_is_said(self):
-        poses = crowds(2)
-        poses[0] = np.column_stack([np.linspace(-12, 12, N), np.zeros(N), np.zeros(N)])  # a row of overlapping robots
-        poses[1] = np.column_stack([3.0 * (np.arange(N) % 7) - 9, 3.0 * (np.arange(N) // 7) - 7, np.zeros(N)])
-        still = np.zeros_like(poses)
-        few_pairs = compile_mjx_arena(SMALL, N, "jax", 2, Capacities(pairs=20, contacts=400))
-        assert np.asarray(moved(few_pairs, poses, still, 1)[1].overflow).tolist() == [TOO_MANY_PAIRS, 0]
-        few_contacts = compile_mjx_arena(SMALL, N, "jax", 2, Capacities(pairs=400, contacts=20))
-        assert np.asarray(moved(few_contacts, poses, still, 1)[1].overflow).tolist() == [TOO_MANY_CONTACTS, 0]
+        """20 pairs and 30 contact points, for 67 pairs that are near but do not touch, 10 pairs that do, and none."""
+        small = compile_mjx_arena(SMALL, N, "jax", 3, ContactCapacity(pairs=20, contacts=30))
+        near, touching, free = np.zeros((3, N, 3), np.float32)
+        grid = np.arange(N) % 7, np.arange(N) // 7
+        near[:, :2] = np.column_stack(grid) * 2.4 - 7
+        free[:, :2] = np.column_stack(grid) * 3.0 - 9
+        touching[:] = free
+        touching[np.arange(1, N, 4), 0] -= 1.1
+        poses = np.stack([near, touching, free])
+        ours = moved(MjxEngine(small, SMALL, False), poses, 0 * poses, ALL[:3], 1)
+        assert ours.fault.tolist() == [FaultKind.TOO_MANY_PAIRS, FaultKind.TOO_MANY_CONTACTS, 0]
+        np.testing.assert_array_equal(ours.bodies.poses, poses)
 
 
 class TestContacts:
@@ -151,13 +173,13 @@ class TestContacts:
 
 class TestSight:
     @pytest.mark.parametrize("optics", [OpticsConfig(), OpticsConfig(mode="power"), OpticsConfig(line_of_sight=False)])
-    def test_links_and_walls_are_those_of_mujoco(self, arena, optics):
+    def test_links_and_walls_are_those_of_mujoco(self, engine, optics):
         config = SwarmConfig(arena=SMALL.arena, optics=optics)
         poses = crowds()
-        sends = np.random.default_rng(8).random(poses.shape[:2]) < 0.9
-        links, walls = swarm.see(config, in_c(poses), poses.astype(float), sends)
-        look = jax.jit(jax.vmap(lambda poses, sends: see(config, arena, poses, sends, HERE)))
-        ours, our_walls = look(poses, sends)
+        emits = np.random.default_rng(8).random(poses.shape[:2]) < 0.9
+        their_engine, bodies = in_c(poses, config)
+        links, walls = their_engine.sense(bodies, emits, RUNNING)
+        ours, our_walls = seen(replace(engine, config=config), poses, emits)
         np.testing.assert_array_equal(links.valid, ours.valid)
         np.testing.assert_array_equal(links.sender, ours.sender)
         np.testing.assert_array_equal(links.led, ours.led)
@@ -166,17 +188,18 @@ class TestSight:
         np.testing.assert_array_equal(walls, our_walls)
         assert links.valid.sum() > 1500 and walls.sum() > 300
 
-    def test_who_is_absent_is_neither_heard_nor_in_the_way(self, arena):
-        poses, present = crowds(1)[0], HERE.copy()
-        present[::3] = False
-        links, walls = jax.jit(lambda poses: see(SMALL, arena, poses, HERE, present))(poses)
-        alone = poses[None, present].astype(float)
-        theirs, their_walls = swarm.see(SMALL, in_c(alone), alone, np.ones(alone.shape[:2], bool))
-        np.testing.assert_array_equal(np.asarray(links.valid)[present], theirs.valid[0])
-        number = np.flatnonzero(present)[theirs.sender[0]]
-        np.testing.assert_array_equal(np.where(theirs.valid[0], number, 0), np.asarray(links.sender)[present])
-        np.testing.assert_array_equal(np.asarray(walls)[present], their_walls[0])
-        assert not np.asarray(links.valid)[~present].any() and not np.asarray(walls)[~present].any()
+    def test_who_is_absent_is_neither_heard_nor_in_the_way(self, engine):
+        poses, present = crowds(), ALL.copy()
+        present[:, ::3] = False
+        links, walls = seen(engine, poses, ALL, present)
+        here = present[0]
+        their_engine, bodies = in_c(poses[:, here])
+        theirs, their_walls = their_engine.sense(bodies, ALL[:, here], RUNNING)
+        np.testing.assert_array_equal(links.valid[:, here], theirs.valid)
+        number = np.flatnonzero(here)[theirs.sender]
+        np.testing.assert_array_equal(np.where(theirs.valid, number, 0), links.sender[:, here])
+        np.testing.assert_array_equal(walls[:, here], their_walls)
+        assert not links.valid[:, ~here].any() and not walls[:, ~here].any()
 
 
 def test_squares_overlap_as_by_hand():

@@ -15,4 +15,4 @@ def test_standard_output_belongs_to_the_results(tmp_path):
         return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, check=True).stdout
 
     assert said("from mujoco import mjx")
-    assert said("import iswarm_mj.simulation.step_mjx") == ""
+    assert said("import iswarm_mj.simulation.compiled_loop") == ""

@@ -11,18 +11,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N
 
 from iswarm_mj.commands.clean import Clean
+from iswarm_mj.commands.main import main
 from iswarm_mj.commands.swarm_options import GenomeOverrides
 from iswarm_mj.config import ArenaConfig
-from iswarm_mj.simulation.distributed import HEARTBEAT_S, Hosts, devices, join, numbered
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.simulation.distributed import HEARTBEAT_S, Hosts, devices, join
+from iswarm_mj.simulation.faults import decode
+from iswarm_mj.simulation.state import Fault
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
-ARENA = {"size": 12, "dump-size": 3, "dust-area-size": 2, "dust-area-offset": 4, "n-dust": 12}
-RUN = {"engine": "mjx", "worlds": 3, "robots": 24, "seed": 5, "steps": 20, "record-worlds": 2}
-TINY = ["clean", *(f"--{k}={v}" for k, v in RUN.items()), *(f"--arena.{k}={v}" for k, v in ARENA.items())]
-QUICK = {"JAX_PLATFORMS": "cpu", "TF_CPP_MIN_LOG_LEVEL": "3", "XLA_FLAGS": "--xla_backend_optimization_level=0"}
-"""Environment for programs that compile fast."""
+SIZES = ("size", "dump_size", "dust_area_size", "dust_area_offset", "n_dust")
+RUN = {"engine": "mjx", "worlds": WORLDS, "robots": N, "seed": SEED, "steps": 20}
+FLAGS = [
+    "clean",
+    *(f"--{k}={v}" for k, v in RUN.items()),
+    *("--record-worlds", *map(str, RECORDED)),
+    *(f"--arena.{size.replace('_', '-')}={getattr(TINY.arena, size)}" for size in SIZES),
+]
+QUIET = {"JAX_PLATFORMS": "cpu", "TF_CPP_MIN_LOG_LEVEL": "3"}
 
 
 def free_port():
@@ -32,7 +42,7 @@ def free_port():
 
 def started(arguments, index=None, count=2, port=0):
     """One process of a job, or a process on its own."""
-    env = os.environ | QUICK
+    env = os.environ | QUIET
     if index is not None:
         env |= {"JAX_COORDINATOR_ADDRESS": f"localhost:{port}", "JAX_NUM_PROCESSES": str(count)}
         env |= {"JAX_PROCESS_ID": str(index)}
@@ -53,25 +63,24 @@ def ended(processes):
 
 
 def test_two_processes_find_what_one_finds(tmp_path):
+    """Not a bit differs, though each has a program for other numbers of worlds and of recorded ones."""
     one, both = tmp_path / "one", tmp_path / "both"
-    ran = ended(
-        [
-            started(["-m", "iswarm_mj", *TINY, "--out", str(one)]),
-            *two(["-m", "iswarm_mj", *TINY, "--hosts", "--out", str(both)]),
-        ]
-    )
-    assert [code for code, _, _ in ran] == [0, 0, 0], ran
-    assert "delivered" in ran[1][1] and ran[2][1:] == ("", "")  # process 0 alone says something
+    processes = two(["-m", "iswarm_mj", *FLAGS, "--hosts", "--out", str(both)])
+    main([*FLAGS, "--devices=1", "--out", str(one)])
+    ran = ended(processes)
+    assert [code for code, _, _ in ran] == [0, 0], ran
+    assert "delivered" in ran[0][1] and ran[1][1:] == ("", "")  # process 0 alone says something
     results = [json.loads((out / "result.json").read_text()) for out in (one, both)]
-    assert [r.pop("devices") for r in results] == ["1 x cpu", "2 x cpu"]
+    assert [r.pop("devices") for r in results] == [["cpu"], ["cpu", "cpu"]]
     for result in results:
         del result["wall_s"], result["seconds"]
     assert results[0] == results[1]
     assert len(set(zip(results[0]["picked"], results[0]["collisions"], strict=True))) == 3
-    frames = [np.load(out / "trajectory.npz") for out in (one, both)]
-    assert frames[0]["pose"].shape == (21, 24, 3)
-    for name in frames[0].files:
-        np.testing.assert_array_equal(frames[0][name], frames[1][name])
+    for place in (Path(), Path(f"world-{RECORDED[1]}")):
+        frames = [np.load(out / place / "trajectory.npz") for out in (one, both)]
+        assert frames[0]["pose"].shape == (21, N, 3)
+        for name in frames[0].files:
+            np.testing.assert_array_equal(frames[0][name], frames[1][name])
 
 
 WAIT = """
@@ -122,12 +131,13 @@ def test_a_process_that_is_killed_ends_the_others():
     assert "another task died" in first[2]
 
 
-@pytest.mark.parametrize("index", [0, 1])
-def test_a_process_alone_gives_up(index, tmp_path):
-    arguments = ["-m", "iswarm_mj", *TINY, "--hosts", "--hosts-timeout", "1", "--out", str(tmp_path)]
-    ((code, output, errors),) = ended([started(arguments, index, 2, free_port())])
-    assert (code, output) == (2, "")
-    assert re.fullmatch(r"iswarm: cannot join the other processes .*answered within 1 s\); .*JAX_PROCESS_ID\n", errors)
+def test_a_process_alone_gives_up(tmp_path):
+    arguments = ["-m", "iswarm_mj", *FLAGS, "--hosts", "--hosts-timeout", "1", "--out", str(tmp_path)]
+    for code, output, errors in ended([started(arguments, index, 2, free_port()) for index in range(2)]):
+        assert (code, output) == (2, "")
+        assert re.fullmatch(
+            r"iswarm: cannot join the other processes .*answered within 1 s\); .*JAX_PROCESS_ID\n", errors
+        )
 
 
 SETTINGS = {"seed": 5, "arena": {"size": 12.0}, "record_worlds": [0], "versions": {"jax": "1"}}
@@ -174,7 +184,7 @@ def test_what_decides_a_run():
     def deciding(**flags):
         command = Clean(**{"engine": "mjx", "hosts": True, **flags})
         _, genome, n_robots = command.checked()
-        return json.loads(json.dumps(command._deciding(genome, n_robots)))
+        return json.loads(json.dumps(command._shared(genome, n_robots)))
 
     same = deciding()
     assert deciding(out=Path("elsewhere"), devices="1", hosts_timeout=9.0, threads=3) == same
@@ -191,7 +201,7 @@ def test_what_decides_a_run():
 @pytest.mark.slow
 def test_two_processes_with_different_settings_end(tmp_path):
     port = free_port()
-    arguments = ["-m", "iswarm_mj", *TINY, "--hosts", "--out", str(tmp_path / "out")]
+    arguments = ["-m", "iswarm_mj", *FLAGS, "--hosts", "--out", str(tmp_path / "out")]
     ran = ended([started([*arguments, f"--contact-capacity={1 + index}"], index, 2, port) for index in range(2)])
     for code, output, errors in ran:
         assert (code, output) == (2, "")
@@ -256,5 +266,8 @@ def test_a_port_in_use_is_refused(monkeypatch):
 
 
 def test_faults_name_worlds_by_their_numbers_in_the_run():
-    with pytest.raises(SimulationFault, match=r"^step 9, world 17: a; step 9, world 4: b$"), numbered([4, 17]):
-        raise SimulationFault("step 9, world 1: a; step 9, world 0: b")
+    """Not by those within the share of a process."""
+    worlds = [World(PRESETS["type1"], N, SEED, index) for index in (4, 17)]
+    fault = Fault(*np.array([[FaultKind.OUTSIDE, FaultKind.TOO_MANY_PAIRS], [9, 3], [7, 0]]))
+    assert [(f.world, f.step) for f in decode(fault, worlds)] == [(4, 9), (17, 3)]
+    assert str(decode(fault, worlds)[0]).startswith("step 9, world 4: robot 7 left the arena")

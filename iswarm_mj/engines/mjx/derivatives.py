@@ -8,7 +8,7 @@ Derivatives of the search itself are worthless: its last steps divide difference
 zero. Those of what it finds follow from the equation (implicit function theorem): H da = -dg, where H = M + J^T D J
 over the active contacts, as in Newton's method. Without derivatives the program is MJX's own.
 
-So forward mode (`jax.jvp`, `jax.jacfwd`) goes through whole control steps, and reverse mode through `batch_step.drive`
+So forward mode (`jax.jvp`, `jax.jacfwd`) goes through whole control steps, and reverse mode through `MjxEngine.move`
 but not through sight, whose search is a loop of unknown length. A derivative is that of the branch which the run took:
 it does not know that another contact, link, message bit or decision would come about nearby, where the outcome jumps.
 Pack and unpack of messages round, and pass nothing on. In crowds a derivative needs a solver that went to the end: in
