@@ -232,14 +232,14 @@ def test_worlds_that_cannot_be_shared_are_refused(n_worlds, recorded, says):
 @pytest.mark.parametrize(
     ("address", "count", "index", "says"),
     [
-        ("node1", "2", "0", "JAX_COORDINATOR_ADDRESS was node1; it must be host:port"),
-        ("node1:99999", "2", "0", "JAX_COORDINATOR_ADDRESS was node1:99999; it must be host:port"),
-        ("node1:4321", "two", "0", "JAX_NUM_PROCESSES was two; it must be a whole number"),
-        ("node1:²", "2", "0", "JAX_COORDINATOR_ADDRESS was node1:²; it must be host:port"),
-        ("node1:٤٣٢١", "2", "0", "JAX_COORDINATOR_ADDRESS was node1:٤٣٢١; it must be host:port"),
-        ("node1:4321", "²", "0", "JAX_NUM_PROCESSES was ²; it must be a whole number"),
-        ("node1:4321", "2", "²", "JAX_PROCESS_ID was ²; it must be a whole number"),
-        ("node1:4321", "2", "-1", "JAX_PROCESS_ID was -1; it must be a whole number"),
+        ("node1", "2", "0", r"JAX_COORDINATOR_ADDRESS must be host:port .*\(got node1\)"),
+        ("node1:99999", "2", "0", r"JAX_COORDINATOR_ADDRESS must be host:port .*\(got node1:99999\)"),
+        ("node1:4321", "two", "0", r"JAX_NUM_PROCESSES must be a whole number.*\(got two\)"),
+        ("node1:²", "2", "0", r"JAX_COORDINATOR_ADDRESS must be host:port .*\(got node1:²\)"),
+        ("node1:٤٣٢١", "2", "0", r"JAX_COORDINATOR_ADDRESS must be host:port .*\(got node1:٤٣٢١\)"),
+        ("node1:4321", "²", "0", r"JAX_NUM_PROCESSES must be a whole number.*\(got ²\)"),
+        ("node1:4321", "2", "²", r"JAX_PROCESS_ID must be a whole number.*\(got ²\)"),
+        ("node1:4321", "2", "-1", r"JAX_PROCESS_ID must be a whole number.*\(got -1\)"),
     ],
 )
 def test_an_environment_that_makes_no_sense_is_refused(address, count, index, says, monkeypatch):
