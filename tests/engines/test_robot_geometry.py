@@ -15,6 +15,7 @@ import pytest
 import rerun as rr
 from helpers_opengl import needs_opengl
 from helpers_rrd import read
+from helpers_runs import check_balls, records, run_of
 from helpers_sensing import place
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
@@ -225,6 +226,24 @@ def test_run_takes_the_file(file, with_file, collisions):
     run = Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds, robot_file=robot_file)
     assert run.robot == read_robot(robot_file)
     assert run.advance().collisions.tolist() == [[collisions]]
+
+
+def test_a_whole_run_of_such_robots(file):
+    """In a crowd some come nearer to each other, and to a wall, than robots of 2 x 2 mm can."""
+    n, edge = 60, 5 * RD
+    run = run_of(CONFIG, n_robots=n, steps=30, stop_at=2, robot_file=file)
+    length, width, _ = run.robot.half_edges
+    apart, from_wall, beyond = np.inf, np.inf, -np.inf
+    for record in records(run):
+        check_balls(run, record)
+        xy, yaw = record.poses[0, :, :2], record.poses[0, :, 2]
+        c, s = abs(np.cos(yaw)), abs(np.sin(yaw))
+        corner = abs(xy) + np.stack([c * length + s * width, s * length + c * width], axis=-1)
+        beyond, from_wall = max(beyond, corner.max() - edge), min(from_wall, edge - abs(xy).max())
+        gaps = np.linalg.norm(xy[:, None] - xy[None], axis=-1)[np.triu_indices(n, 1)]
+        apart = min(apart, gaps.min())
+    assert 0.5 < apart < 1.2 and from_wall < 0.6 and beyond < 0.5
+    assert run.measures(0).picked == 2 and run.measures(0).collisions > 50 and not run.faults
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import platformdirs
 import pytest
-from helpers_runs import N, end_of, engine_of, first_step, poses_of, records, run_of, scripted
+from helpers_runs import N, check_balls, end_of, engine_of, first_step, poses_of, records, run_of, scripted
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion, find_lost
@@ -24,25 +24,6 @@ from iswarm_mj.utils.units import RD
 TYPE1 = PRESETS["type1"]
 CROWD = 100
 """Robots in the densest swarm, and the capacity of another one, which shares its program."""
-
-
-def check_balls(run, record):
-    """Each ball is lying, held or delivered; held ones hang at a tip, one a robot; delivered ones lie in the dump."""
-    balls, arena, robot = record.swarm.balls, run.config.arena, run.robot
-    for world in range(run.settings.n_worlds):
-        held, delivered, lying = balls.is_held[world], balls.is_delivered[world], balls.is_lying[world]
-        assert lying.sum() + held.sum() + delivered.sum() == arena.n_dust
-        assert not (held & delivered).any() and not (lying & (held | delivered)).any()
-        holder = balls.holder[world]
-        assert len(set(holder[held])) == held.sum()
-        x, y, yaw = record.poses[world, holder[held]].T
-        ahead, beside = robot.probe_tip
-        tip = [x + ahead * np.cos(yaw) - beside * np.sin(yaw), y + ahead * np.sin(yaw) + beside * np.cos(yaw)]
-        np.testing.assert_allclose(record.balls[world, held, :2].T, tip, atol=1e-5)
-        assert (record.balls[world, held, 2] < robot.tip_height).all()
-        assert np.abs(record.balls[world, delivered, :2]).max(initial=0.0) <= arena.dump_size / 2 * RD + 1e-4
-        radius = balls.radius[world]
-        np.testing.assert_allclose(record.balls[world, ~held, 2], 1e3 * radius[~held], rtol=1e-6)
 
 
 class TestBalls:
