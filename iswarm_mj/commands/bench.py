@@ -11,8 +11,8 @@ class Bench(Swarm):
     """Time the control step and its parts, or the gripper's bench, on this machine; prints one JSON line."""
 
     what: str = "swarm"
-    """swarm; or grasp, whole trials on the gripper's bench. The number of trials is --worlds (100 if that is 1); the other
-    flags of grasp are --engine (mujoco or mjx), --impl and --seed."""
+    """swarm; or grasp, whole trials on the gripper's bench. The number of trials is --worlds (100 if that is 1); the
+    other flags of grasp are --engine (mujoco or mjx), --impl and --seed."""
     steps: int = 200
     """Control steps that are timed."""
     warm_up: int = 20

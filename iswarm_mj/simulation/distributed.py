@@ -1,7 +1,7 @@
 """Processes on several hosts that share the worlds of a run; they communicate only results and faults.
 
-Each process runs its own worlds with its own program. Nothing that JAX compiles spans two processes, since all would have
-to start such a program at about the same time, while they may finish their shares hours apart.
+Each process runs its own worlds with its own program. Nothing that JAX compiles spans two processes, since all would
+have to start such a program at about the same time, while they may finish their shares hours apart.
 """
 
 import json
@@ -97,8 +97,8 @@ class Hosts:
                 differences = [f"{name} {other.get(name)} instead of {first.get(name)}" for name in names[:3]]
                 more = f" and {len(names) - 3} more" * (len(names) > 3)
                 raise UserError(
-                    f"process {process} of {self.count} has {', '.join(differences)}{more}, unlike process 0; start all "
-                    "processes with the same settings and versions"
+                    f"process {process} of {self.count} has {', '.join(differences)}{more}, unlike process 0; start "
+                    "all processes with the same settings and versions"
                 )
 
     def look(self) -> None:
