@@ -5,6 +5,7 @@ from pathlib import Path
 
 from iswarm_mj.commands.swarm_options import Swarm
 from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.files import make_output_directory
 
 
 @dataclass(frozen=True)
@@ -35,4 +36,6 @@ class Clean(Swarm):
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
         hosts = self.joined()
         with hosts.together():
+            if hosts.index == 0:
+                make_output_directory(self.out)  # before anything is compiled
             clean(self.run_of(config, genome, settings, hosts), settings, self.out, hosts)
