@@ -1,0 +1,28 @@
+"""Compilation of this folder's functions by numba."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+
+compiled = numba.njit(nogil=True)
+"""For functions that other compiled functions call."""
+
+
+def cached(function: Callable) -> Any:
+    """Compile a function that Python calls, once for all processes.
+
+    Numba looks for changes in the function's own file only, and would go on with a program whose callees were edited.
+    Here each state of this folder has its own place in the user's cache.
+    """
+    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    place = Path(platformdirs.user_cache_dir("iswarm_mj")) / "numba" / hashlib.sha256(sources).hexdigest()[:16]
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(place)
+    try:
+        return numba.njit(nogil=True, cache=True)(function)
+    finally:
+        numba.config.CACHE_DIR = before

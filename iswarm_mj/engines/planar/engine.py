@@ -1,0 +1,78 @@
+"""The fast engine for CPUs: MuJoCo's contacts of upright boxes, solved in the plane by compiled functions."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.planar.physics import Bodies, take_steps
+from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.engines.planar.sight import sense
+from iswarm_mj.utils.errors import FaultKind
+
+_SHARES = 4  # of the worlds for each thread, so that none waits long for another
+
+
+class PlanarEngine:
+    """`Engine` of B worlds at once, bit-identical at any number of threads.
+
+    Robots end a control step within 0.001 mm of where MuJoCo in C puts them. Only robots that overlap by more than their
+    height differ: MuJoCo pushes them apart vertically, which their joints do not allow; here they move apart.
+    """
+
+    def __init__(self, config: SwarmConfig, arena: ArenaModel, n_threads: int = 0):
+        """Read the model.
+
+        Args:
+            config: optics.
+            arena: compiled; any number of its robots stands for all.
+            n_threads: threads, 0 for one a core.
+
+        Raises:
+            UserError: the model has features that this engine does not simulate.
+        """
+        self.plane, self.robot, self._optics = read_plane(arena), arena.robot, config.optics
+        self._n_threads = n_threads or len(os.sched_getaffinity(0))
+        self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
+
+    def place(self, poses: np.ndarray, is_present: np.ndarray) -> Bodies:
+        """See `Engine.place`."""
+        poses = np.array(poses, float)
+        return Bodies(poses, np.zeros_like(poses), np.array(is_present, bool))
+
+    def poses(self, bodies: Bodies) -> np.ndarray:
+        """See `Engine.poses`."""
+        return bodies.poses
+
+    def sense(self, bodies: Bodies, emits: np.ndarray, is_running: np.ndarray) -> Sight:
+        """See `Engine.sense`."""
+        is_present = bodies.is_present & is_running[:, None]
+        return sense(self.plane, self.robot, self._optics, bodies.poses, np.asarray(emits), is_present)
+
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: np.ndarray) -> Motion:
+        """See `Engine.move`."""
+        n_worlds, n_robots = bodies.is_present.shape
+        new = Bodies(bodies.poses.copy(), bodies.velocities.copy(), bodies.is_present)
+        touching, is_solved = np.zeros((n_worlds, n_robots, n_robots), bool), np.ones(n_worlds, bool)
+        for phase in phases:
+            targets = np.ascontiguousarray(phase.velocity(new.poses), float)
+            worlds = np.flatnonzero(is_running & is_solved)
+            self._take_steps(worlds, phase.n_substeps, new, targets, touching, is_solved)
+        fault, robot = find_lost(new.poses, bodies.is_present & is_running[:, None], self.plane.edge)
+        fault |= np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED)).astype(np.int32)
+        failed = fault != 0
+        new.poses[failed], new.velocities[failed] = bodies.poses[failed], bodies.velocities[failed]
+        return Motion(new, touching, fault, robot)
+
+    def _take_steps(self, worlds: np.ndarray, *arguments) -> None:
+        """Take physics steps of some worlds, spread over the threads; other arguments as of `take_steps`."""
+        if self._pool is None or len(worlds) < 2:
+            take_steps(worlds, *arguments, self.plane)
+            return
+        shares = np.array_split(worlds, min(len(worlds), self._n_threads * _SHARES))
+        for done in [self._pool.submit(take_steps, share, *arguments, self.plane) for share in shares]:
+            done.result()

@@ -1,0 +1,62 @@
+"""Pairs of robots near each other, by a grid of square cells."""
+
+import numpy as np
+
+from iswarm_mj.engines.planar.compiled import compiled
+
+_FORWARD = ((1, 0), (-1, 1), (0, 1), (1, 1))  # half of the eight cells around one: each pair of cells comes once
+
+
+@compiled
+def near_pairs(poses: np.ndarray, is_present: np.ndarray, radius: float, edge: float) -> np.ndarray:
+    """Pairs (P, 2) of robots whose centres are less than `radius` apart, in an order that depends on the poses alone.
+
+    Args:
+        poses: (N, 3) x, y [mm] and yaw.
+        is_present: (N,) bool; the others are in no pair.
+        radius: [mm].
+        edge: distance of the walls from the arena's centre [mm]; robots beyond them count as in the outermost cells.
+    """
+    n_robots = len(poses)
+    n_cells = max(1, min(int(2.0 * edge / radius), int(2.0 * np.sqrt(n_robots))))  # along an edge
+    last_in_cell = np.full((n_cells, n_cells), -1, np.int64)
+    before = np.empty(n_robots, np.int64)  # in the same cell
+    for i in range(n_robots):
+        if is_present[i]:
+            column, row = _cell(poses[i, 0], edge, n_cells), _cell(poses[i, 1], edge, n_cells)
+            before[i] = last_in_cell[row, column]
+            last_in_cell[row, column] = i
+
+    pairs, n_pairs = np.empty((4 * n_robots + 16, 2), np.int64), 0
+    for i in range(n_robots):
+        if not is_present[i]:
+            continue
+        if n_pairs + n_robots > len(pairs):
+            pairs = np.concatenate((pairs, np.empty_like(pairs)))
+        n_pairs = _add(i, before[i], before, poses, radius, pairs, n_pairs)
+        column, row = _cell(poses[i, 0], edge, n_cells), _cell(poses[i, 1], edge, n_cells)
+        for right, up in _FORWARD:
+            if 0 <= column + right < n_cells and row + up < n_cells:
+                n_pairs = _add(i, last_in_cell[row + up, column + right], before, poses, radius, pairs, n_pairs)
+    return pairs[:n_pairs]
+
+
+@compiled
+def _cell(at: float, edge: float, n_cells: int) -> int:
+    """Index of the cell along an axis; 0 for a coordinate that is not a number."""
+    share = (at + edge) * (n_cells / (2.0 * edge))
+    return int(min(share, n_cells - 1.0)) if share > 0.0 else 0
+
+
+@compiled
+def _add(
+    i: int, j: int, before: np.ndarray, poses: np.ndarray, radius: float, pairs: np.ndarray, n_pairs: int
+) -> int:
+    """Append the pairs of robot i with j and those before it in its cell; return how many pairs there are now."""
+    while j >= 0:
+        dx, dy = poses[j, 0] - poses[i, 0], poses[j, 1] - poses[i, 1]
+        if dx * dx + dy * dy < radius * radius:
+            pairs[n_pairs, 0], pairs[n_pairs, 1] = min(i, j), max(i, j)
+            n_pairs += 1
+        j = before[j]
+    return n_pairs

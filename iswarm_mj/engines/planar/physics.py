@@ -1,0 +1,104 @@
+"""Physics steps of worlds: contacts, impulses, Euler integration."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from iswarm_mj.engines.planar.compiled import cached, compiled
+from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
+from iswarm_mj.engines.planar.near_pairs import near_pairs
+from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.solver import solve
+
+_SKIN = 1.5
+"""Near pairs are those whose circumcircles are closer than this; they are found anew where others may have become so
+[mm]."""
+
+
+class Bodies(NamedTuple):
+    """Mechanical state of B worlds with N robots."""
+
+    poses: np.ndarray
+    """(B, N, 3) x, y [mm] and yaw [rad]."""
+    velocities: np.ndarray
+    """(B, N, 3) [mm/s, mm/s, rad/s]."""
+    is_present: np.ndarray
+    """(B, N) bool; the others stay where they are, and touch and hide nothing."""
+
+
+@cached
+def take_steps(
+    worlds: np.ndarray,
+    n_substeps: int,
+    bodies: Bodies,
+    targets: np.ndarray,
+    touching: np.ndarray,
+    is_solved: np.ndarray,
+    plane: Plane,
+) -> None:
+    """Take physics steps of some of B worlds in place.
+
+    Args:
+        worlds: indices of these worlds.
+        n_substeps: number of physics steps.
+        bodies: state, changed.
+        targets: (B, N, 3) set points of the servos [mm/s, mm/s, rad/s].
+        touching: (B, N, N) bool, in which the pairs in contact in the last step are set, in the upper triangle.
+        is_solved: (B,) bool, set to False where the contact solver fails, which ends the steps of the world.
+        plane: robots and arena.
+    """
+    for world in worlds:
+        is_solved[world] = _take_steps(
+            n_substeps,
+            Bodies(bodies.poses[world], bodies.velocities[world], bodies.is_present[world]),
+            targets[world],
+            touching[world],
+            plane,
+        )
+
+
+@compiled
+def _take_steps(n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, plane: Plane) -> bool:
+    """As `take_steps`, of one world, without an axis of worlds; return whether the contact solver succeeded."""
+    poses, n_robots = bodies.poses, len(bodies.poses)
+    velocities = np.zeros((n_robots + 1, 3))  # the last row is that of the walls
+    velocities[:n_robots] = bodies.velocities
+    headings = np.empty((n_robots, 2))
+    for i in range(n_robots):
+        headings[i, 0], headings[i, 1] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+    diameter = 2.0 * math.sqrt(plane.half_x**2 + plane.half_y**2)
+    pairs, contacts = np.empty((0, 2), np.int64), np.empty(0, CONTACT)
+    moved, n_contacts = np.inf, 0
+    for _ in range(n_substeps):
+        if 2.0 * moved > _SKIN:
+            pairs, moved = near_pairs(poses, bodies.is_present, diameter + _SKIN, plane.edge), 0.0
+            contacts = np.empty(len(pairs) + 4 * n_robots, CONTACT)
+        n_contacts = find_contacts(pairs, poses, headings, velocities, bodies.is_present, plane, contacts)
+        for i in range(n_robots):
+            for k in range(3):
+                velocities[i, k] += plane.servo[k] * (targets[i, k] - velocities[i, k])
+        if not solve(contacts[:n_contacts], velocities, plane):
+            return False
+        moved += _integrate(bodies, headings, velocities, plane.timestep)
+    bodies.velocities[:] = velocities[:n_robots]
+    for contact in contacts[:n_contacts]:
+        if contact.first < n_robots:
+            touching[contact.first, contact.second] = True
+    return True
+
+
+@compiled
+def _integrate(bodies: Bodies, headings: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
+    """Move the robots of a world with their new velocities; return how far the fastest one went [mm]."""
+    poses, farthest = bodies.poses, 0.0
+    for i in range(len(poses)):
+        if bodies.is_present[i]:
+            dx, dy, turn = timestep * velocities[i, 0], timestep * velocities[i, 1], timestep * velocities[i, 2]
+            poses[i, 0] += dx
+            poses[i, 1] += dy
+            if turn != 0.0:
+                poses[i, 2] += turn
+                headings[i, 0], headings[i, 1] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+            farthest = max(farthest, dx * dx + dy * dy)
+    return math.sqrt(farthest)

@@ -1,0 +1,89 @@
+"""Which models the planar engine simulates as MuJoCo does."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.utils.errors import UserError
+
+_JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+_NEEDED = ("CONSTRAINT", "CONTACT", "REFSAFE", "DAMPER")  # features that must not be disabled
+_INWARD = np.array([[-1, 0, 0], [0, -1, 0], [1, 0, 0], [0, 1, 0]])
+
+
+def check_model(arena: ArenaModel) -> None:
+    """Check that a model contains robots and walls alone, and nothing but what is simulated.
+
+    Raises:
+        UserError: it contains something else.
+    """
+    for requirement, holds in [*_options(arena), *_robots(arena), *_contacts(arena), *_walls(arena)]:
+        if not holds:
+            raise UserError(
+                f"the planar engine requires {requirement}; change the model, or use the engine mujoco or mjx."
+            )
+
+
+def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
+    model, option = arena.model, arena.model.opt
+    disabled = {n for n in _NEEDED if option.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")}
+    yield "the Euler integrator", option.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    yield "explicit damping, with eulerdamp disabled", bool(option.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    yield f"the feature {', '.join(disabled).lower()} to be enabled", not disabled
+    yield "no override of contact parameters", not option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
+    yield "no density, viscosity or horizontal gravity", not any([option.density, option.viscosity, *option.gravity[:2]])
+    yield "no actuators, tendons and equality constraints", model.nu + model.ntendon + model.neq == 0
+    yield "no contact pairs and exclusions", model.npair + model.nexclude == 0
+    yield "no plugins", model.nplugin == 0
+
+
+def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
+    model = arena.model
+    joints, dofs = arena.qpos, model.dof_M0[arena.qpos]
+    yield "robots with two slides and one hinge each", model.njnt == joints.size and bool(
+        (model.jnt_type[joints] == _JOINTS).all()
+    )
+    yield "joints along x, along y and about z through the centre", bool(
+        np.allclose(model.jnt_axis[joints], np.eye(3)) and not model.jnt_pos[joints].any()
+    )
+    yield "joints without stiffness, limits and friction", not any(
+        part[joints].any() for part in (model.jnt_stiffness, model.jnt_limited, model.dof_frictionloss)
+    )
+    yield "robots that stand upright along the arena's axes", bool(
+        (model.body_quat[arena.body] == [1, 0, 0, 0]).all() and (model.geom_quat[arena.hull] == [1, 0, 0, 0]).all()
+    )
+    yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body, :2].any()
+    yield "robots of one mass and inertia", bool(np.allclose(dofs, dofs[0]) and np.isclose(dofs[0, 0], dofs[0, 1]))
+
+
+def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
+    model, hulls, solid = arena.model, arena.hull, np.concatenate([arena.hull, arena.walls])
+    collides = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+    yield "contacts of hulls and walls alone", set(collides) == set(solid)
+    types, affinities = model.geom_contype[solid], model.geom_conaffinity[solid]
+    meet = (types[:, None] & affinities) | (affinities[:, None] & types)
+    yield "hulls that collide with each other and with walls", bool(meet[: len(hulls)].all())
+    yield "boxes as hulls", bool((model.geom_type[hulls] == mujoco.mjtGeom.mjGEOM_BOX).all())
+    yield "hulls around the robots' centres", not model.geom_pos[hulls].any()
+    yield "contacts without friction, condim 1", bool((model.geom_condim[solid] == 1).all())
+    yield "contacts without margin and gap", not (model.geom_margin[solid].any() or model.geom_gap[solid].any())
+    yield "a positive solref, time constant and damping ratio", bool((model.geom_solref[solid] > 0).all())
+    for same in (hulls, arena.walls):
+        for name in ("size", "solref", "solimp", "solmix", "priority"):
+            values = getattr(model, f"geom_{name}")[same]
+            yield f"the same {name} for all hulls and for all walls", bool((values == values[0]).all())
+    yield "the same priority for hulls and walls", len(set(model.geom_priority[solid])) == 1
+
+
+def _walls(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
+    model, walls = arena.model, arena.walls
+    matrix = np.empty((len(walls), 9))
+    for row, wall in zip(matrix, walls, strict=True):
+        mujoco.mju_quat2Mat(row, model.geom_quat[wall])
+    distance = -(model.geom_pos[walls] * _INWARD).sum(axis=1)
+    yield "planes as walls", bool((model.geom_type[walls] == mujoco.mjtGeom.mjGEOM_PLANE).all())
+    yield "four walls that face the arena's centre at one distance", bool(
+        np.allclose(matrix[:, 2::3], _INWARD) and np.allclose(distance, distance[0])
+    )

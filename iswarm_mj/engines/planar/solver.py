@@ -1,0 +1,77 @@
+"""The contact impulses of one world, by block Gauss-Seidel sweeps over its contacts with momentum."""
+
+import numpy as np
+
+from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.compiled import compiled
+from iswarm_mj.engines.planar.contact_law import two_impulses
+
+_PLAIN_SWEEPS = 6  # before momentum; ordinary crowds end sooner
+_MOMENTUM = 0.9  # share of the latest change by which all impulses move on; above 0.94 jams converge more slowly
+
+
+@compiled
+def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
+    """Find the impulses of all contacts and add them to the velocities.
+
+    Each sweep solves contact after contact exactly while the others stay, which descends on the strictly convex dual
+    problem and converges. Where many robots push each other that takes thousands of sweeps; momentum makes it ten times
+    faster. It pauses where it leads uphill (the gradient scheme of O'Donoghue & Candes 2015, Found. Comput. Math. 15,
+    715), and ends for good in the middle of all sweeps.
+
+    Args:
+        contacts: (C,) of type CONTACT.
+        velocities: (N + 1, 3), on entry as they would be without contacts [mm/s, mm/s, rad/s].
+        plane: robots and arena.
+
+    Returns:
+        Whether the sweeps converged.
+    """
+    for sweep in range(1, plane.max_sweeps + 1):
+        change, uphill = 0.0, 0.0
+        for contact in contacts:
+            p1, p2 = _impulses(contact, velocities)
+            change = max(change, abs(p1 - contact.p1), abs(p2 - contact.p2))
+            uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
+            _set_impulses(contact, p1, p2, velocities, plane)
+        if change * plane.inverse_mass <= plane.tolerance:
+            return True
+        goes_on = _PLAIN_SWEEPS <= sweep <= plane.max_sweeps // 2 and uphill <= 0.0
+        for contact in contacts:
+            p1, p2 = contact.p1, contact.p2
+            if goes_on:
+                ahead1, ahead2 = p1 + _MOMENTUM * (p1 - contact.before1), p2 + _MOMENTUM * (p2 - contact.before2)
+                _set_impulses(contact, ahead1, ahead2, velocities, plane)
+            contact.before1, contact.before2 = p1, p2
+    return False
+
+
+@compiled
+def _impulses(contact: np.void, velocities: np.ndarray) -> tuple[float, float]:
+    """Impulses of a contact that solve its own rows while all others stay."""
+    first, second = velocities[contact.first], velocities[contact.second]
+    along = contact.nx * (second[0] - first[0]) + contact.ny * (second[1] - first[1])
+    p1, p2 = contact.p1, contact.p2
+    w1 = along + contact.lever1 * second[2] - contact.arm1 * first[2] + contact.offset1
+    w1 += (contact.regularisation1 - contact.h11) * p1
+    if contact.n_rows == 1:
+        return max(0.0, -w1 / contact.h11), 0.0
+    w2 = along + contact.lever2 * second[2] - contact.arm2 * first[2] + contact.offset2
+    w2 += (contact.regularisation2 - contact.h22) * p2 - contact.h12 * p1
+    w1 -= contact.h12 * p2
+    return two_impulses(w1, w2, contact.h11, contact.h12, contact.h22)
+
+
+@compiled
+def _set_impulses(contact: np.void, p1: float, p2: float, velocities: np.ndarray, plane: Plane) -> None:
+    """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
+    first, second = velocities[contact.first], velocities[contact.second]
+    d1, d2 = p1 - contact.p1, p2 - contact.p2
+    push = d1 + d2
+    first[0] -= contact.inverse_mass * contact.nx * push
+    first[1] -= contact.inverse_mass * contact.ny * push
+    first[2] -= contact.inverse_inertia * (contact.arm1 * d1 + contact.arm2 * d2)
+    second[0] += plane.inverse_mass * contact.nx * push
+    second[1] += plane.inverse_mass * contact.ny * push
+    second[2] += plane.inverse_inertia * (contact.lever1 * d1 + contact.lever2 * d2)
+    contact.p1, contact.p2 = p1, p2
