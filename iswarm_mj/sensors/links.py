@@ -28,6 +28,10 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
+InSight = Callable[[np.ndarray, Neighbours, "Candidates"], np.ndarray]
+"""(poses of all B N robots, pairs near each other, P candidates) -> (P,) bool: does nothing block the light? False, too,
+where a nearer candidate of the same side is in sight."""
+
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """(world, origin, target, receiver, sender) of P rays -> (P,) bool: does the ray reach the sender first?"""
 
@@ -106,6 +110,21 @@ def find_links(
         reaches: casts rays; not called if `optics.line_of_sight` is off.
         sends: which robots send light, by default all; the others still block it.
     """
+
+    def in_sight(flat: np.ndarray, around: Neighbours, found: Candidates) -> np.ndarray:
+        return _by_rays(flat, around, found, robot, poses.shape[1], reaches)
+
+    return nearest_in_sight(poses, robot, optics, in_sight, sends)
+
+
+def nearest_in_sight(
+    poses: Float[np.ndarray, "B N 3"],
+    robot: Robot,
+    optics: OpticsConfig,
+    in_sight: InSight,
+    sends: Bool[np.ndarray, "B N"] | None = None,
+) -> Links:
+    """As `find_links`, where `in_sight` decides who is in sight by other means than rays."""
     n_worlds, n_robots = poses.shape[:2]
     farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
     around = find_neighbours(poses[..., :2], farthest + circles(robot).behind)
@@ -113,7 +132,7 @@ def find_links(
     sending = np.ones(len(flat), bool) if sends is None else sends.ravel()
     found = find_candidates(flat, around, robot, optics, sending)
     if optics.line_of_sight:
-        clear = _in_sight(flat, around, found, robot, n_robots, reaches)
+        clear = in_sight(flat, around, found)
     else:
         clear = np.ones(len(found.slot), bool)
     chosen = np.zeros(len(clear), bool)
@@ -135,7 +154,7 @@ def find_links(
     )
 
 
-def _in_sight(
+def _by_rays(
     poses: np.ndarray, around: Neighbours, found: Candidates, robot: Robot, n_robots: int, reaches: LedHit
 ) -> np.ndarray:
     """Whether nothing blocks the light (P,) bool; False, too, where a nearer candidate of the same side is clear."""

@@ -1,0 +1,52 @@
+"""Where rays of light meet rectangles and walls, as functions of numbers. Units: mm."""
+
+import math
+
+from numba.extending import register_jitable
+
+
+@register_jitable
+def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> float:
+    """Share of a ray's vector at which it enters a rectangle, 0 if it begins inside; infinite if it never does.
+
+    Args:
+        ox: x of the ray's origin, from the rectangle's centre.
+        oy: likewise y.
+        vx: x of the ray's vector.
+        vy: y of it.
+        c: cosine of the rectangle's heading.
+        s: sine of it.
+        hx: half edge along the heading.
+        hy: half edge across it.
+    """
+    enters_x, leaves_x = _between_sides(c * ox + s * oy, c * vx + s * vy, hx)
+    enters_y, leaves_y = _between_sides(c * oy - s * ox, c * vy - s * vx, hy)
+    enters, leaves = max(enters_x, enters_y), min(leaves_x, leaves_y)
+    if enters > leaves or leaves < 0.0:
+        return math.inf
+    return max(enters, 0.0)
+
+
+@register_jitable
+def _between_sides(origin: float, along: float, half: float) -> tuple[float, float]:
+    """Shares of a vector between which one of its coordinates is at most `half` in size."""
+    if along == 0.0:
+        return (-math.inf, math.inf) if abs(origin) <= half else (math.inf, -math.inf)
+    one, other = (-half - origin) / along, (half - origin) / along
+    return min(one, other), max(one, other)
+
+
+@register_jitable
+def meets_walls(x: float, y: float, vx: float, vy: float, edge: float) -> float:
+    """Share of a ray's vector at which it leaves the square of walls; not positive if it begins beyond one of them.
+
+    Args:
+        x: of the ray's origin, from the arena's centre.
+        y: likewise.
+        vx: x of the ray's vector.
+        vy: y of it.
+        edge: distance of the walls from the arena's centre.
+    """
+    if max(abs(x), abs(y)) > edge:
+        return 0.0
+    return min(_between_sides(x, vx, edge)[1], _between_sides(y, vy, edge)[1])
