@@ -21,7 +21,7 @@ GenomeOverrides = make_dataclass(
 )
 GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
 
-MAX_ROBOTS = {"mujoco": 200_000, "mjx": 5_000_000}
+MAX_ROBOTS = {"mujoco": 200_000, "planar": 200_000, "mjx": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
 _MJX_ONLY = ("impl", "solver_iterations", "contact_capacity", "devices", "hosts", "hosts_timeout")
@@ -43,7 +43,7 @@ class Swarm:
     """Seed of all random numbers."""
     worlds: Annotated[int, Within(1)] = 1
     """Number of independent worlds, simulated together."""
-    engine: Literal["mujoco", "mjx"] = "mujoco"
+    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
     """Physics engine: mujoco (C, on CPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
     impl: Literal["jax", "warp"] = "jax"
     """Implementation of mjx: jax (everywhere), or warp (fastest on NVIDIA GPUs, slow on CPUs)."""
@@ -139,10 +139,12 @@ class Swarm:
 
     def _engine(self, chunk: int) -> Any:
         from iswarm_mj.simulation.distributed import devices
-        from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings
+        from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings
 
         if self.engine == "mujoco":
             return MujocoSettings(self.threads)
+        if self.engine == "planar":
+            return PlanarSettings(self.threads)
         own = tuple(devices(self.devices))
         return MjxSettings(self.impl, self.solver_iterations, self.contact_capacity, chunk, own)
 

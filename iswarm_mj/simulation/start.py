@@ -12,12 +12,13 @@ from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
-from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
@@ -66,6 +67,11 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
         case MujocoSettings(threads):
             arena = compile_arena(config, n_robots, np.zeros(0), robot_file=plan.robot_file)
             engine = MujocoEngine(config, arena, len(worlds), threads, capacity)
+            state = state._replace(bodies=engine.place(poses, params.is_present))
+            return HostLoop(engine, config, params, state, watch), start
+        case PlanarSettings(threads):
+            alike = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file)  # one robot stands for all
+            engine = PlanarEngine(config, alike, threads)
             state = state._replace(bodies=engine.place(poses, params.is_present))
             return HostLoop(engine, config, params, state, watch), start
         case MjxSettings() as mjx:
