@@ -29,8 +29,8 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 InSight = Callable[[np.ndarray, Neighbours, "Candidates"], np.ndarray]
-"""(poses of all B N robots, pairs near each other, P candidates) -> (P,) bool: does nothing block the light? False, too,
-where a nearer candidate of the same side is in sight."""
+"""(poses of all B N robots, pairs near each other, P candidates) -> (P,) bool: does nothing block the light? It may be
+False where a nearer candidate of the same side is in sight."""
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """(world, origin, target, receiver, sender) of P rays -> (P,) bool: does the ray reach the sender first?"""
@@ -131,10 +131,7 @@ def nearest_in_sight(
     flat = poses.reshape(-1, 3)
     sending = np.ones(len(flat), bool) if sends is None else sends.ravel()
     found = find_candidates(flat, around, robot, optics, sending)
-    if optics.line_of_sight:
-        clear = in_sight(flat, around, found)
-    else:
-        clear = np.ones(len(found.slot), bool)
+    clear = in_sight(flat, around, found) if optics.line_of_sight else np.ones(len(found.slot), bool)
     chosen = np.zeros(len(clear), bool)
     first = _first(clear, found.slot)
     chosen[first[first < len(clear)]] = True

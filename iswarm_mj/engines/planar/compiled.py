@@ -7,6 +7,7 @@ from typing import Any
 
 import numba
 import platformdirs
+from numba.core import config
 
 compiled = numba.njit(nogil=True)
 """For functions that other compiled functions call."""
@@ -19,10 +20,12 @@ def cached(function: Callable) -> Any:
     Here each state of this folder has its own place in the user's cache.
     """
     sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
-    place = Path(platformdirs.user_cache_dir("iswarm_mj")) / "numba" / hashlib.sha256(sources).hexdigest()[:16]
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(place)
+    place = (
+        platformdirs.user_cache_path("iswarm_mj", appauthor=False) / "numba" / hashlib.sha256(sources).hexdigest()[:16]
+    )
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(place)
     try:
         return numba.njit(nogil=True, cache=True)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before

@@ -82,9 +82,7 @@ def offset(impedance: float, distance: float, velocity: float, law: ContactLaw, 
 
 
 @register_jitable
-def two_impulses(
-    w1: float, w2: float, h11: float, h12: float, h22: float
-) -> tuple[float, float]:
+def two_impulses(w1: float, w2: float, h11: float, h12: float, h22: float) -> tuple[float, float]:
     """Impulses p >= 0 with w + H p >= 0, one of both zero in each row: a linear complementarity problem, exactly.
 
     Args:

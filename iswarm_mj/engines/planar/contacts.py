@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.compiled import compiled
 from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.contact_law import ContactLaw, impedance, offset, regularisation
+from iswarm_mj.engines.planar.plane import Plane
 
 _WALLS = ((-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))  # normals of the east, north, west and south wall
 _NUMBERS = (
@@ -83,9 +83,7 @@ _Row = tuple[float, float, float, float, float]
 
 
 @compiled
-def _set_rows(
-    contact: np.void, rows: tuple[_Row, _Row], velocities: np.ndarray, plane: Plane, law: ContactLaw
-) -> int:
+def _set_rows(contact: np.void, rows: tuple[_Row, _Row], velocities: np.ndarray, plane: Plane, law: ContactLaw) -> int:
     """Complete a contact whose bodies and normal are set; return 1 if any point touches, otherwise 0.
 
     Args:

@@ -20,8 +20,8 @@ _SHARES = 4  # of the worlds for each thread, so that none waits long for anothe
 class PlanarEngine:
     """`Engine` of B worlds at once, bit-identical at any number of threads.
 
-    Robots end a control step within 0.001 mm of where MuJoCo in C puts them. Only robots that overlap by more than their
-    height differ: MuJoCo pushes them apart vertically, which their joints do not allow; here they move apart.
+    Robots end a control step within 0.001 mm of where MuJoCo in C puts them. Those that overlap by more than their
+    height differ: MuJoCo pushes them apart vertically, which their joints do not allow; here they part.
     """
 
     def __init__(self, config: SwarmConfig, arena: ArenaModel, n_threads: int = 0):

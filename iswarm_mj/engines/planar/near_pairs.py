@@ -49,9 +49,7 @@ def _cell(at: float, edge: float, n_cells: int) -> int:
 
 
 @compiled
-def _add(
-    i: int, j: int, before: np.ndarray, poses: np.ndarray, radius: float, pairs: np.ndarray, n_pairs: int
-) -> int:
+def _add(i: int, j: int, before: np.ndarray, poses: np.ndarray, radius: float, pairs: np.ndarray, n_pairs: int) -> int:
     """Append the pairs of robot i with j and those before it in its cell; return how many pairs there are now."""
     while j >= 0:
         dx, dy = poses[j, 0] - poses[i, 0], poses[j, 1] - poses[i, 1]

@@ -33,7 +33,10 @@ def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     yield "explicit damping, with eulerdamp disabled", bool(option.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     yield f"the feature {', '.join(disabled).lower()} to be enabled", not disabled
     yield "no override of contact parameters", not option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
-    yield "no density, viscosity or horizontal gravity", not any([option.density, option.viscosity, *option.gravity[:2]])
+    yield (
+        "no density, viscosity or horizontal gravity",
+        not any([option.density, option.viscosity, *option.gravity[:2]]),
+    )
     yield "no actuators, tendons and equality constraints", model.nu + model.ntendon + model.neq == 0
     yield "no contact pairs and exclusions", model.npair + model.nexclude == 0
     yield "no plugins", model.nplugin == 0
@@ -42,17 +45,23 @@ def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
 def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     model = arena.model
     joints, dofs = arena.qpos, model.dof_M0[arena.qpos]
-    yield "robots with two slides and one hinge each", model.njnt == joints.size and bool(
-        (model.jnt_type[joints] == _JOINTS).all()
+    yield (
+        "robots with two slides and one hinge each",
+        model.njnt == joints.size and bool((model.jnt_type[joints] == _JOINTS).all()),
     )
-    yield "joints along x, along y and about z through the centre", bool(
-        np.allclose(model.jnt_axis[joints], np.eye(3)) and not model.jnt_pos[joints].any()
+    yield (
+        "joints along x, along y and about z through the centre",
+        bool(np.allclose(model.jnt_axis[joints], np.eye(3)) and not model.jnt_pos[joints].any()),
     )
-    yield "joints without stiffness, limits and friction", not any(
-        part[joints].any() for part in (model.jnt_stiffness, model.jnt_limited, model.dof_frictionloss)
+    yield (
+        "joints without stiffness, limits and friction",
+        not any(part[joints].any() for part in (model.jnt_stiffness, model.jnt_limited, model.dof_frictionloss)),
     )
-    yield "robots that stand upright along the arena's axes", bool(
-        (model.body_quat[arena.body] == [1, 0, 0, 0]).all() and (model.geom_quat[arena.hull] == [1, 0, 0, 0]).all()
+    yield (
+        "robots that stand upright along the arena's axes",
+        bool(
+            (model.body_quat[arena.body] == [1, 0, 0, 0]).all() and (model.geom_quat[arena.hull] == [1, 0, 0, 0]).all()
+        ),
     )
     yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body, :2].any()
     yield "robots of one mass and inertia", bool(np.allclose(dofs, dofs[0]) and np.isclose(dofs[0, 0], dofs[0, 1]))
@@ -84,6 +93,7 @@ def _walls(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
         mujoco.mju_quat2Mat(row, model.geom_quat[wall])
     distance = -(model.geom_pos[walls] * _INWARD).sum(axis=1)
     yield "planes as walls", bool((model.geom_type[walls] == mujoco.mjtGeom.mjGEOM_PLANE).all())
-    yield "four walls that face the arena's centre at one distance", bool(
-        np.allclose(matrix[:, 2::3], _INWARD) and np.allclose(distance, distance[0])
+    yield (
+        "four walls that face the arena's centre at one distance",
+        bool(np.allclose(matrix[:, 2::3], _INWARD) and np.allclose(distance, distance[0])),
     )

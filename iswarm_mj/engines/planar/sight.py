@@ -37,9 +37,7 @@ def sense(
     leds, receivers, behind = np.array(robot.leds), np.array(robot.receivers), circles(robot).behind
 
     def in_sight(flat: np.ndarray, around: Neighbours, found: Candidates) -> np.ndarray:
-        side, led = found.reception.side, found.reception.led
-        paths = found.slot, found.receiver, found.sender, found.distance, receivers[side], leds[led]
-        return clear_paths(*paths, flat, around.first, around.other, around.distance, plane, behind)
+        return clear_paths(found, around, flat, receivers, leds, plane, behind)
 
     links = nearest_in_sight(poses, robot, optics, in_sight, emits & is_present)
     return Sight(links, walls_in_sight(poses, is_present, leds, np.array(SIDES), plane, mm_from_rd(optics.wall_range)))
@@ -47,52 +45,42 @@ def sense(
 
 @cached
 def clear_paths(
-    slot: np.ndarray,
-    receiver: np.ndarray,
-    sender: np.ndarray,
-    distance: np.ndarray,
-    origin: np.ndarray,
-    target: np.ndarray,
+    found: Candidates,
+    around: Neighbours,
     poses: np.ndarray,
-    first: np.ndarray,
-    other: np.ndarray,
-    apart: np.ndarray,
+    receivers: np.ndarray,
+    leds: np.ndarray,
     plane: Plane,
     behind: float,
 ) -> np.ndarray:
     """Which of P paths of light are the first of their slot that no third robot blocks (P,).
 
     Args:
-        slot: (P,) receiving side of each path, sorted; paths of one slot by increasing distance.
-        receiver: (P,) index of the receiving robot.
-        sender: (P,) index of the sending robot.
-        distance: (P,) between their centres [mm].
-        origin: (P, 2) where the path begins, in the receiver's frame [mm].
-        target: (P, 2) where it ends, in the sender's frame [mm].
+        found: the paths, from senders to receivers.
+        around: pairs of robots near each other.
         poses: (N, 3) of all robots.
-        first: (N + 1,) where the neighbours of each robot begin.
-        other: (Q,) neighbours.
-        apart: (Q,) how far they are from the robot [mm].
+        receivers: (4, 2) where a robot's sides receive light, in its frame [mm].
+        leds: (4, 2) where they send it.
         plane: robots.
         behind: a robot that blocks a path is at most this much farther from the receiver than the sender is [mm].
     """
-    is_clear, settled = np.zeros(len(slot), np.bool_), -1
+    is_clear, settled = np.zeros(len(found.slot), np.bool_), -1
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    for k in range(len(slot)):
-        if slot[k] == settled:
+    for k in range(len(found.slot)):
+        if found.slot[k] == settled:
             continue
-        i, j = receiver[k], sender[k]
-        x, y = _in_world(poses, cos, sin, i, origin[k])
-        x_end, y_end = _in_world(poses, cos, sin, j, target[k])
+        i, j = found.receiver[k], found.sender[k]
+        x, y = _in_world(poses, cos, sin, i, receivers[found.reception.side[k]])
+        x_end, y_end = _in_world(poses, cos, sin, j, leds[found.reception.led[k]])
         is_clear[k] = True
-        for q in range(first[i], first[i + 1]):
-            third = other[q]
-            if third != j and apart[q] <= distance[k] + behind:
-                if _share(x, y, x_end - x, y_end - y, poses[third], cos[third], sin[third], plane) < 1.0:
-                    is_clear[k] = False
-                    break
+        for q in range(around.first[i], around.first[i + 1]):
+            third = around.other[q]
+            is_near = third != j and around.distance[q] <= found.distance[k] + behind
+            if is_near and _share(x, y, x_end - x, y_end - y, poses, cos, sin, third, plane) < 1.0:
+                is_clear[k] = False
+                break
         if is_clear[k]:
-            settled = slot[k]
+            settled = found.slot[k]
     return is_clear
 
 
@@ -128,14 +116,16 @@ def walls_in_sight(
                 sees[world, i, side] = share <= 1.0
                 if 0.0 < share <= 1.0:
                     for j in near:
-                        if j != i and _share(x, y, vx, vy, here[j], cos[j], sin[j], plane) < share:
+                        if j != i and _share(x, y, vx, vy, here, cos, sin, j, plane) < share:
                             sees[world, i, side] = False
                             break
     return sees
 
 
 @compiled
-def _in_world(poses: np.ndarray, cos: np.ndarray, sin: np.ndarray, i: int, point: np.ndarray) -> tuple[float, float]:
+def _in_world(
+    poses: np.ndarray, cos: np.ndarray, sin: np.ndarray, i: int | np.integer, point: np.ndarray
+) -> tuple[float, float]:
     """World position of a point (2,) in the frame of robot i."""
     x, y = poses[i, 0] + cos[i] * point[0] - sin[i] * point[1], poses[i, 1] + sin[i] * point[0] + cos[i] * point[1]
     return x, y
@@ -143,11 +133,11 @@ def _in_world(poses: np.ndarray, cos: np.ndarray, sin: np.ndarray, i: int, point
 
 @compiled
 def _share(
-    x: float, y: float, vx: float, vy: float, pose: np.ndarray, cos: float, sin: float, plane: Plane
+    x: float, y: float, vx: float, vy: float, poses: np.ndarray, cos: np.ndarray, sin: np.ndarray, i: int, plane: Plane
 ) -> float:
-    """Share of the vector at which a ray first meets the robot at `pose` (3,); infinite if it never does."""
-    ox, oy = x - pose[0], y - pose[1]
+    """Share of its vector at which a ray meets robot i; infinite if it never does."""
+    ox, oy = x - poses[i, 0], y - poses[i, 1]
     across = ox * vy - oy * vx
     if across * across > (plane.half_x**2 + plane.half_y**2) * (vx * vx + vy * vy):
         return np.inf  # it passes outside the circumcircle
-    return meets_rectangle(ox, oy, vx, vy, cos, sin, plane.half_x, plane.half_y)
+    return meets_rectangle(ox, oy, vx, vy, cos[i], sin[i], plane.half_x, plane.half_y)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.compiled import compiled
 from iswarm_mj.engines.planar.contact_law import two_impulses
+from iswarm_mj.engines.planar.plane import Plane
 
 _PLAIN_SWEEPS = 6  # before momentum; ordinary crowds end sooner
 _MOMENTUM = 0.9  # share of the latest change by which all impulses move on; above 0.94 jams converge more slowly

@@ -1,0 +1,127 @@
+"""The planar engine against MuJoCo in C: every physics step of one contact, control steps of crowds and jams, light."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_sensing import crowd as bricks
+
+from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.simulation.initial import place_robots
+from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.strategy.controller import Command
+
+CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+EDGE = 7.5 * 2 * np.sqrt(2)
+
+
+@cache
+def engines(n_worlds, n_robots, config=CONFIG):
+    """MuJoCo in C and the planar engine."""
+    arena = compile_arena(config, n_robots, np.zeros(0))
+    return MujocoEngine(config, arena, n_worlds, 1, n_robots), PlanarEngine(config, arena, 1)
+
+
+def both_placed(poses):
+    """Engines and bodies of robots at rest at (B, N, 3)."""
+    present = np.ones(poses.shape[:2], bool)
+    return [(engine, engine.place(poses, present)) for engine in engines(*poses.shape[:2])]
+
+
+def both_move(pairs, phases):
+    running = np.ones(len(pairs[0][1].poses), bool)
+    return [engine.move(bodies, phases, running) for engine, bodies in pairs]
+
+
+@pytest.mark.parametrize(
+    ("start", "velocity", "tolerance"),
+    [
+        ([(EDGE - 1.1, 3.0, 0.0)], [(1.4, 0.3, 0.0)], 1e-9),
+        ([(EDGE - 1.5, 3.0, 0.5)], [(1.4, 0.3, 0.2)], 1e-9),
+        ([(EDGE - 1.3, 1.4 - EDGE, 0.7)], [(1.2, -0.8, 0.0)], 2e-6),  # two contacts, solved by sweeps
+        ([(-1.1, 0.0, 0.0), (1.1, 0.0, 0.0)], [(1.4, 0.0, 0.0), (-1.4, 0.0, 0.0)], 1e-9),
+        ([(-1.1, 0.0, 0.0), (1.2, 0.4, 0.3)], [(1.4, 0.0, 0.0), (-1.4, 0.1, 0.5)], 1e-9),
+        ([(-1.1, 0.0, 0.1), (1.1, 1.9, 0.8)], [(1.4, 0.9, 0.0), (-0.4, -0.1, 0.5)], 1e-9),
+    ],
+    ids=["wall", "wall-corner", "corner of the arena", "head-on", "offset", "oblique"],
+)
+def test_velocities_of_each_physics_step_are_those_of_mujoco(start, velocity, tolerance):
+    poses, velocity = np.array([start]), np.array([velocity])
+    pairs = both_placed(poses)
+    (mujoco, _), (planar, _) = pairs
+    for _ in range(12):
+        in_c, here = both_move(pairs, [Phase(1, lambda _: velocity)])
+        expected = mujoco._qvel[0, mujoco._arena.qpos]
+        np.testing.assert_allclose(here.bodies.velocities[0], expected, rtol=tolerance, atol=tolerance)
+        np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, rtol=tolerance, atol=tolerance)
+        pairs = [(mujoco, in_c.bodies), (planar, here.bodies)]
+    assert np.abs(expected - velocity[0]).max() > 0.3
+
+
+def commands(rng, shape):
+    """Turns [rad] and walks [mm] of robots (B, N)."""
+    return Command(rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, np.sqrt(2), shape))
+
+
+def test_crowds_end_their_control_steps_where_mujoco_ends():
+    """States that MuJoCo reaches in eight control steps, and one more by both engines, from rest."""
+    rng = np.random.default_rng(1)
+    poses = np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(6)])
+    n_touching = 0
+    for _ in range(9):
+        phases = drive_phases(CONFIG.drive, commands(rng, poses.shape[:2]))
+        in_c, here = both_move(both_placed(poses), phases)
+        assert not in_c.fault.any() and not here.fault.any()
+        np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, atol=2e-5)
+        np.testing.assert_array_equal(here.touching, in_c.touching)
+        n_touching += here.touching.sum()
+        poses = in_c.bodies.poses
+    assert n_touching > 500
+
+
+def test_crowds_stay_together_over_control_steps():
+    """Without placing the robots anew: velocities pass from one control step to the next."""
+    rng = np.random.default_rng(2)
+    pairs = both_placed(np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(4)]))
+    for _ in range(5):
+        motions = both_move(pairs, drive_phases(CONFIG.drive, commands(rng, (4, 60))))
+        pairs = [(engine, motion.bodies) for (engine, _), motion in zip(pairs, motions, strict=True)]
+    np.testing.assert_allclose(motions[1].bodies.poses, motions[0].bodies.poses, atol=1e-3)
+    np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
+
+
+def test_jams_end_where_mujoco_ends():
+    """All robots walk to the centre and press upon each other there."""
+    rng = np.random.default_rng(3)
+    poses = place_robots(CONFIG.arena, 60, rng)[None]
+    inward = Phase(10, lambda poses: -poses * [1, 1, 0] / np.maximum(np.hypot(*poses[..., :2].T).T[..., None], 0.5))
+    for step in range(25):
+        in_c, here = both_move(both_placed(poses), [inward])
+        if step >= 15:
+            np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, atol=1e-4)
+            np.testing.assert_array_equal(here.touching, in_c.touching)
+        poses = in_c.bodies.poses
+    assert here.touching.sum() > 90
+
+
+@pytest.mark.parametrize("density", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("mode", ["sector", "power"])
+def test_links_and_walls_are_those_of_mujoco(mode, density):
+    rng = np.random.default_rng(4)
+    config = SwarmConfig(arena=CONFIG.arena, optics=OpticsConfig(mode=mode))
+    poses = np.stack([bricks(rng, density) for _ in range(4)])
+    poses[..., :2] += rng.uniform(-0.2, 0.2, poses[..., :2].shape) + np.array([13, -11])  # some touch, some see walls
+    inside = np.abs(poses[..., :2]).max(axis=-1) < EDGE - 1
+    emits, running = rng.random(inside.shape) < 0.9, np.ones(4, bool)
+    in_c, here = (
+        engine.sense(engine.place(poses, inside), emits, running) for engine in engines(*inside.shape, config)
+    )
+    np.testing.assert_array_equal(here.links.valid, in_c.links.valid)
+    for values, expected in zip(here.links, in_c.links, strict=True):
+        np.testing.assert_array_equal(values[in_c.links.valid], expected[in_c.links.valid])
+    np.testing.assert_array_equal(here.sees_wall, in_c.sees_wall)
+    assert in_c.links.valid.sum() > 100 and in_c.sees_wall.sum() > 10

@@ -1,0 +1,205 @@
+"""The planar engine: servos, conservation laws, absent robots, faults, threads. Units: mm, mg, s."""
+
+import math
+
+import numpy as np
+import pytest
+
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.units import RD
+
+EDGE = 7.5 * RD  # of the small arena, from its middle
+MASS, INERTIA = 10.0, 10.0 * (2**2 + 2**2) / 12
+
+
+def engine_of(config, n_threads=1, **changes):
+    """Engine of the small arena; `changes` replace numbers of its plane."""
+    engine = PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), n_threads)
+    engine.plane = engine.plane._replace(**changes)
+    return engine
+
+
+def placed(engine, poses, present=None):
+    poses = np.asarray(poses, float)
+    return engine.place(poses, np.ones(poses.shape[:2], bool) if present is None else present)
+
+
+def moved(engine, bodies, velocity, n_substeps=10, running=None):
+    """Motion of all worlds, or those `running`, with servos set to `velocity`."""
+    velocity = np.broadcast_to(np.asarray(velocity, float), bodies.poses.shape)
+    running = np.ones(len(bodies.poses), bool) if running is None else np.asarray(running)
+    return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], running)
+
+
+def crowd(n_worlds, rng, n_robots=25):
+    """Robots on distinct cells, so near that they meet as soon as they move."""
+    cells = np.stack(np.meshgrid(*[(np.arange(7) - 3) * RD] * 2), -1).reshape(-1, 2)
+    xy = np.stack([cells[rng.permutation(49)[:n_robots]] for _ in range(n_worlds)])
+    return np.dstack([xy, rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))])
+
+
+class TestServo:
+    def test_robots_move_as_commanded(self, small):
+        rng, engine = np.random.default_rng(1), engine_of(small)
+        grid = np.stack(np.meshgrid(*[[-9.0, 0.0, 9.0]] * 2), -1).reshape(-1, 2)
+        start = np.dstack([np.tile(grid, (2, 1, 1)), rng.uniform(-3, 3, (2, 9))])
+        velocity = rng.uniform(-1.5, 1.5, start.shape)
+        motion = moved(engine, placed(engine, start), velocity, 7)
+        np.testing.assert_allclose(motion.bodies.poses, start + 0.7 * velocity, atol=1e-12)
+        assert not motion.touching.any() and not motion.fault.any()
+
+    def test_phases_follow_each_other(self, small):
+        """Turn by 90 degrees, then walk north."""
+        engine = engine_of(small)
+        turn = Phase(4, lambda poses: np.full_like(poses, [0, 0, math.pi / 2 / 0.4]))
+        walk = Phase(6, lambda poses: np.stack([np.cos(poses[..., 2]), np.sin(poses[..., 2]), 0 * poses[..., 2]], -1))
+        bodies = placed(engine, [[(0, 0, 0)]])
+        motion = engine.move(bodies, [turn, walk], np.ones(1, bool))
+        np.testing.assert_allclose(motion.bodies.poses, [[(0, 0.6, math.pi / 2)]], atol=1e-12)
+        assert not bodies.poses.any()  # what went in is as it was
+
+    def test_worlds_that_do_not_run_stand_still(self, small):
+        engine = engine_of(small)
+        bodies = placed(engine, np.zeros((3, 1, 3)))
+        motion = moved(engine, bodies, 1.0, 4, [True, False, True])
+        np.testing.assert_allclose(motion.bodies.poses[:, 0, 0], [0.4, 0, 0.4])
+
+
+class TestContacts:
+    def test_a_robot_meets_a_wall(self, small):
+        """Two alike rows of a flat side: J v' + R p / 2 + offset = 0 with m v' = m v - p, solved by hand."""
+        engine = engine_of(small)
+        overlap, speed = 0.05, 1.2
+        d, time_constant, h = 0.99, 0.2, 0.1
+        softness = (1 - d) / d * (2 / 3 / MASS) / 4  # of four points as one
+        offset = speed - h * (2 / (d * time_constant) * speed + d / (d * time_constant) ** 2 * overlap)
+        impulse = (speed - offset) / (1 / MASS + softness)
+        bodies = placed(engine, [[(EDGE - 1 + overlap, 0, 0)]])
+        bodies.velocities[0, 0, 0] = speed
+        new = moved(engine, bodies, [speed, 0, 0], 1).bodies
+        np.testing.assert_allclose(new.velocities[0, 0], [speed - impulse / MASS, 0, 0], rtol=1e-9, atol=1e-9)
+
+    @pytest.mark.parametrize(
+        "second", [(2.5, 0.0, 0.0), (2.6, 0.7, 0.4), (1.5, 2.2, 0.8)], ids=["head-on", "corner", "oblique"]
+    )
+    def test_momentum_is_conserved_without_drive(self, small, second):
+        engine = engine_of(small, servo=(0.0, 0.0, 0.0))
+        bodies = placed(engine, [[(-1.0, 0.3, 0.2), second]])
+        bodies.velocities[0] = [[1.4, 0.2, 0.3], [-0.9, -0.7, -0.5]]
+
+        def momenta(bodies):
+            x, v = bodies.poses[0], bodies.velocities[0]
+            spin = MASS * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]) + INERTIA * v[:, 2]
+            energy = MASS * (v[:, :2] ** 2).sum() + INERTIA * (v[:, 2] ** 2).sum()
+            return MASS * v[:, :2].sum(axis=0), spin.sum(), energy / 2
+
+        linear, angular, energy = momenta(bodies)
+        before, touched = bodies.velocities, False
+        for _ in range(12):
+            motion = moved(engine, bodies, 0.0, 1)
+            bodies, touched = motion.bodies, touched or motion.touching[0, 0, 1]
+            now = momenta(bodies)
+            np.testing.assert_allclose(now[0], linear, rtol=1e-12)
+            np.testing.assert_allclose(now[1], angular, rtol=1e-12)
+        assert touched and np.abs(bodies.velocities - before).max() > 0.3
+        assert now[2] < energy
+
+    def test_a_mirrored_world_moves_as_its_mirror_image(self, small):
+        engine, rng = engine_of(small), np.random.default_rng(2)
+        mirror = np.array([-1.0, 1.0, -1.0])
+        start, velocity = crowd(1, rng), rng.uniform(-2, 2, (1, 25, 3))
+        straight = moved(engine, placed(engine, start), velocity)
+        mirrored = moved(engine, placed(engine, start * mirror), velocity * mirror)
+        np.testing.assert_allclose(mirrored.bodies.poses, straight.bodies.poses * mirror, atol=1e-6)
+        np.testing.assert_array_equal(mirrored.touching, straight.touching)
+        assert straight.touching.sum() > 5
+
+    def test_relabelled_robots_are_the_same_robots(self, small):
+        engine, rng = engine_of(small), np.random.default_rng(3)
+        start, velocity, new = crowd(1, rng), rng.uniform(-2, 2, (1, 25, 3)), rng.permutation(25)
+        before = moved(engine, placed(engine, start), velocity)
+        after = moved(engine, placed(engine, start[:, new]), velocity[:, new])
+        np.testing.assert_allclose(after.bodies.poses, before.bodies.poses[:, new], atol=1e-6)
+        either = (before.touching | before.touching.transpose(0, 2, 1))[:, new][:, :, new]
+        np.testing.assert_array_equal(after.touching, np.triu(either))
+
+    def test_robots_deeper_in_each_other_than_they_are_high_part(self, small):
+        engine = engine_of(small)
+        bodies = moved(engine, placed(engine, [[(0, 0, 0), (0.7, 0.1, 0.3)]]), 0.0, 30).bodies
+        assert np.hypot(*(bodies.poses[0, 1] - bodies.poses[0, 0])[:2]) > 1.9
+
+
+class TestAbsentRobots:
+    PRESENT = np.arange(30) < 25
+
+    def start(self):
+        """A crowd of 25 robots, and five that are absent, in the midst of it."""
+        poses = crowd(2, np.random.default_rng(4))
+        return np.concatenate([poses, poses[:, :5] + 0.5], axis=1), np.tile(self.PRESENT, (2, 1))
+
+    def test_leave_no_trace(self, small):
+        engine, rng = engine_of(small), np.random.default_rng(5)
+        start, present = self.start()
+        velocity = rng.uniform(-2, 2, start.shape)
+        with_absent = moved(engine, placed(engine, start, present), velocity)
+        without = moved(engine, placed(engine, start[:, :25]), velocity[:, :25])
+        np.testing.assert_array_equal(with_absent.bodies.poses[:, :25], without.bodies.poses)
+        np.testing.assert_array_equal(with_absent.touching[:, :25, :25], without.touching)
+        assert with_absent.touching.sum() == without.touching.sum() > 5
+        np.testing.assert_array_equal(with_absent.bodies.poses[:, 25:], start[:, 25:])
+
+    def test_neither_send_nor_hide_nor_see(self, small):
+        engine = engine_of(small)
+        start, present = self.start()
+        everybody, running = np.ones(start.shape[:2], bool), np.ones(2, bool)
+        sight = engine.sense(placed(engine, start, present), everybody, running)
+        alone = engine.sense(placed(engine, start[:, :25]), everybody[:, :25], running)
+        for values, expected in zip((*sight.links, sight.sees_wall), (*alone.links, alone.sees_wall), strict=True):
+            np.testing.assert_array_equal(values[:, :25], expected)
+        assert not sight.links.valid[:, 25:].any() and not sight.sees_wall[:, 25:].any()
+        assert alone.links.valid.sum() > 20
+
+
+class TestFaults:
+    def test_end_their_world_alone(self, small):
+        """A robot that is nowhere, one that escapes, and a world that goes on; bodies of the faulty ones stay."""
+        engine = engine_of(small)
+        start = np.tile([(0.0, 0.0, 0.0), (6.0, 0.0, 0.0)], (3, 1, 1))
+        start[0, 1, 0] = np.nan
+        velocity = np.full((3, 2, 3), 0.5)
+        velocity[1, 1, 0] = 500.0
+        bodies = placed(engine, start)
+        motion = moved(engine, bodies, velocity)
+        assert motion.fault.tolist() == [FaultKind.POSE_NOT_FINITE, FaultKind.OUTSIDE, 0]
+        assert motion.robot[:2].tolist() == [1, 1]
+        np.testing.assert_array_equal(motion.bodies.poses[:2], start[:2])
+        np.testing.assert_allclose(motion.bodies.poses[2], start[2] + 0.5)
+
+    def test_sweeps_that_do_not_suffice(self, small):
+        engine = engine_of(small, max_sweeps=1)
+        apart, heap = [(-6.0, 0, 0), (0, 0, 0), (6, 0, 0)], [(0.0, 0, 0), (1.9, 0.5, 0), (3.8, 0, 0)]
+        bodies = placed(engine, [apart, heap])
+        motion = moved(engine, bodies, [0.5, 0, 0])
+        assert motion.fault.tolist() == [0, FaultKind.SOLVER_FAILED]
+        np.testing.assert_array_equal(motion.bodies.poses[1], heap)
+
+
+class TestManyWorlds:
+    def test_threads_and_companions_do_not_matter(self, small):
+        """Worlds of different size, on one thread, on two, and each alone."""
+        rng = np.random.default_rng(6)
+        start = crowd(11, rng)
+        present = np.arange(25) < rng.integers(10, 26, 11)[:, None]
+        velocity = rng.uniform(-2, 2, start.shape)
+        one = moved(engine_of(small), placed(engine_of(small), start, present), velocity, 20)
+        two = moved(engine_of(small, 2), placed(engine_of(small), start, present), velocity, 20)
+        np.testing.assert_array_equal(two.bodies.poses, one.bodies.poses)
+        np.testing.assert_array_equal(two.touching, one.touching)
+        for world in range(11):
+            pick = [world]
+            alone = moved(engine_of(small), placed(engine_of(small), start[pick], present[pick]), velocity[pick], 20)
+            np.testing.assert_array_equal(alone.bodies.poses[0], one.bodies.poses[world])
+        assert one.touching.any(axis=(1, 2)).all()

@@ -1,0 +1,85 @@
+"""What the planar engine reads from a model, and which models it refuses."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
+
+BIT = mujoco.mjtDisableBit
+
+
+def arena_with(change=None, n_robots=2):
+    arena = compile_arena(SwarmConfig(), n_robots, np.zeros(0))
+    if change is not None:
+        change(arena.model, arena)
+    return arena
+
+
+def test_numbers_are_those_of_the_robot():
+    plane = read_plane(arena_with())
+    assert plane[:4] == pytest.approx((1, 1, 0.1, 0.15))
+    assert plane.servo == pytest.approx((1, 1, 1))
+    assert (plane.edge, plane.timestep) == pytest.approx((24.5 * RD, 0.1))
+    assert plane.between_robots.inverse_weight == 2 * plane.at_walls.inverse_weight == pytest.approx(2 / 15)
+
+
+def test_one_robot_stands_for_all():
+    one, five = (np.hstack(read_plane(arena_with(n_robots=n))) for n in (1, 5))
+    np.testing.assert_allclose(one, five, rtol=1e-12)
+
+
+def set_option(name, value):
+    def change(model, arena):
+        setattr(model.opt, name, value)
+
+    return change
+
+
+def set_array(name, value, which):
+    def change(model, arena):
+        getattr(model, name)[which(arena)] = value
+
+    return change
+
+
+def hull(arena):
+    return arena.hull[1]
+
+
+def joint(arena):
+    return arena.qpos[1, 0]
+
+
+REFUSED = {
+    "Euler": set_option("integrator", mujoco.mjtIntegrator.mjINT_RK4),
+    "eulerdamp": set_option("disableflags", 0),
+    "constraint to be enabled": set_option("disableflags", BIT.mjDSBL_EULERDAMP | BIT.mjDSBL_CONSTRAINT),
+    "horizontal gravity": set_option("gravity", [0, 1, -9810]),
+    "condim 1": set_array("geom_condim", 3, hull),
+    "boxes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_CYLINDER, hull),
+    "margin": set_array("geom_margin", 0.1, hull),
+    "positive solref": set_array("geom_solref", -100.0, hull),
+    "same size": set_array("geom_size", 2.0, hull),
+    "same solimp": set_array("geom_solimp", 0.5, hull),
+    "upright": set_array("geom_quat", [0.8, 0.6, 0, 0], hull),
+    "two slides and one hinge": set_array("jnt_type", mujoco.mjtJoint.mjJNT_HINGE, joint),
+    "stiffness": set_array("jnt_stiffness", 1.0, joint),
+    "along x, along y": set_array("jnt_axis", [0, 0, 1], joint),
+    "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
+    "one mass": set_array("dof_M0", 20.0, joint),
+    "hulls and walls alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
+    "collide with each other": set_array("geom_contype", 0, hull),
+    "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),
+    "four walls": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),
+}
+
+
+@pytest.mark.parametrize(("says", "change"), REFUSED.items(), ids=REFUSED.keys())
+def test_models_that_it_cannot_simulate_are_refused(says, change):
+    with pytest.raises(UserError, match=f"planar engine requires .*{says}.*; .* engine mujoco or mjx"):
+        read_plane(arena_with(change))
