@@ -35,10 +35,10 @@ class Evolve:
     """Directory for the results; one that holds a search already is refused without --resume."""
     resume: bool = False
     """Go on with the search in --out, with the same settings; begin it if there is none."""
-    engine: Literal["mujoco", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs) or mjx (JAX, a generation is one batch on a GPU)."""
+    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    """Physics: mujoco (C, on CPUs), planar (the same contacts, faster on CPUs) or mjx (JAX, a generation is one batch on a GPU)."""
     workers: int = 0
-    """Worker processes of mujoco, 0 for one a core; the results do not depend on it."""
+    """Worker processes of mujoco and planar, 0 for one a core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
     operators: Operators = field(default_factory=Operators)

@@ -32,10 +32,10 @@ class Experiment:
     """A preset or a JSON file, the swarm in question; the experiment types takes all presets."""
     seed: int = 0
     """Seed of all random numbers."""
-    engine: Literal["mujoco", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs) or mjx (JAX, runs batched on a GPU)."""
+    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    """Physics: mujoco (C, on CPUs), planar (the same contacts, faster on CPUs) or mjx (JAX, runs batched on a GPU)."""
     workers: int = 0
-    """Worker processes of mujoco, 0 for one a core; the results do not depend on it."""
+    """Worker processes of mujoco and planar, 0 for one a core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
     again: bool = False

@@ -44,7 +44,8 @@ class Swarm:
     worlds: Annotated[int, Within(1)] = 1
     """Number of independent worlds, simulated together."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics engine: mujoco (C, on CPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
+    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, several times faster), or mjx
+    (batches compiled by JAX, on GPUs and CPUs)."""
     impl: Literal["jax", "warp"] = "jax"
     """Implementation of mjx: jax (everywhere), or warp (fastest on NVIDIA GPUs, slow on CPUs)."""
     solver_iterations: int = 100

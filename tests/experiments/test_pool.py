@@ -64,7 +64,7 @@ SEEDS = [0, 1, 2, 3, 4, 5]
 def dying_once(directory):
     """A worker's code that is killed by each job's first attempt, and fails for good at a seventh job."""
 
-    def work(index, job):
+    def work(index, job, engine):
         mark = directory / str(index)
         if index == 6:
             raise SimulationFault("step 8: gone")
@@ -176,14 +176,14 @@ def test_programs_read_half_written_are_silent_in_workers(monkeypatch):
     entry = "Error reading persistent compilation cache entry for 'jit_step'"
     told = [f"{entry}: error: {error.value}", f"{entry}: PermissionError: no", "truncated stream"]
 
-    def warns(job):
+    def warns(job, engine):
         for text in told:
             warnings.warn(text, stacklevel=1)
 
     monkeypatch.setattr("iswarm_mj.experiments.runner.jobs.run_job", warns)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        worker.work(0, None)
+        worker.work(0, None, "mujoco")
     assert [str(warning.message) for warning in caught] == told[1:]
 
 

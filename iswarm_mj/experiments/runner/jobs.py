@@ -7,12 +7,14 @@ from typing import NamedTuple
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import SimulationFault
 
 CAPACITY_STEP = 64
 """Jobs share a compiled program if their numbers of robots round up to the same multiple of this."""
+
+_ENGINES: dict[str, EngineSettings] = {"mujoco": MujocoSettings(threads=1), "planar": PlanarSettings(threads=1)}
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,12 @@ def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
     return Outcome(*measures, steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
 
 
-def run_job(job: Job) -> Outcome:
+def run_job(job: Job, engine: str = "mujoco") -> Outcome:
     """Run a job in this process, on the CPU.
+
+    Args:
+        job: the run.
+        engine: its physics, mujoco or planar.
 
     Raises:
         UserError: the arena is too small for the robots.
@@ -72,7 +78,7 @@ def run_job(job: Job) -> Outcome:
         capacity=-(-job.n_robots // CAPACITY_STEP) * CAPACITY_STEP,
         record_worlds=(),
     )
-    run = Run(job.config, job.genome, settings, MujocoSettings(threads=1))
+    run = Run(job.config, job.genome, settings, _ENGINES[engine])
     while not run.is_over:
         run.advance()
     for fault in run.faults:

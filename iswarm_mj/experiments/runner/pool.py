@@ -21,22 +21,23 @@ from iswarm_mj.utils.constraints import Within, check, validate
 class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
-    engine: Literal["mujoco", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), or mjx (JAX, jobs of equal settings are one batch of worlds in this process)."""
+    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    """Physics: mujoco (C, on CPUs), planar (the same contacts in the plane, faster), or mjx (JAX, jobs of equal settings
+    are one batch of worlds in this process)."""
     workers: Annotated[int, Within(0, 1024)] = 0
-    """Worker processes of mujoco: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
+    """Worker processes, not of mjx: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
     backend: Literal["processes", "ray"] = "processes"
-    """Workers of mujoco: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
+    """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
 
     def __post_init__(self):
         validate(self)
-        check("backend", self.backend, "processes with `engine` mjx", self.engine == "mujoco" or self.backend != "ray")
+        check("backend", self.backend, "processes with `engine` mjx", self.engine != "mjx" or self.backend != "ray")
 
     @property
     def identity(self) -> dict[str, str]:
         """Settings that identify an engine in files: empty for the default engine."""
-        if self.engine == "mujoco":
-            return {}
+        if self.engine != "mjx":
+            return {} if self.engine == "mujoco" else {"engine": self.engine}
         from iswarm_mj.experiments.runner.batches import implementation
 
         return {"engine": self.engine, "impl": implementation()}
@@ -60,11 +61,11 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     if execution.backend == "ray":
         from iswarm_mj.experiments.runner.ray_pool import run_on_ray
 
-        return run_on_ray(numbered, execution.workers)
+        return run_on_ray(numbered, execution.workers, execution.engine)
     workers = execution.workers or cpu_count()
     if workers == 1:
-        return ((index, run_job(job)) for index, job in numbered)
-    return _run_in_processes(numbered, workers)
+        return ((index, run_job(job, execution.engine)) for index, job in numbered)
+    return _run_in_processes(numbered, workers, execution.engine)
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
@@ -72,14 +73,14 @@ def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
     return tqdm(total=total, initial=done, desc=describe or None, unit="run", disable=not sys.stderr.isatty())
 
 
-def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int) -> NumberedOutcomes:
+def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int, engine: str) -> NumberedOutcomes:
     # Loky replaces a worker that has grown by 300 MB, as programs for many numbers of robots make it grow.
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     left, losses = dict(numbered), 0
     options: dict[str, Any] = {"initializer": worker.start, "initargs": (os.getpid(),)}
     while left:
         pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
-        tasks = [delayed(worker.work)(index, job) for index, job in left.items()]
+        tasks = [delayed(worker.work)(index, job, engine) for index, job in left.items()]
         try:
             with _closing(cast(NumberedOutcomes, pool(tasks))) as finished:
                 for index, outcome in finished:

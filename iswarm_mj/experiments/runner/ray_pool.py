@@ -11,12 +11,13 @@ from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes
 from iswarm_mj.utils.errors import UserError
 
 
-def run_on_ray(numbered: Sequence[tuple[int, Job]], workers: int) -> NumberedOutcomes:
+def run_on_ray(numbered: Sequence[tuple[int, Job]], workers: int, engine: str) -> NumberedOutcomes:
     """Yield (index, outcome) of numbered jobs from a Ray cluster, which itself repeats the jobs of lost workers.
 
     Args:
         numbered: (index, job), in the order in which they start.
         workers: jobs at a time, 0 for as many as the cluster has CPUs.
+        engine: physics of the jobs, mujoco or planar.
 
     Raises:
         SimulationFault: a run could not go on, or workers keep dying.
@@ -28,7 +29,7 @@ def run_on_ray(numbered: Sequence[tuple[int, Job]], workers: int) -> NumberedOut
     try:
         while waiting or running:
             while waiting and (not workers or len(running) < workers):
-                running.append(remote.remote(*waiting.pop()))
+                running.append(remote.remote(*waiting.pop(), engine))
             (done, *_), running = ray.wait(running)
             yield ray.get(done)
     except ray.exceptions.RayTaskError as error:

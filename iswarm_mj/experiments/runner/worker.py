@@ -27,7 +27,7 @@ def start(parent: int) -> None:
     threading.Thread(target=_end_with, args=[parent], daemon=True).start()
 
 
-def work(index: int, job: "Job") -> tuple[int, "Outcome"]:
+def work(index: int, job: "Job", engine: str) -> tuple[int, "Outcome"]:
     """Run a job on the CPU; GPUs belong to the parent."""
     import jax
 
@@ -36,7 +36,7 @@ def work(index: int, job: "Job") -> tuple[int, "Outcome"]:
     # While one worker writes a compiled program, another may read half of it; it compiles the program itself then.
     warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
     jax.config.update("jax_platforms", "cpu")
-    return index, run_job(job)
+    return index, run_job(job, engine)
 
 
 def lost(times: int, job: "Job") -> SimulationFault:
