@@ -36,7 +36,7 @@ class Evolve:
     resume: bool = False
     """Go on with the search in --out, with the same settings; begin it if there is none."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (the same contacts, faster on CPUs) or mjx (JAX, a generation is one batch on a GPU)."""
+    """Physics: mujoco (C, on CPUs), planar (faster on CPUs) or mjx (JAX, a generation is one batch on a GPU)."""
     workers: int = 0
     """Worker processes of mujoco and planar, 0 for one a core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"

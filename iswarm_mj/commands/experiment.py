@@ -33,7 +33,7 @@ class Experiment:
     seed: int = 0
     """Seed of all random numbers."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (the same contacts, faster on CPUs) or mjx (JAX, runs batched on a GPU)."""
+    """Physics: mujoco (C, on CPUs), planar (faster on CPUs) or mjx (JAX, runs batched on a GPU)."""
     workers: int = 0
     """Worker processes of mujoco and planar, 0 for one a core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"

@@ -12,8 +12,11 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.initial import place_robots
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.controller import Command
+from iswarm_mj.strategy.genome import Genome
 
 CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 EDGE = 7.5 * 2 * np.sqrt(2)
@@ -106,6 +109,18 @@ def test_jams_end_where_mujoco_ends():
             np.testing.assert_array_equal(here.touching, in_c.touching)
         poses = in_c.bodies.poses
     assert here.touching.sum() > 90
+
+
+def test_runs_begin_alike(small):
+    """Strategy, messages and balls included; later, chaos makes different runs of them."""
+    settings = RunSettings(30, 20, seed=5, n_worlds=2, failed_fraction=0.1, record_worlds=(0, 1))
+    runs = [Run(small, Genome(), settings, engine) for engine in (MujocoSettings(1), PlanarSettings(1))]
+    for _ in range(20):
+        in_c, here = (run.advance() for run in runs)
+        np.testing.assert_allclose(here.poses, in_c.poses, atol=1e-4)
+        np.testing.assert_array_equal(here.collisions, in_c.collisions)
+        np.testing.assert_array_equal(here.links.sender, in_c.links.sender)
+    assert in_c.collisions.sum() > 10
 
 
 @pytest.mark.parametrize("density", [0.2, 0.5, 0.8])

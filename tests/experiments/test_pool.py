@@ -53,7 +53,7 @@ def expected(jobs):
 @pytest.fixture
 def stubs(monkeypatch):
     """Jobs whose outcome is their seed, so that workers need not load the simulation."""
-    monkeypatch.setattr(worker, "work", lambda index, job: (index, job.seed))
+    monkeypatch.setattr(worker, "work", lambda index, job, engine: (index, job.seed))
     return [SimpleNamespace(n_robots=30, seed=seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
 
 
@@ -113,7 +113,7 @@ class TestProcesses:
         """A worker is killed while both are within a job."""
         killed, seen = tmp_path / "killed", {}
 
-        def work(index, job):
+        def work(index, job, engine):
             while index != 1 and not killed.exists():
                 time.sleep(0.01)
             return index, job.seed
@@ -129,7 +129,7 @@ class TestProcesses:
         assert [seen[index] for index in range(len(stubs))] == SEEDS
 
     def test_workers_that_keep_dying_end_it(self, stubs, monkeypatch):
-        monkeypatch.setattr(worker, "work", lambda index, job: os.kill(os.getpid(), signal.SIGKILL))
+        monkeypatch.setattr(worker, "work", lambda index, job, engine: os.kill(os.getpid(), signal.SIGKILL))
         monkeypatch.setattr(worker, "MAX_LOSSES", 1)
         with pytest.raises(SimulationFault, match=r"died 2 times .* of 30 robots with seed 1; .* fewer `workers`$"):
             outcomes_of(stubs)
@@ -141,7 +141,7 @@ class TestProcesses:
         assert outcomes_of(stubs) == SEEDS
 
     def test_a_fault_ends_it_and_the_next_call_works(self, stubs, monkeypatch):
-        def faulty(index, job):
+        def faulty(index, job, engine):
             if index == 3:
                 raise SimulationFault("step 8: gone")
             if index not in (1, 5):  # which begin before it
@@ -156,7 +156,7 @@ class TestProcesses:
 
     @pytest.mark.filterwarnings("error")
     def test_closing_it_early_stops_the_workers(self, stubs, monkeypatch):
-        def slow(index, job):
+        def slow(index, job, engine):
             if index != 1:
                 time.sleep(LIMIT)
             return index, job.seed
@@ -198,7 +198,7 @@ import os, sys, time
 from types import SimpleNamespace
 from iswarm_mj.experiments.runner import pool, worker
 
-def work(index, job):
+def work(index, job, engine):
     if "HAS_WORKED" in os.environ:  # so that the end comes within jobs
         time.sleep(600)
     os.environ["HAS_WORKED"] = "1"

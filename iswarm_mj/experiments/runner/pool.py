@@ -22,7 +22,7 @@ class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (the same contacts in the plane, faster), or mjx (JAX, jobs of equal settings
+    """Physics: mujoco (C, on CPUs), planar (faster on CPUs), or mjx (JAX, jobs of equal settings
     are one batch of worlds in this process)."""
     workers: Annotated[int, Within(0, 1024)] = 0
     """Worker processes, not of mjx: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
