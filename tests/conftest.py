@@ -25,6 +25,7 @@ CHECKED = [
         "engines.mjx.motion",
         "engines.mjx.rays",
         "engines.mjx.sight",
+        "engines.planar.engine",
         "simulation.decide",
         "simulation.start",
         "simulation.step",

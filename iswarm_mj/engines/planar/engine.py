@@ -3,8 +3,10 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
@@ -12,6 +14,7 @@ from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
 from iswarm_mj.engines.planar.plane import read_plane
 from iswarm_mj.engines.planar.sight import sense
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
@@ -39,21 +42,21 @@ class PlanarEngine:
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
-    def place(self, poses: np.ndarray, is_present: np.ndarray) -> Bodies:
+    def place(self, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]) -> Bodies:
         """See `Engine.place`."""
         poses = np.array(poses, float)
         return Bodies(poses, np.zeros_like(poses), np.array(is_present, bool))
 
-    def poses(self, bodies: Bodies) -> np.ndarray:
+    def poses(self, bodies: Bodies) -> Float[np.ndarray, "B N 3"]:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: np.ndarray, is_running: np.ndarray) -> Sight:
+    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
         is_present = bodies.is_present & is_running[:, None]
         return sense(self.plane, self.robot, self._optics, bodies.poses, np.asarray(emits), is_present)
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: np.ndarray) -> Motion:
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""
         n_worlds, n_robots = bodies.is_present.shape
         new = Bodies(bodies.poses.copy(), bodies.velocities.copy(), bodies.is_present)
@@ -68,7 +71,7 @@ class PlanarEngine:
         new.poses[failed], new.velocities[failed] = bodies.poses[failed], bodies.velocities[failed]
         return Motion(new, touching, fault, robot)
 
-    def _take_steps(self, worlds: np.ndarray, *arguments) -> None:
+    def _take_steps(self, worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:
         """Take physics steps of some worlds, spread over the threads; other arguments as of `take_steps`."""
         if self._pool is None or len(worlds) < 2:
             take_steps(worlds, *arguments, self.plane)
