@@ -115,7 +115,7 @@ class Run:
         return self._counts.is_finished | (self._counts.fault.bits != 0)
 
     def advance(self) -> StepRecord | None:
-        """Take the next control steps: one with MuJoCo in C, a chunk with MJX.
+        """Take the next control steps: one on the host, a chunk with MJX.
 
         Returns:
             Record of the T steps of the W recorded worlds, NumPy arrays (T, W, ...); None if no world is recorded.
