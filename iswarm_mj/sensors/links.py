@@ -155,8 +155,10 @@ def _by_rays(
     poses: np.ndarray, around: Neighbours, found: Candidates, robot: Robot, n_robots: int, reaches: LedHit
 ) -> np.ndarray:
     """Whether nothing blocks the light (P,) bool; False, too, where a nearer candidate of the same side is clear."""
-    origin = receiver_positions(poses, robot)[found.receiver, found.reception.side]
-    target = led_positions(poses, robot)[found.sender, found.reception.led]
+    positions = receiver_positions(poses, robot)
+    origin = positions[found.receiver, found.reception.side]
+    leds = positions if robot.leds == robot.receivers else led_positions(poses, robot)
+    target = leds[found.sender, found.reception.led]
     paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)
     verdict = judge(paths, poses, around, circles(robot))
     clear = verdict == CLEAR

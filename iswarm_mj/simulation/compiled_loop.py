@@ -12,10 +12,10 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.engine import MjxEngine
-from iswarm_mj.simulation.decide import decide
-from iswarm_mj.simulation.loop import Counts
+from iswarm_mj.simulation.decide import Situation, decide
+from iswarm_mj.simulation.loop import Counts, decide_worlds
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
-from iswarm_mj.simulation.step import control_step, drive_phases, limited
+from iswarm_mj.simulation.step import Stepper, control_step, drive_phases, limited
 from iswarm_mj.utils.jax_setup import without_shardy
 
 _WORLDS = "worlds"  # the axis of the mesh of devices
@@ -46,23 +46,21 @@ class CompiledLoop:
         config: SwarmConfig,
         params: WorldParams,
         state: WorldState,
-        poses: np.ndarray,
         chunk: int,
         devices: Sequence[Any],
     ):
-        """Lay the worlds out on the devices.
+        """Distribute the worlds over the devices.
 
         Args:
             engine: acts on one world.
             config: everything that is not evolved.
             params: of B worlds.
-            state: of B worlds, but for the bodies.
-            poses: (B, N, 3) at the start.
+            state: of B worlds at the start.
             chunk: control steps in a call.
             devices: that share the worlds.
         """
         self._config, self._chunk = config, chunk
-        n_worlds = len(poses)
+        n_worlds = len(params.goal)
         self.devices = devices = list(devices)[:n_worlds]
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         self.worlds_per_device = -(-n_worlds // len(devices))
@@ -72,7 +70,6 @@ class CompiledLoop:
         world = np.arange(n_worlds)
         self._rows = world // self.worlds_per_device * rows + world % self.worlds_per_device
         self._n_rows = rows * len(devices)
-        state = state._replace(bodies=jax.vmap(engine.place)(jnp.asarray(poses, jnp.float32), params.is_present))
         self._params, self._state = self._placed(self._with_padding(params, state), _OWN)
         self._engine: MjxEngine = self._placed(engine, _SHARED)
 
@@ -97,9 +94,8 @@ class CompiledLoop:
             recorded=jnp.asarray(rows, jnp.int32),
         )
         with without_shardy():
-            self._state, records = _advance(
-                self._config, self.mesh, self._chunk, bool(recorded), shared, self._params, self._state
-            )
+            program = Program(self._config, self.mesh, self._chunk, bool(recorded))
+            self._state, records = _advance(program, shared, self._params, self._state)
         taken = min(self._chunk, last - first)
         if not recorded:
             return taken, None
@@ -124,9 +120,9 @@ class CompiledLoop:
         sense = jax.jit(jax.vmap(engine.sense))
         alive = state.swarm.is_alive
         sight = sense(state.bodies, alive, running)
-        policy = jax.jit(jax.vmap(partial(decide, config, engine.robot), in_axes=(0, 0, 0, 0, None, 0)))
-        situation = params, state.swarm, state.bodies.poses, sight, jnp.int32(7), running
-        command = policy(*situation).command
+        policy = partial(decide_worlds, config, engine.robot)
+        situation = Situation(state.bodies.poses, sight, jnp.int32(7), running)
+        command = policy(params, state.swarm, situation).command
 
         @jax.jit
         @jax.vmap
@@ -135,7 +131,7 @@ class CompiledLoop:
 
         return {
             "sense": _median(sense, state.bodies, alive, running),
-            "policy": _median(policy, *situation),
+            "policy": _median(policy, params, state.swarm, situation),
             "physics": _median(physics, state.bodies, command, running),
         }
 
@@ -146,12 +142,27 @@ class CompiledLoop:
         return params, state, local[2]
 
 
-@partial(jax.jit, static_argnames=("config", "mesh", "n_steps", "records"), donate_argnames=("state",))
-def _advance(config, mesh, n_steps, records, shared, params, state):
-    """Take `n_steps` control steps of all worlds; each device those of its own."""
+class Program(NamedTuple):
+    """What is compiled into a program."""
+
+    config: SwarmConfig
+    mesh: Mesh
+    """The devices."""
+    n_steps: int
+    """Control steps of a call."""
+    records: bool
+    """Worlds are recorded."""
+
+
+@partial(jax.jit, static_argnames=("program",), donate_argnames=("state",))
+def _advance(
+    program: Program, shared: Shared, params: WorldParams, state: WorldState
+) -> tuple[WorldState, StepRecord | None]:
+    """Take the control steps of a call of all worlds; each device those of its own."""
 
     def on_device(shared: Shared, params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
-        of_one_world = partial(decide, config, shared.engine.robot)
+        engine = shared.engine
+        stepper = Stepper(engine, program.config, partial(decide, program.config, engine.robot), program.records)
         n_rows = len(params.goal)
         place = shared.recorded - jax.lax.axis_index(_WORLDS) * n_rows
 
@@ -160,20 +171,20 @@ def _advance(config, mesh, n_steps, records, shared, params, state):
             return values[jnp.clip(place, 0, n_rows - 1)]
 
         def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, StepRecord | None]:
-            def one_world(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord]:
-                return control_step(shared.engine, config, of_one_world, params, state, step, shared.last)
+            def one_world(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
+                return control_step(stepper, params, state, step, shared.last)
 
-            if _in_turn_on(mesh.devices.flat[0], shared.engine.arena.impl):
+            if _in_turn_on(program.mesh.devices.flat[0], engine.arena.impl):
                 state, record = _in_turn(one_world, params, state, shared.n_worlds)
             else:
                 state, record = jax.vmap(one_world)(params, state)
-            return state, jax.tree.map(keep, record) if records else None
+            return state, jax.tree.map(keep, record)
 
-        state, kept = jax.lax.scan(all_worlds, state, shared.first + jnp.arange(n_steps))
+        state, kept = jax.lax.scan(all_worlds, state, shared.first + jnp.arange(program.n_steps))
         return state, jax.tree.map(lambda a: a[None], kept)
 
     spread = jax.shard_map(
-        on_device, mesh=mesh, in_specs=(_SHARED, _OWN, _OWN), out_specs=(_OWN, _OWN), check_vma=False
+        on_device, mesh=program.mesh, in_specs=(_SHARED, _OWN, _OWN), out_specs=(_OWN, _OWN), check_vma=False
     )
     return spread(shared, params, state)
 

@@ -22,26 +22,30 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 
+class Situation(NamedTuple):
+    """What a world's control step begins with, beside its state."""
+
+    poses: Float[Array, "*B N 3"]
+    """x, y [mm] and yaw [rad]."""
+    sight: Sight
+    """Light that the robots receive."""
+    step: Int[Array, ""]
+    """Number of the control step, from 0."""
+    is_running: Bool[Array, "*B"]
+    """Whether the world takes this step."""
+
+
 class Decision(NamedTuple):
     """Outcome of `decide`."""
 
     swarm: SwarmState
     command: Command
     """As the strategy gave it; zero for the dead."""
-    has_priority: Bool[Array, "N"]
+    has_priority: Bool[Array, "*B N"]
     """The robot sends the priority flag as the step begins."""
 
 
-def decide(
-    config: SwarmConfig,
-    robot: Robot,
-    params: WorldParams,
-    swarm: SwarmState,
-    poses: Float[Array, "N 3"],
-    sight: Sight,
-    step: Int[Array, ""],
-    is_running: Bool[Array, ""],
-) -> Decision:
+def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
     """Take a world's control step up to the commands; a world that does not run keeps its state.
 
     Args:
@@ -49,14 +53,12 @@ def decide(
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
-        poses: x, y [mm] and yaw [rad].
-        sight: light that the robots receive.
-        step: number of the control step, from 0.
-        is_running: whether the world takes this step.
+        situation: poses, light and time, without a leading axis.
 
     Raises:
         UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
+    poses, sight, step, is_running = situation
     n_robots = len(poses)
     strategy, is_alive = params.strategy, swarm.is_alive
     step_key = jax.random.fold_in(params.key, step)

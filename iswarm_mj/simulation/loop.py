@@ -10,11 +10,12 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.simulation.decide import Decision, decide
-from iswarm_mj.simulation.state import Fault, StepRecord, WorldParams, WorldState
-from iswarm_mj.simulation.step import control_step
+from iswarm_mj.simulation.decide import Decision, Situation, decide
+from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.robot import Robot
 
 
 class Counts(NamedTuple):
@@ -74,10 +75,9 @@ class HostLoop:
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
         """Take one control step, see `Loop.advance`."""
         params = self._params._replace(goal=self._goal, is_present=self._is_present)
-        self._state, record = control_step(
-            self._engine, self._config, self._decide, params, self._state, np.int32(first), last
-        )
-        if not recorded:
+        stepper = Stepper(self._engine, self._config, self._decide, bool(recorded))
+        self._state, record = control_step(stepper, params, self._state, np.int32(first), np.int32(last))
+        if record is None:
             return 1, None
         rows = list(recorded)
         record = record._replace(step=np.full(len(record.speed), first + 1, np.int32))
@@ -86,7 +86,7 @@ class HostLoop:
     def counts(self) -> Counts:
         """See `Loop.counts`."""
         s = self._state
-        return Counts(jax.tree.map(np.asarray, s.swarm.balls), s.collisions, s.is_finished, s.finished_at, s.fault)
+        return Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault)
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
@@ -94,24 +94,25 @@ class HostLoop:
 
     def stage_times(self) -> dict[str, float]:
         """See `Loop.stage_times`; of all steps so far."""
-        return {stage: float(np.median(self._watch.laps[stage])) for stage in ("sense", "policy", "physics")}
+        laps = self._watch.laps
+        return {stage: float(np.median(laps[stage])) for stage in ("sense", "policy", "physics") if laps[stage]}
 
-    def _decide(
-        self, params: WorldParams, swarm: Any, poses: np.ndarray, sight: Sight, step: Any, running: Any
-    ) -> Decision:
+    def _decide(self, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
         with self._watch("policy"):
-            decision = decide_worlds(
-                self._config, self._engine.robot, self._params, swarm, poses.astype(np.float32), sight, step, running
-            )
+            situation = situation._replace(poses=situation.poses.astype(np.float32))
+            decision = decide_worlds(self._config, self._engine.robot, self._params, swarm, situation)
             command, has_priority = jax.tree.map(np.asarray, (decision.command, decision.has_priority))
         return Decision(decision.swarm, command, has_priority)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
-def decide_worlds(config, robot, params, swarm, poses, sight, step, is_running) -> Decision:
-    """`decide` for B worlds at once."""
+def decide_worlds(
+    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation
+) -> Decision:
+    """`decide` for B worlds at once, all at the same step."""
     of_one = partial(decide, config, robot)
-    return jax.vmap(of_one, in_axes=(0, 0, 0, 0, None, 0))(params, swarm, poses, sight, step, is_running)
+    axes: Any = Situation(poses=0, sight=0, step=None, is_running=0)  # type: ignore
+    return jax.vmap(of_one, in_axes=(0, 0, axes))(params, swarm, situation)
 
 
 class TimedEngine:

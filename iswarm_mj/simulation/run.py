@@ -143,7 +143,7 @@ class Run:
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""
-        return self._counts.balls.is_delivered.sum(axis=1)
+        return np.asarray(self._counts.balls.is_delivered).sum(axis=1)
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far."""

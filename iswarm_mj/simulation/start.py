@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
@@ -83,7 +84,8 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             )
             is_masked = any(world.n_robots < capacity for world in worlds)
             engine = MjxEngine(compiled, config, is_masked)
-            return CompiledLoop(engine, config, params, state, poses, mjx.chunk, devices), start
+            bodies = jax.vmap(engine.place)(jnp.asarray(poses, jnp.float32), params.is_present)
+            return CompiledLoop(engine, config, params, state._replace(bodies=bodies), mjx.chunk, devices), start
 
 
 def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot) -> StepRecord:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.simulation.decide import Decision
+from iswarm_mj.simulation.decide import Decision, Situation
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.utils.arrays import Array, array_module
@@ -16,49 +17,44 @@ from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
-Decide = Callable[..., Decision]
-"""`decide.decide` but for the first two arguments; mapped over worlds where the engine acts on many at once."""
+Decide = Callable[[WorldParams, SwarmState, Situation], Decision]
+"""`decide.decide` with its configuration; mapped over worlds where the engine acts on many at once."""
+
+
+class Stepper(NamedTuple):
+    """What carries out control steps: of one world, or of B, and all arrays have a leading axis."""
+
+    engine: Engine
+    """Senses and moves."""
+    config: SwarmConfig
+    """Everything that is not evolved."""
+    decide: Decide
+    """What the robots decide."""
+    records: bool
+    """Return a record of each step."""
 
 
 def control_step(
-    engine: Engine,
-    config: SwarmConfig,
-    decide: Decide,
-    params: WorldParams,
-    state: WorldState,
-    step: Array,
-    last: Array,
-) -> tuple[WorldState, StepRecord]:
+    stepper: Stepper, params: WorldParams, state: WorldState, step: Int[Array, ""], last: Int[Array, ""]
+) -> tuple[WorldState, StepRecord | None]:
     """Take one control step, unless the world is finished or faulty or the run over.
 
     Args:
-        engine: senses and moves; of one world, or of B, and all arrays have a leading axis.
-        config: everything that is not evolved.
-        decide: what the robots decide.
+        stepper: engine, configuration and decisions.
         params: of the world.
         state: before.
         step: number of this step, from 0.
         last: number of steps of the run.
     """
+    engine, drive = stepper.engine, stepper.config.drive
     is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
-    before = engine.poses(state.bodies)
     sight = engine.sense(state.bodies, state.swarm.is_alive, is_running)
-    decision = decide(params, state.swarm, before, sight, step, is_running)
-    command, refused = limited(config.drive, decision.command)
-    motion = engine.move(state.bodies, drive_phases(config.drive, command), is_running & ~refused.any(axis=-1))
-    new = account(params, state, decision.swarm, motion, refused & is_running[..., None], step, is_running)
-    poses = engine.poses(new.bodies)
-    return new, StepRecord(
-        step=step + 1,
-        poses=poses,
-        swarm=decision.swarm,
-        links=sight.links,
-        has_priority=decision.has_priority,
-        balls=ball_centres(decision.swarm.balls, poses, engine.robot),
-        collisions=new.collisions,
-        speed=mean_step(before, poses, params.is_present) / config.drive.control_period,
-        is_running=is_running,
-    )
+    situation = Situation(engine.poses(state.bodies), sight, step, is_running)
+    decision = stepper.decide(params, state.swarm, situation)
+    command, refused = limited(drive, decision.command)
+    motion = engine.move(state.bodies, drive_phases(drive, command), is_running & ~refused.any(axis=-1))
+    new = account(params, state, decision.swarm, motion, refused, situation)
+    return new, record(stepper, params, new, decision, situation) if stepper.records else None
 
 
 def limited(drive: DriveConfig, command: Command) -> tuple[Command, Bool[Array, "*B N"]]:
@@ -103,8 +99,7 @@ def account(
     swarm: SwarmState,
     motion: Motion,
     refused: Bool[Array, "*B N"],
-    step: Int[Array, ""],
-    is_running: Bool[Array, "*B"],
+    situation: Situation,
 ) -> WorldState:
     """State after a control step: counts of collisions and deliveries, the end of the world, its faults.
 
@@ -114,11 +109,11 @@ def account(
         swarm: after it.
         motion: of the robots.
         refused: commands that were not finite.
-        step: number of the step, from 0.
-        is_running: whether the world takes this step.
+        situation: as the step began.
     """
     xp = array_module(motion.touching)
-    is_refused = refused.any(axis=-1)
+    step, is_running = situation.step, situation.is_running
+    is_refused = refused.any(axis=-1) & is_running
     bits = motion.fault | xp.where(is_refused, int(FaultKind.COMMAND_NOT_FINITE), 0).astype(motion.fault.dtype)
     robot = xp.where(is_refused, refused.argmax(axis=-1), motion.robot).astype(state.fault.robot.dtype)
     fault = Fault(
@@ -127,17 +122,45 @@ def account(
         xp.where(bits != 0, robot, state.fault.robot),
     )
     is_sound = is_running & (fault.bits == 0)
-    begun = (motion.touching & ~state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
+    touching = motion.touching & is_sound[..., None, None]
+    begun = (touching > state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
     delivered = xp.asarray(swarm.balls.is_delivered).sum(axis=-1)
     reached = is_sound & (delivered >= params.goal)
     return WorldState(
         bodies=motion.bodies,
         swarm=swarm,
-        touching=motion.touching,
-        collisions=state.collisions + xp.where(is_sound, begun, 0),
+        touching=touching,
+        collisions=state.collisions + begun,
         is_finished=state.is_finished | reached,
         finished_at=xp.where(reached, step + 1, state.finished_at).astype(state.finished_at.dtype),
         fault=fault,
+    )
+
+
+def record(
+    stepper: Stepper, params: WorldParams, state: WorldState, decision: Decision, situation: Situation
+) -> StepRecord:
+    """Record of a control step; a world that does not run has no links.
+
+    Args:
+        stepper: engine and configuration.
+        params: of the world.
+        state: after the step.
+        decision: of the robots.
+        situation: as the step began.
+    """
+    links, is_running = situation.sight.links, situation.is_running
+    poses = stepper.engine.poses(state.bodies)
+    return StepRecord(
+        step=situation.step + 1,
+        poses=poses,
+        swarm=decision.swarm,
+        links=links._replace(valid=links.valid & is_running[..., None, None]),
+        has_priority=decision.has_priority,
+        balls=ball_centres(decision.swarm.balls, poses, stepper.engine.robot),
+        collisions=state.collisions,
+        speed=mean_step(situation.poses, poses, params.is_present) / stepper.config.drive.control_period,
+        is_running=is_running,
     )
 
 

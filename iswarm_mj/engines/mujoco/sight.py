@@ -7,7 +7,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import find_links
-from iswarm_mj.sensors.optics import led_positions, outward_normals
+from iswarm_mj.sensors.optics import N_SIDES, led_positions, outward_normals
 from iswarm_mj.utils.units import mm_from_rd
 
 _RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
@@ -88,12 +88,14 @@ def find_walls(scene: Scene, poses: np.ndarray, is_present: np.ndarray) -> np.nd
     """
     length = mm_from_rd(scene.config.optics.wall_range)
     edge = mm_from_rd(scene.config.arena.size) / 2
-    leds = led_positions(poses, scene.robot)
-    outward = outward_normals(poses) * length
-    beyond = (np.abs(leds + outward).max(axis=-1) > edge) & is_present[..., None]
-    world, robot, _ = np.nonzero(beyond)
-    origin, vector = leds[beyond], outward[beyond]
-    share, hit = scene.cast_rays(world, origin, vector, robot)
-    sees = (np.abs(leds).max(axis=-1) > edge) & is_present[..., None]
-    sees[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
+    sees = np.zeros((*poses.shape[:2], N_SIDES), bool)
+    may_see = np.abs(poses[..., :2]).max(axis=-1) + scene.robot.circumradius + length > edge
+    world, robot = np.nonzero(may_see & is_present)
+    leds, outward = led_positions(poses[world, robot], scene.robot), outward_normals(poses[world, robot]) * length
+    beyond = np.abs(leds + outward).max(axis=-1) > edge
+    near, _ = np.nonzero(beyond)
+    share, hit = scene.cast_rays(world[near], leds[beyond], outward[beyond], robot[near])
+    found = np.abs(leds).max(axis=-1) > edge
+    found[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
+    sees[world, robot] = found
     return sees
