@@ -139,5 +139,5 @@ def _share(
     ox, oy = x - poses[i, 0], y - poses[i, 1]
     across = ox * vy - oy * vx
     if across * across > (plane.half_x**2 + plane.half_y**2) * (vx * vx + vy * vy):
-        return np.inf  # it passes outside the circumcircle
+        return np.inf  # it passes beside the circumcircle
     return meets_rectangle(ox, oy, vx, vy, cos[i], sin[i], plane.half_x, plane.half_y)
