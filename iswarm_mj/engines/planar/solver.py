@@ -1,5 +1,7 @@
 """The contact impulses of one world, by block Gauss-Seidel sweeps over its contacts with momentum."""
 
+from typing import Any
+
 import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled
@@ -67,7 +69,7 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
 
 
 @compiled
-def _impulses(contact: np.void, velocities: np.ndarray) -> tuple[float, float]:
+def _impulses(contact: Any, velocities: np.ndarray) -> tuple[float, float]:
     """Impulses of a contact that solve its own rows while all others stay."""
     first, second = velocities[contact.first], velocities[contact.second]
     along = contact.nx * (second[0] - first[0]) + contact.ny * (second[1] - first[1])
@@ -83,7 +85,7 @@ def _impulses(contact: np.void, velocities: np.ndarray) -> tuple[float, float]:
 
 
 @compiled
-def _set_impulses(contact: np.void, p1: float, p2: float, velocities: np.ndarray, plane: Plane) -> None:
+def _set_impulses(contact: Any, p1: float, p2: float, velocities: np.ndarray, plane: Plane) -> None:
     """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
     first, second = velocities[contact.first], velocities[contact.second]
     d1, d2 = p1 - contact.p1, p2 - contact.p2
