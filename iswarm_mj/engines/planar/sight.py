@@ -133,7 +133,15 @@ def _in_world(
 
 @compiled
 def _share(
-    x: float, y: float, vx: float, vy: float, poses: np.ndarray, cos: np.ndarray, sin: np.ndarray, i: int, plane: Plane
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    poses: np.ndarray,
+    cos: np.ndarray,
+    sin: np.ndarray,
+    i: int | np.integer,
+    plane: Plane,
 ) -> float:
     """Share of its vector at which a ray meets robot i; infinite if it never does."""
     ox, oy = x - poses[i, 0], y - poses[i, 1]
