@@ -19,9 +19,11 @@ def search_rows(generations=120, population=10, learns=True, seed=0):
             counts = bool(rng.random() < 0.3 + 0.6 * level)
             clean = counts and bool(rng.random() < 0.9)
             genome = Genome(
-                fraction_scouts=scouts, p_vector_forget=float(np.clip(0.4 - 0.7 * scouts + rng.normal(0, 0.04), 0, 1)),
-                use_hop_count=counts, density_of_robots=float(np.clip(rng.normal(0.125, 0.002), 0.1, 0.2)),
-            )  # fmt: skip
+                fraction_scouts=scouts,
+                p_vector_forget=float(np.clip(0.4 - 0.7 * scouts + rng.normal(0, 0.04), 0, 1)),
+                use_hop_count=counts,
+                density_of_robots=float(np.clip(rng.normal(0.125, 0.002), 0.1, 0.2)),
+            )
             fitness = (4000 if clean else 1500) + 3500 * level + rng.normal(0, 100)
             measures = {"n_robots": 297, "delivered": 72 if clean else 40, "fitness": float(fitness)}
             rows.append({"generation": generation, "individual": individual, **asdict(genome), **measures})
@@ -35,27 +37,50 @@ def grasp_rows(grasp=25.0, release=42.0, slope=0.0):
     for radius in np.linspace(15e-6, 25e-6, 5):
         for rh in (10.0, 30.0, 50.0):
             for repeat in range(5):
-                common = {"radius": float(radius), "relative_humidity": rh, "repeat": repeat, "seed": 0,
-                          "melted": False,
-                          "work_tool_object": 1.4e-3, "work_object_substrate": 14.7e-3, "flight_time": None,
-                          "landing_speed": None, "landed": None, "quasi_static_voltage": 25.0, "faulty": False,
-                          "engine": "mujoco", "impl": "c", "step_voltage": 0.25}  # fmt: skip
+                common = {
+                    "radius": float(radius),
+                    "relative_humidity": rh,
+                    "repeat": repeat,
+                    "seed": 0,
+                    "melted": False,
+                    "work_tool_object": 1.4e-3,
+                    "work_object_substrate": 14.7e-3,
+                    "flight_time": None,
+                    "landing_speed": None,
+                    "landed": None,
+                    "quasi_static_voltage": 25.0,
+                    "faulty": False,
+                    "engine": "mujoco",
+                    "impl": "c",
+                    "step_voltage": 0.25,
+                }
                 wet = (rh - 10) / 8
                 lift = grasp + wet + slope * (radius * 1e6 - 20) + rng.normal(0, 1)
                 drop = release + wet + rng.normal(0, 1)
                 rows += [
                     {**common, "experiment": "no_contact", "gap": 1e-6, "voltage": None, "limit_voltage": 50.0},
                     {**common, "experiment": "grasp", "gap": 0.0, "voltage": float(lift), "limit_voltage": 80.0},
-                    {**common, "experiment": "release", "gap": 5e-6, "voltage": float(drop), "limit_voltage": 80.0,
-                     "landed": True},
-                ]  # fmt: skip
+                    {
+                        **common,
+                        "experiment": "release",
+                        "gap": 5e-6,
+                        "voltage": float(drop),
+                        "limit_voltage": 80.0,
+                        "landed": True,
+                    },
+                ]
     return rows
 
 
 GRASP_SETTINGS = {
-    "radii": [15e-6, 25e-6], "humidities": [10.0, 30.0], "repeats": 5, "seed": 4, "engine": "mujoco", "impl": "jax",
+    "radii": [15e-6, 25e-6],
+    "humidities": [10.0, 30.0],
+    "repeats": 5,
+    "seed": 4,
+    "engine": "mujoco",
+    "impl": "jax",
     "calibration": {},
-}  # fmt: skip
+}
 
 
 def settings_of(method="paper", **changes):

@@ -96,8 +96,12 @@ def test_the_wheel_finds_its_models_far_from_the_checkout(wheel, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(wheel)}
     run = subprocess.run(
         [sys.executable, "-c", FROM_ELSEWHERE],
-        cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     assert run.returncode == 0, run.stderr
     place, n_robots, factor = run.stdout.split()
     assert Path(place).is_relative_to(wheel)

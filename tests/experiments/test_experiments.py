@@ -201,9 +201,15 @@ class TestFindings:
 
     def test_another_preset_is_held_against_both_types(self):
         rows = [
-            {**e.labels, "aggregation": None, "goal": 72, "finished_at": 400,
-             "fitness": 100 * (e.labels["type"] == "evolved") + e.labels["repeat"]} for e in swarm_types.entries(PLAN)
-        ]  # fmt: skip
+            {
+                **e.labels,
+                "aggregation": None,
+                "goal": 72,
+                "finished_at": 400,
+                "fitness": 100 * (e.labels["type"] == "evolved") + e.labels["repeat"],
+            }
+            for e in swarm_types.entries(PLAN)
+        ]
         better = swarm_types.findings(rows)[3:]
         assert [(f.claim, f.verdict) for f in better] == [
             ("The preset evolved is fitter than type1", HOLDS),
@@ -233,9 +239,18 @@ class TestFindings:
 
     @pytest.mark.parametrize(
         "value, text",
-        [(0.0, "0"), (-0.0, "0"), (1234.5, "1234"), (0.0123, "0.0123"), (2e-7, "2.00e-07"), (12.0, "12"),
-         (159.4, "159"), (1.2e7, "1.20e+07"), (float("nan"), "undefined")],
-    )  # fmt: skip
+        [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (1234.5, "1234"),
+            (0.0123, "0.0123"),
+            (2e-7, "2.00e-07"),
+            (12.0, "12"),
+            (159.4, "159"),
+            (1.2e7, "1.20e+07"),
+            (float("nan"), "undefined"),
+        ],
+    )
     def test_numbers_are_readable(self, value, text):
         assert number(value) == text
 

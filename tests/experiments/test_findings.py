@@ -22,9 +22,22 @@ def found():
 class TestEvolution:
     @pytest.mark.parametrize(
         "claim",
-        ["RISES", "LEARNS", "BEATS", "MANY_FAIL", "COUNTED", "UNCOUNTED", "SCOUTS", "FORGET", "TRADE", "DENSITY",
-         "SIGNALS", "WEIGHTS", "DISTANCES"],
-    )  # fmt: skip
+        [
+            "RISES",
+            "LEARNS",
+            "BEATS",
+            "MANY_FAIL",
+            "COUNTED",
+            "UNCOUNTED",
+            "SCOUTS",
+            "FORGET",
+            "TRADE",
+            "DENSITY",
+            "SIGNALS",
+            "WEIGHTS",
+            "DISTANCES",
+        ],
+    )
     def test_a_search_that_goes_as_the_papers(self, found, claim):
         assert found[getattr(evolution_findings, claim).text].verdict == HOLDS
 
@@ -55,8 +68,10 @@ class TestEvolution:
         assert evolution_findings._equal(evolution_findings.SCOUTS, "x", good, poor).verdict == verdict
 
     def test_the_best_runs_are_told_too(self, found):
-        means = [np.mean(sorted(row["fitness"] for row in rows)[-100:])
-                 for rows in (search_rows(), search_rows(learns=False, seed=1))]  # fmt: skip
+        means = [
+            np.mean(sorted(row["fitness"] for row in rows)[-100:])
+            for rows in (search_rows(), search_rows(learns=False, seed=1))
+        ]
         assert (
             f"of the 100 best runs {means[0]:.0f} against {means[1]:.0f}" in found[evolution_findings.BEATS.text].ours
         )
@@ -103,9 +118,13 @@ class TestGripper:
 
     @pytest.mark.parametrize(
         "changes, claim",
-        [({"grasp": 33.0}, "GRASP"), ({"release": 49.0}, "RELEASE"), ({"slope": 0.6}, "FLAT_GRASP"),
-         ({"release": 75.0}, "THEORY")],
-    )  # fmt: skip
+        [
+            ({"grasp": 33.0}, "GRASP"),
+            ({"release": 49.0}, "RELEASE"),
+            ({"slope": 0.6}, "FLAT_GRASP"),
+            ({"release": 75.0}, "THEORY"),
+        ],
+    )
     def test_trials_that_do_not(self, changes, claim):
         found = by_claim(grasp_findings.findings(grasp_rows(**changes)))
         assert found[getattr(grasp_findings, claim).text].verdict == FAILS

@@ -105,15 +105,19 @@ class TestResults:
         """The command brings back the settings; a comment says what is not the paper's."""
         search = Search(
             SwarmConfig(arena=ArenaConfig(n_dust=24), optics=OpticsConfig(line_of_sight=False)),
-            Operators(elite=3, relative_span=True), steps=200,
-        )  # fmt: skip
+            Operators(elite=3, relative_span=True),
+            steps=200,
+        )
         write_table(tmp_path / "evolution.parquet", search_rows(1), asdict(search))
         told, _, comment = command(collect([tmp_path]).searches["paper"]).partition("  # ")
         assert comment == "not the paper's setting: arena.n-dust 24, 200 steps"
         given = tyro.cli(Evolve, args=told.split()[2:])
         assert (given.operators, given.arena, given.optics, given.steps) == (
-            search.operators, search.config.arena, search.config.optics, 200,
-        )  # fmt: skip
+            search.operators,
+            search.config.arena,
+            search.config.optics,
+            200,
+        )
 
     def test_an_experiment_in_another_arena_is_told(self, tmp_path):
         write_hop_count(tmp_path / "a", Plan(config=SwarmConfig(arena=ArenaConfig(n_dust=24))))

@@ -129,8 +129,13 @@ def test_a_fitness_of_almost_nothing_has_no_sign(tmp_path):
 
 
 def test_seeds_differ_and_are_seeds():
-    seeds = {run_seed(replace(SEARCH, seed=s), g, i, k) for s in range(5) for g in range(20) for i in range(10)
-             for k in range(2)}  # fmt: skip
+    seeds = {
+        run_seed(replace(SEARCH, seed=s), g, i, k)
+        for s in range(5)
+        for g in range(20)
+        for i in range(10)
+        for k in range(2)
+    }
     assert len(seeds) == 2000 and max(seeds) < 2**32 - 1 and min(seeds) >= 0
     assert run_seed(SEARCH, 1, 2, 0) != run_seed(SEARCH, 2, 1, 0)
 
@@ -304,9 +309,16 @@ class TestOptimisers:
 
 
 TINY = [
-    "--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5",
-    "--arena.n-dust=24", "--operators.density-min=0.0556", "--operators.density-max=0.0556", "--steps=20", "--seed=7",
-]  # fmt: skip
+    "--arena.size=15",
+    "--arena.dump-size=3",
+    "--arena.dust-area-size=3",
+    "--arena.dust-area-offset=5",
+    "--arena.n-dust=24",
+    "--operators.density-min=0.0556",
+    "--operators.density-max=0.0556",
+    "--steps=20",
+    "--seed=7",
+]
 """12 robots; JAX compiles once."""
 
 
@@ -363,8 +375,14 @@ def test_killed_and_resumed(tmp_path):
 def test_generations_as_batches(small, tmp_path):
     """Two generations in MJX, with swarms of two sizes; their first steps are those of MuJoCo C."""
     out = tmp_path / "out"
-    flags = ["--engine=mjx", "--generations=2", "--population=2", "--operators.elite=1", "--operators.density-max=0.07",
-             "--steps=6"]  # fmt: skip
+    flags = [
+        "--engine=mjx",
+        "--generations=2",
+        "--population=2",
+        "--operators.elite=1",
+        "--operators.density-max=0.07",
+        "--steps=6",
+    ]
     cli.main(command(out, *flags)[3:])
     rows, settings = read_table(out / TABLE)
     assert (settings["engine"], settings["impl"]) == ("mjx", "jax")

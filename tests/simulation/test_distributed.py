@@ -190,10 +190,20 @@ def test_what_decides_a_run():
     assert deciding(out=Path("elsewhere"), devices="1", hosts_timeout=9.0, threads=3) == same
     assert deciding(robots=same["robots"]) == same
     for flags in (
-        {"seed": 1}, {"worlds": 2}, {"robots": 7}, {"density": 0.05}, {"genome": "type2"}, {"steps": 9}, {"stop_at": 3},
-        {"solver_iterations": 20}, {"contact_capacity": 2.0}, {"record_worlds": ()}, {"record": False},
-        {"override": GenomeOverrides(fraction_scouts=0.4)}, {"arena": ArenaConfig(n_dust=10)},
-    ):  # fmt: skip
+        {"seed": 1},
+        {"worlds": 2},
+        {"robots": 7},
+        {"density": 0.05},
+        {"genome": "type2"},
+        {"steps": 9},
+        {"stop_at": 3},
+        {"solver_iterations": 20},
+        {"contact_capacity": 2.0},
+        {"record_worlds": ()},
+        {"record": False},
+        {"override": GenomeOverrides(fraction_scouts=0.4)},
+        {"arena": ArenaConfig(n_dust=10)},
+    ):
         assert deciding(**flags) != same, flags
     assert same["versions"].keys() >= {"iswarm_mj", "jax", "mujoco"} and same["command"] == "clean"
 

@@ -60,9 +60,16 @@ def walk(strategy, engine=None, steps=7):
     """Poses of worlds 2, 0, 1."""
     engine = mjx() if engine is None else engine
     return rollout(
-        TINY, strategy, KEYS, n_robots=N_FEW, steps=steps, every=5, strategy_per_world=True, poses_of=(2, 0, 1),
+        TINY,
+        strategy,
+        KEYS,
+        n_robots=N_FEW,
+        steps=steps,
+        every=5,
+        strategy_per_world=True,
+        poses_of=(2, 0, 1),
         engine=engine,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

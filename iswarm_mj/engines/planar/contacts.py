@@ -1,5 +1,7 @@
 """Contacts of one world: the touching pairs, with what the solver needs of each."""
 
+from typing import Any
+
 import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled
@@ -83,7 +85,7 @@ _Row = tuple[float, float, float, float, float]
 
 
 @compiled
-def _set_rows(contact: np.void, rows: tuple[_Row, _Row], velocities: np.ndarray, plane: Plane, law: ContactLaw) -> int:
+def _set_rows(contact: Any, rows: tuple[_Row, _Row], velocities: np.ndarray, plane: Plane, law: ContactLaw) -> int:
     """Complete a contact whose bodies and normal are set; return 1 if any point touches, otherwise 0.
 
     Args:

@@ -133,11 +133,19 @@ def _in_world(
 
 @compiled
 def _share(
-    x: float, y: float, vx: float, vy: float, poses: np.ndarray, cos: np.ndarray, sin: np.ndarray, i: int, plane: Plane
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    poses: np.ndarray,
+    cos: np.ndarray,
+    sin: np.ndarray,
+    i: int | np.integer,
+    plane: Plane,
 ) -> float:
     """Share of its vector at which a ray meets robot i; infinite if it never does."""
     ox, oy = x - poses[i, 0], y - poses[i, 1]
     across = ox * vy - oy * vx
     if across * across > (plane.half_x**2 + plane.half_y**2) * (vx * vx + vy * vy):
-        return np.inf  # it passes outside the circumcircle
+        return np.inf  # it passes beside the circumcircle
     return meets_rectangle(ox, oy, vx, vy, cos[i], sin[i], plane.half_x, plane.half_y)

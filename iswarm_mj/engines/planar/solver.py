@@ -1,9 +1,12 @@
 """The contact impulses of one world, by block Gauss-Seidel sweeps over its contacts with momentum."""
 
+from typing import Any
+
 import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled
 from iswarm_mj.engines.planar.contact_law import two_impulses
+from iswarm_mj.engines.planar.islands import find_islands
 from iswarm_mj.engines.planar.plane import Plane
 
 _PLAIN_SWEEPS = 6  # before momentum; ordinary crowds end sooner
@@ -12,7 +15,23 @@ _MOMENTUM = 0.9  # share of the latest change by which all impulses move on; abo
 
 @compiled
 def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
-    """Find the impulses of all contacts and add them to the velocities.
+    """Find the impulses of all contacts (C,) and add them to the velocities, island by island.
+
+    Args: as for `solve_island`.
+
+    Returns:
+        Whether the sweeps of all islands converged.
+    """
+    order, first = find_islands(contacts, len(velocities) - 1)
+    converged = True
+    for k in range(len(first) - 1):
+        converged = converged and solve_island(order[first[k] : first[k + 1]], contacts, velocities, plane)
+    return converged
+
+
+@compiled
+def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
+    """Find the impulses of some contacts and add them to the velocities.
 
     Each sweep solves contact after contact exactly while the others stay, which descends on the strictly convex dual
     problem and converges. Where many robots push each other that takes thousands of sweeps; momentum makes it ten times
@@ -20,6 +39,7 @@ def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
     715), and ends for good in the middle of all sweeps.
 
     Args:
+        members: indices of the contacts that are solved.
         contacts: (C,) of type CONTACT.
         velocities: (N + 1, 3), on entry as they would be without contacts [mm/s, mm/s, rad/s].
         plane: robots and arena.
@@ -29,7 +49,8 @@ def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
     """
     for sweep in range(1, plane.max_sweeps + 1):
         change, uphill = 0.0, 0.0
-        for contact in contacts:
+        for k in members:
+            contact = contacts[k]
             p1, p2 = _impulses(contact, velocities)
             change = max(change, abs(p1 - contact.p1), abs(p2 - contact.p2))
             uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
@@ -37,7 +58,8 @@ def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
         if change * plane.inverse_mass <= plane.tolerance:
             return True
         goes_on = _PLAIN_SWEEPS <= sweep <= plane.max_sweeps // 2 and uphill <= 0.0
-        for contact in contacts:
+        for k in members:
+            contact = contacts[k]
             p1, p2 = contact.p1, contact.p2
             if goes_on:
                 ahead1, ahead2 = p1 + _MOMENTUM * (p1 - contact.before1), p2 + _MOMENTUM * (p2 - contact.before2)
@@ -47,7 +69,7 @@ def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
 
 
 @compiled
-def _impulses(contact: np.void, velocities: np.ndarray) -> tuple[float, float]:
+def _impulses(contact: Any, velocities: np.ndarray) -> tuple[float, float]:
     """Impulses of a contact that solve its own rows while all others stay."""
     first, second = velocities[contact.first], velocities[contact.second]
     along = contact.nx * (second[0] - first[0]) + contact.ny * (second[1] - first[1])
@@ -63,7 +85,7 @@ def _impulses(contact: np.void, velocities: np.ndarray) -> tuple[float, float]:
 
 
 @compiled
-def _set_impulses(contact: np.void, p1: float, p2: float, velocities: np.ndarray, plane: Plane) -> None:
+def _set_impulses(contact: Any, p1: float, p2: float, velocities: np.ndarray, plane: Plane) -> None:
     """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
     first, second = velocities[contact.first], velocities[contact.second]
     d1, d2 = p1 - contact.p1, p2 - contact.p2

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 
-def test_standard_output_belongs_to_the_results(tmp_path):
+def test_import_prints_nothing_on_standard_output(tmp_path):
     """Without Warp, MJX prints on standard output that it is missing."""
     (tmp_path / "warp").mkdir()
     (tmp_path / "warp" / "__init__.py").write_text("raise ImportError('hidden')\n")

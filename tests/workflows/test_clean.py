@@ -1,0 +1,262 @@
+"""What a run leaves behind: result.json, trajectory.npz and clean.rrd tell the same story."""
+
+import json
+from dataclasses import asdict, fields
+
+import numpy as np
+import pytest
+from helpers_rrd import read
+from helpers_runs import engine_of, first_step, records, run_of, spoil
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.units import ROBOT_DIAMETER
+from iswarm_mj.workflows.clean import clean, summary
+from iswarm_mj.workflows.recorder import BLOCK
+
+STEPS = BLOCK + 6
+
+
+def run_to(config, record=True, steps=STEPS, **settings):
+    """A run that stops when all balls are delivered; of several worlds the first is recorded."""
+    return run_of(config, steps=steps, record_worlds=(0,) if record else (), **{"seed": 3, "stop_at": 24, **settings})
+
+
+def run_clean(config, out, **settings):
+    run = run_to(config, **settings)
+    return clean(run, run.settings, out)
+
+
+@pytest.fixture(scope="module")
+def done(small, tmp_path_factory):
+    """Directory, result.json, trajectory.npz, and the records of a run of the same seed."""
+    out = tmp_path_factory.mktemp("results") / "new" / "folder"
+    run_clean(small, out)
+    run = run_to(small)
+    recorded = [first_step(run.start), *records(run)]
+    with np.load(out / "trajectory.npz") as file:
+        return out, json.loads((out / "result.json").read_text()), dict(file), recorded
+
+
+def timeless(content):
+    return {name: value for name, value in content.items() if name not in ("wall_s", "seconds")}
+
+
+def test_result_has_all_that_was_promised(done, small):
+    out, content, _, recorded = done
+    named = (
+        "seed engine n_robots n_dust steps finished_at picked delivered collisions mean_carriage_steps fitness wall_s"
+    )
+    assert set(named.split()) <= content.keys()
+    given = {name: content[name] for name in ("seed", "engine", "n_robots", "n_dust", "max_steps", "stop_at")}
+    assert given == {
+        "seed": 3,
+        "engine": "mujoco",
+        "n_robots": 30,
+        "n_dust": 24,
+        "max_steps": STEPS,
+        "stop_at": 24,
+    }
+    assert content["config"] == json.loads(json.dumps(asdict(small)))
+    assert content["genome"] == asdict(PRESETS["type1"])
+    assert content["config"].keys() == {f.name for f in fields(SwarmConfig)}
+    balls = recorded[-1].swarm.balls
+    assert content["delivered"] == balls.is_delivered.sum() > 0
+    assert content["picked"] == balls.was_picked.sum()
+    assert content["collisions"] == recorded[-1].collisions[0] > 0
+    assert content["mean_carriage_steps"] == pytest.approx(balls.carried_steps[balls.is_delivered].mean())
+    assert content["steps"] == len(recorded) - 1
+    points = 40 * content["delivered"] + 20 * (content["picked"] - content["delivered"])
+    assert content["delivered"] < 24 and content["finished_at"] is None
+    assert content["fitness"] == pytest.approx(points - content["collisions"] * 0.05 / 30)
+    assert content["faults"] == content["devices"] == []
+    assert content["wall_s"] > 0
+    assert sorted(path.name for path in out.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
+
+
+def test_trajectory_agrees_with_result(done):
+    _, content, frames, _ = done
+    assert frames.keys() == {f.name for f in fields(Frames)} | {f"scene_{name}" for name in Scene._fields}
+    np.testing.assert_array_equal(frames["step"], np.arange(content["steps"] + 1))
+    for name in ("delivered", "picked", "collisions"):
+        assert frames[name][-1] == content[name] and frames[name][0] == 0
+        assert (np.diff(frames[name]) >= 0).all()
+    np.testing.assert_array_equal((frames["ball_state"] == 2).sum(axis=1), frames["delivered"])
+    np.testing.assert_array_equal((frames["ball_state"] == 1).sum(axis=1), frames["is_loaded"].sum(axis=1))
+
+
+def test_trajectory_is_in_si(done):
+    """Metres: a robot diameter is 2.83e-3."""
+    _, _, frames, recorded = done
+    poses = np.stack([record.poses[0] for record in recorded])
+    np.testing.assert_allclose(frames["pose"][..., :2], 1e-3 * poses[..., :2], atol=1e-8)
+    np.testing.assert_allclose(frames["pose"][..., 2], poses[..., 2], atol=1e-5)
+    balls = np.stack([record.balls[0] for record in recorded])
+    np.testing.assert_allclose(frames["ball_position"], 1e-3 * balls, atol=1e-8)
+    np.testing.assert_allclose(frames["mean_speed"], [1e-3 * record.speed[0] for record in recorded], rtol=1e-5)
+    for name in ("dust", "dump"):
+        memory = [getattr(record.swarm.memory, name) for record in recorded]
+        vectors = np.stack([1e-3 * np.asarray(m.vector[0]) for m in memory])
+        np.testing.assert_allclose(frames[f"{name}_vector"], vectors, atol=1e-8)
+        np.testing.assert_array_equal(frames[f"{name}_known"], [m.known[0] for m in memory])
+    for name in ("sender", "valid"):
+        links = [getattr(record.links, name)[0] for record in recorded]
+        np.testing.assert_array_equal(frames[f"link_{name}"], links)
+    np.testing.assert_array_equal(frames["has_priority"], [record.has_priority[0] for record in recorded])
+    assert frames["link_valid"].any() and frames["dust_known"].any() and frames["has_priority"].any()
+
+
+def test_scene(done):
+    _, _, frames, recorded = done
+    assert frames["scene_arena_size"] == pytest.approx(15 * ROBOT_DIAMETER)
+    np.testing.assert_allclose(frames["scene_dump"] / ROBOT_DIAMETER, [-1.5, -1.5, 1.5, 1.5])
+    areas = [[-6.5, -1.5, -3.5, 1.5], [3.5, -1.5, 6.5, 1.5]]
+    np.testing.assert_allclose(frames["scene_dust_areas"] / ROBOT_DIAMETER, areas)
+    np.testing.assert_allclose(frames["scene_robot_size"], [2e-3, 2e-3, 1e-3])
+    assert frames["scene_is_scout"].sum() == 2 and frames["scene_control_period"] == 1.0
+    np.testing.assert_array_equal(frames["scene_ball_radius"], recorded[0].swarm.balls.radius[0])
+    centres = frames["ball_position"][0, :, :2] / ROBOT_DIAMETER
+    for x_min, y_min, x_max, y_max in areas:
+        assert ((centres >= [x_min, y_min]) & (centres <= [x_max, y_max])).all(axis=1).sum() == 12
+
+
+def test_recording_agrees_with_trajectory(done):
+    out, _, frames, _ = done
+    recorded = read(out / "clean.rrd")
+    body, balls = recorded["/world/robots/body"], recorded["/world/balls/true_size"]
+    assert body["step"] == frames["step"].tolist()
+    np.testing.assert_allclose(np.array(body["Boxes3D:centers"])[..., :2], 1e3 * frames["pose"][..., :2], atol=1e-4)
+    z, w = np.moveaxis(np.array(body["Boxes3D:quaternions"]), -1, 0)[2:]
+    np.testing.assert_allclose(np.exp(2j * np.arctan2(z, w)), np.exp(1j * frames["pose"][..., 2]), atol=1e-5)
+    np.testing.assert_allclose(balls["Points3D:positions"], 1e3 * frames["ball_position"], atol=1e-4)
+    np.testing.assert_array_equal(balls["Points3D:class_ids"], frames["ball_state"] + 10)
+    assert [len(s) for s in recorded["/world/links"]["LineStrips3D:strips"]] == frames["link_valid"].sum(
+        (1, 2)
+    ).tolist()
+    for entity, name in (("balls/delivered", "delivered"), ("balls/picked", "picked"), ("collisions", "collisions")):
+        np.testing.assert_array_equal(np.ravel(recorded[f"/series/{entity}"]["Scalars:scalars"]), frames[name])
+
+
+class TestSeeds:
+    def test_same_seed_same_result_at_any_number_of_threads(self, done, small, tmp_path):
+        for n_threads in (1, 2):
+            content = run_clean(small, tmp_path, record=False, threads=n_threads)
+            assert timeless(content) == timeless(done[1])
+            assert json.loads((tmp_path / "result.json").read_text()) == content
+
+    def test_recording_changes_nothing_and_can_be_left_out(self, done, small, tmp_path):
+        run_clean(small, tmp_path, record=False)
+        assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
+
+    def test_another_seed_another_result(self, done, small, tmp_path):
+        content = run_clean(small, tmp_path, record=False, seed=4)
+        measures = ("collisions", "mean_carriage_steps", "fitness")
+        assert [content[name] for name in measures] != [done[1][name] for name in measures]
+
+    def test_several_worlds_give_lists(self, done, small, tmp_path):
+        content = run_clean(small, tmp_path, n_worlds=3, steps=60)
+        for name in ("delivered", "picked", "collisions", "mean_carriage_steps", "finished_at", "fitness"):
+            assert len(content[name]) == 3
+        assert content["n_worlds"] == 3 and len(set(content["fitness"])) > 1
+        with np.load(tmp_path / "trajectory.npz") as file:
+            assert file["delivered"][-1] == content["delivered"][0]
+            assert file["collisions"][-1] == content["collisions"][0]
+
+
+def test_a_fitness_of_almost_nothing_has_no_sign(done):
+    content = done[1] | {"fitness": [-0.02, -0.06]}
+    assert "fitness  0.0, -0.1\n" in summary(content, done[0])
+
+
+class TestOut:
+    def test_old_results_go(self, small, tmp_path):
+        for name in ("clean.rrd", "trajectory.npz", "result.json", "notes.txt"):
+            (tmp_path / name).write_text("old")
+        run_clean(small, tmp_path, record=False, steps=1)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result.json"]
+        assert json.loads((tmp_path / "result.json").read_text())["steps"] == 1
+        assert (tmp_path / "notes.txt").read_text() == "old"
+
+    def test_no_place_to_write(self, small, tmp_path):
+        (tmp_path / "file").write_text("mine")
+        for out in (tmp_path / "file", tmp_path / "file" / "below"):
+            with pytest.raises(UserError, match=rf"^out must be a writable directory \(got {out}\); choose"):
+                run_clean(small, out)
+        assert (tmp_path / "file").read_text() == "mine"
+
+
+class TestFaults:
+    """Robot 5 is far outside in step 66, after one block of frames was written and before the second is full."""
+
+    STEP = BLOCK + 2
+
+    @pytest.fixture(autouse=True)
+    def elsewhere(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)  # MuJoCo logs to the working directory
+
+    def test_all_files_are_written_and_the_fault_is_raised(self, done, small, tmp_path):
+        run = run_to(small)
+        spoil(run, self.STEP, world=0, robot=5)
+        with pytest.raises(SimulationFault, match=r"^step 66, world 0: robot 5 left the arena; ") as raised:
+            clean(run, run.settings, tmp_path)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
+        content = json.loads((tmp_path / "result.json").read_text())
+        assert content["faults"] == [str(raised.value)] and content["steps"] == self.STEP
+        assert content["finished_at"] is None and content["collisions"] > 0
+        with np.load(tmp_path / "trajectory.npz") as file:
+            frames = dict(file)
+        assert frames["step"].tolist() == list(range(self.STEP + 1))
+        np.testing.assert_array_equal(frames["pose"][:-1], done[2]["pose"][: self.STEP])
+        np.testing.assert_array_equal(frames["pose"][-1], frames["pose"][-2])  # the step that failed moves nobody
+        assert frames["mean_speed"][-1] == 0 and frames["collisions"][-1] == frames["collisions"][-2]
+        recorded = read(tmp_path / "clean.rrd")["/world/robots/body"]
+        assert recorded["step"] == list(range(self.STEP + 1))
+        centres = np.array(recorded["Boxes3D:centers"])
+        np.testing.assert_allclose(centres[..., :2], 1e3 * frames["pose"][..., :2], atol=1e-4)
+
+    def test_the_other_worlds_have_their_usual_results(self, small, tmp_path, capsys):
+        healthy = run_clean(small, tmp_path / "healthy", n_worlds=3, record=False)
+        run = run_to(small, n_worlds=3, record=False)
+        spoil(run, 9, world=1, robot=4)
+        with pytest.raises(SimulationFault, match=r"^step 9, world 1: robot 4 left the arena; "):
+            clean(run, run.settings, tmp_path)
+        assert str(tmp_path) in capsys.readouterr().out  # the summary
+        content = json.loads((tmp_path / "result.json").read_text())
+        assert len(content["faults"]) == 1 and healthy["faults"] == []
+        for name in ("delivered", "picked", "collisions", "mean_carriage_steps", "finished_at", "fitness"):
+            assert [content[name][w] for w in (0, 2)] == [healthy[name][w] for w in (0, 2)]
+        assert content["collisions"][1] < healthy["collisions"][1] and content["steps"] == healthy["steps"] == STEPS
+
+    def test_what_was_recorded_is_kept_whatever_happens(self, done, small, tmp_path, monkeypatch):
+        run = run_to(small)
+        step = iter(range(1, 100))
+
+        def interrupted(*arguments):
+            if next(step) == self.STEP:
+                raise KeyboardInterrupt
+            return sense(*arguments)
+
+        sense = engine_of(run).sense
+        monkeypatch.setattr(engine_of(run), "sense", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            clean(run, run.settings, tmp_path)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "trajectory.npz"]
+        with np.load(tmp_path / "trajectory.npz") as file:
+            np.testing.assert_array_equal(file["pose"], done[2]["pose"][: self.STEP])
+
+
+def test_each_recorded_world_has_its_own_folder(small, tmp_path):
+    run = run_of(small, n_worlds=3, steps=4, record_worlds=(2, 0))
+    content = clean(run, run.settings, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "clean.rrd",
+        "result.json",
+        "trajectory.npz",
+        "world-0",
+    ]
+    for place, world in ((tmp_path, 2), (tmp_path / "world-0", 0)):
+        with np.load(place / "trajectory.npz") as file:
+            np.testing.assert_allclose(file["pose"][0, :, :2], 1e-3 * run.starts[world].poses[:, :2], rtol=1e-6)
+            assert file["collisions"][-1] == content["collisions"][world]
