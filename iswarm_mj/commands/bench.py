@@ -2,8 +2,12 @@
 
 from dataclasses import dataclass
 
+from iswarm_mj.commands.flags import changed
 from iswarm_mj.commands.swarm_options import Swarm
 from iswarm_mj.utils.constraints import check
+
+_OF_GRASP = ("what", "worlds", "engine", "impl", "seed")
+"""Settings that apply to `what` grasp."""
 
 
 @dataclass(frozen=True)
@@ -12,7 +16,7 @@ class Bench(Swarm):
 
     what: str = "swarm"
     """swarm; or grasp, whole trials on the gripper's bench. The number of trials is --worlds (100 if that is 1); the
-    other flags of grasp are --engine (mujoco or mjx), --impl and --seed."""
+    other flags that apply are --engine (mujoco or mjx), --impl and --seed."""
     steps: int = 200
     """Control steps that are timed."""
     warm_up: int = 20
@@ -44,7 +48,8 @@ class Bench(Swarm):
             bench(self.run_of(config, genome, settings, hosts, chunk), warm_up, self.record, hosts)
 
     def _grasp(self) -> None:
-        check("what", self.what, "swarm with `hosts`", not self.hosts)
+        for name in changed(self):
+            check("what", self.what, f"swarm with `{name}`", name in _OF_GRASP)
         check("engine", self.engine, "mujoco or mjx with `what` grasp", self.engine in ("mujoco", "mjx"))
         check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
+from typing import Any
 
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
@@ -17,18 +18,25 @@ def in_flags(error: UserError | SimulationFault, commands: Iterable[type]) -> st
 
     Settings without a flag keep their names.
     """
-    flags = {name: "--" + name.replace("_", "-") for command in commands for name in _names(command)}
+    flags = {name: "--" + name.replace("_", "-") for command in commands for name, _ in _values(command())}
     flags |= {name: flags[flag] for name, flag in RENAMED.items() if flag in flags}
     if isinstance(error, ConfigError) and error.field in flags:
         error = ConfigError(flags[error.field], error.value, error.constraint, error.remedy)
     return NAME.sub(lambda found: flags.get(found[1], found[0]), str(error))
 
 
-def _names(settings: type) -> Iterator[str]:
-    """Names of the settings of a command, as `robots` and `arena.size`."""
+def changed(command: Any) -> list[str]:
+    """Names of the settings of a command that differ from their defaults, as `robots` and `arena.size`."""
+    defaults = dict(_values(type(command)()))
+    return [name for name, value in _values(command) if value != defaults[name]]
+
+
+def _values(settings: Any) -> Iterator[tuple[str, Any]]:
+    """Names and values of the settings of a command, groups included."""
     for f in fields(settings):
-        if is_dataclass(f.default_factory):
+        value = getattr(settings, f.name)
+        if is_dataclass(value):
             group = "" if f.name == "override" else f"{f.name}."
-            yield from (f"{group}{name}" for name in _names(f.default_factory))
+            yield from ((f"{group}{name}", inner) for name, inner in _values(value))
         else:
-            yield f.name
+            yield f.name, value

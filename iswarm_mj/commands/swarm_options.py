@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.commands.config_options import ConfigOptions
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import UserError
@@ -30,7 +31,7 @@ _RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genom
 
 
 @dataclass(frozen=True)
-class Swarm:
+class Swarm(ConfigOptions):
     """Settings that the commands on a swarm share."""
 
     genome: str = "type1"
@@ -61,11 +62,6 @@ class Swarm:
     threads: Annotated[int, Within(0, 1024)] = 0
     """Number of threads for the physics, 0 for one per core; results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
-    arena: ArenaConfig = field(default_factory=ArenaConfig)
-    drive: DriveConfig = field(default_factory=DriveConfig)
-    optics: OpticsConfig = field(default_factory=OpticsConfig)
-    gripper: GripperConfig = field(default_factory=GripperConfig)
-    strategy: StrategyConfig = field(default_factory=StrategyConfig)
 
     def __post_init__(self):
         validate(self)
@@ -78,7 +74,7 @@ class Swarm:
         """
         self._check_engine()
         genome = overridden(load_genome(self.genome), vars(self.override))
-        config = SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        config = self.config
         n_robots = self._n_robots(config, genome)
         n_worlds = MAX_ROBOTS[self.engine] // n_robots
         constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"

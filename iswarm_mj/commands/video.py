@@ -2,38 +2,32 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-import tyro
-
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.commands.render_options import RenderOptions
+from iswarm_mj.utils.constraints import Within, check
 
 
 @dataclass(frozen=True)
-class Video:
+class Video(RenderOptions):
     """Render a recorded run to an mp4 video, off-screen."""
 
-    directory: tyro.conf.Positional[Path] = Path("runs/clean")
-    """The --out of a run of `iswarm clean`."""
     title: str = ""
     """Text in the upper left corner."""
     steps: Annotated[int | None, Within(1)] = None
     """Number of control steps from the start; all by default."""
     frames_per_step: Annotated[int, Within(1, 24)] = 2
     """Frames per control step; a second has 24."""
-    camera: str = "oblique"
-    """above or oblique."""
+    camera: Literal["above", "oblique"] = "oblique"
     width: Annotated[int, Within(64, 4096, "pixels")] = 1280
     """[pixels]"""
     height: Annotated[int, Within(64, 4096, "pixels")] = 720
     """[pixels]"""
-    ball_scale: Annotated[float, Within(1, 1000)] = 15.0
-    """Magnification of the balls, which are too small to see at their true size."""
     out: Path = Path("swarm.mp4")
     """The file to write."""
 
     def __post_init__(self):
-        validate(self)
+        super().__post_init__()
         for name in ("width", "height"):
             check(name, getattr(self, name), "an even number of pixels", getattr(self, name) % 2 == 0)
         check("out", str(self.out), "a name ending in .mp4", self.out.suffix == ".mp4")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from iswarm_mj.utils.constraints import Within, validate
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 
 Share = Annotated[float, Within(0, 1)]
 
@@ -88,7 +88,7 @@ def load_genome(name: str) -> Genome:
     presets = ", ".join(PRESETS)
     path = Path(name)
     if not path.is_file():
-        raise UserError(f"genome must be a preset ({presets}) or the path of a JSON file (got {name!r})")
+        raise ConfigError("genome", name, f"a preset ({presets}) or the path of a JSON file")
     try:
         values = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:

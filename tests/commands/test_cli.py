@@ -149,7 +149,7 @@ class TestRefusals:
             ("--stop-at 0", r"--stop-at must be .*\(got 0\)"),
             ("--arena.dump-size 9", r"--arena\.dump-size must be .*\(got 9\.0\)"),
             ("--drive.control-period -1", r"--drive\.control-period must be .*\(got -1\.0\)"),
-            ("--genome type3", r"genome must be a preset \(type1, type2, evolved\) .*got 'type3'"),
+            ("--genome type3", r"--genome must be a preset \(type1, type2, evolved\) .*got 'type3'"),
             ("--genome nowhere.json", r"\(got 'nowhere\.json'\)"),
             ("--genome .", r"\(got '\.'\)"),
             ("--p-vector-forget 1.5", r"--p-vector-forget must be .*\(got 1\.5\)"),

@@ -230,7 +230,18 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
     assert list(here.iterdir()) == []
 
 
-@pytest.mark.parametrize("flags, message", [("--what lunch", "--what must be swarm"), ("--impl x", "('jax', 'warp')")])
+@pytest.mark.parametrize(
+    "flags, message",
+    [
+        ("--what lunch", "--what must be swarm"),
+        ("--impl x", "('jax', 'warp')"),
+        ("--robots 5", "--what must be swarm with --robots (got 'grasp')"),
+        ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),
+        ("--fraction-scouts 0.3", "--what must be swarm with --fraction-scouts (got 'grasp')"),
+        ("--threads 1", "--what must be swarm with --threads (got 'grasp')"),
+        ("--hosts", "--what must be swarm with --hosts (got 'grasp')"),
+    ],
+)
 def test_bench_refuses(flags, message, capfd):
     assert code_of("bench", "--what", "grasp", *flags.split()) == 2
     assert message in capfd.readouterr().err

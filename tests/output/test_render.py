@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers_opengl import needs_opengl
 
+from iswarm_mj.commands.main import main
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.render import render
 from iswarm_mj.output.stage import Shot, load
@@ -66,6 +67,15 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
 def test_a_directory_without_a_run_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"holds no readable result.json with trajectory.npz"):
         load(tmp_path)
+
+
+def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):
+    """The command says so before it looks for a run; for `Stage` the cameras of the model count."""
+    with pytest.raises(SystemExit) as stop:
+        main(["picture", "nowhere", "--camera", "side"])
+    assert stop.value.code == 2 and "'--camera'" in capsys.readouterr().err
+    with pytest.raises(UserError, match=r"^camera must be above or oblique \(got 'side'\)$"):
+        render(directory, 0, Shot("side", size=(64, 64)), tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("step", [-1, 1])

@@ -5,7 +5,7 @@ the criterion of a lift are choices: slow enough that half the speed changes no 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 from iswarm_mj.utils.arrays import Array
@@ -72,12 +72,6 @@ class Protocol:
     def carry_time(self, distance: float) -> float:
         """Time to move by a distance [m] with the protocol's acceleration, along `minimum_jerk` [s]."""
         return (_PEAK * abs(distance) / self.acceleration) ** 0.5
-
-    def slowed(self, factor: float) -> "Protocol":
-        """Return the same protocol with all speeds divided by a factor."""
-        times = ("approach_time", "dwell", "rise_time", "peel_time", "off_time", "rest_time")
-        longer = {name: factor * getattr(self, name) for name in times}
-        return replace(self, **longer, ramp_rate=self.ramp_rate / factor, acceleration=self.acceleration / factor**2)
 
 
 _PEAK = 10 / 3**0.5

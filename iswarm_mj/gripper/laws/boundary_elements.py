@@ -112,12 +112,6 @@ def upward_force(sphere: Elements, density: np.ndarray) -> float:
     return float(np.sum(density**2 / 2 * area))
 
 
-def sphere_above_plane(gap: float, halvings: int = 0) -> Elements:
-    """Elements of a sphere alone at a gap from the plane; gap 0 touches it."""
-    contact = _contact_edge(np.inf) if gap == 0 else 0.0
-    return cut(sphere_curve(1 + gap), (contact, np.pi), lambda r, z: np.minimum(z, 0.4), halvings)
-
-
 def _contact_edge(probe_radius: float) -> float:
     """Angle within which the field of a touching contact is below exp(-20) of that at its rim."""
     return 1 / (1 / min(probe_radius, 1.0) + 3.2)

@@ -1,0 +1,51 @@
+"""Flags of the configuration, and those of commands that run many swarms."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+
+
+@dataclass(frozen=True)
+class ConfigOptions:
+    """The configuration, one group of flags for each of its parts."""
+
+    arena: ArenaConfig = field(default_factory=ArenaConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    optics: OpticsConfig = field(default_factory=OpticsConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+    strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+    @property
+    def config(self) -> SwarmConfig:
+        """The configuration that the flags describe.
+
+        Raises:
+            ConfigError: two settings contradict each other.
+        """
+        return SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+
+
+@dataclass(frozen=True)
+class ManyRunsOptions(ConfigOptions):
+    """How and where many runs are executed."""
+
+    seed: int = 0
+    """Seed of all random numbers."""
+    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    """Physics: mujoco (C, on CPUs), planar (faster on CPUs) or mjx (JAX, runs batched on a GPU)."""
+    workers: int = 0
+    """Worker processes of mujoco and planar, 0 for one per core; the results do not depend on it."""
+    backend: Literal["processes", "ray"] = "processes"
+    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
+
+    @property
+    def execution(self) -> Any:
+        """The `Execution` of the runs.
+
+        Raises:
+            UserError: a setting is out of range or does not apply to the engine.
+        """
+        from iswarm_mj.experiments.runner.pool import Execution
+
+        return Execution(self.engine, self.workers, self.backend)
