@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,15 @@ def clear(out: Path, record: bool) -> None:
     """Remove the results of an earlier run, now that this one can begin; `record`: its recording is already new."""
     for name in (RESULT, TRAJECTORY, *(() if record else (RECORDING,))):
         remove(out / name)
+
+
+def clear_worlds(out: Path) -> None:
+    """Remove what an earlier run left of its further worlds."""
+    for place in out.glob("world-*"):
+        for name in (TRAJECTORY, RECORDING):
+            remove(place / name)
+        with suppress(OSError):
+            place.rmdir()  # it holds something else, or is no directory
 
 
 def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float) -> dict[str, Any]:
@@ -45,7 +55,7 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
         "n_robots": settings.n_robots,
         "n_dust": run.config.arena.n_dust,
         "max_steps": settings.steps,
-        "stop_at": settings.stop_at,
+        "stop_at": run.goal,
         "steps": steps,
         **{name: each([getattr(m, name) for m in measures]) for name in Measures._fields},
         "fitness": each(scores),

@@ -12,20 +12,20 @@ MAX_LISTED = 5
 _OF_ROBOTS = FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.COMMAND_NOT_FINITE
 
 
-def decode(fault: Fault, worlds: Sequence[World]) -> list[SimulationFault]:
-    """Return the faults of B worlds, in the order of the worlds.
+def decode(fault: Fault, worlds: Sequence[World]) -> list[SimulationFault | None]:
+    """Return the fault of each of B worlds, None for a world without one.
 
     Args:
         fault: NumPy arrays (B,).
         worlds: which give the worlds their numbers.
     """
-    found = []
-    for world, bits, step, robot in zip(worlds, *fault, strict=True):
-        if bits:
-            robots = [robot] if bits & _OF_ROBOTS else []
-            kind = FaultKind(int(bits))
-            found.append(SimulationFault(step=int(step), world=world.index, robots=robots, kind=kind))
-    return found
+
+    def of_world(world: World, bits: int, step: int, robot: int) -> SimulationFault | None:
+        kind = FaultKind(int(bits))
+        robots = [robot] if kind & _OF_ROBOTS else []
+        return SimulationFault(step=int(step), world=world.index, robots=robots, kind=kind) if kind else None
+
+    return [of_world(*row) for row in zip(worlds, *fault, strict=True)]
 
 
 def summary(faults: Sequence[SimulationFault]) -> str:

@@ -17,7 +17,6 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.controller import rules_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.strategy.signatures import check_strategy
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -86,17 +85,20 @@ def rollout(
         UserError: keys, robots, settings or a strategy that do not fit.
     """
     _check_keys(keys)
-    check("every", every, "between 1 and 10000", 1 <= every <= 10_000)
-    many = _of_all_worlds(strategy, len(keys), strategy_per_world)
-    check_strategy(jax.tree.map(lambda a: a[0], many), n_robots, keys[0])
+    check("every", every, "a whole number between 1 and 10000", isinstance(every, int) and 1 <= every <= 10_000)
+    n_worlds = len(keys)
+    known = len(set(poses_of)) == len(poses_of) and all(world in range(n_worlds) for world in poses_of)
+    check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
+    settings = RunSettings(n_robots, steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=tuple(poses_of))
+    many = _of_all_worlds(strategy, n_worlds, strategy_per_world)
     genome = PRESETS["type1"]  # ignored, since the strategy is given
+    engine = MjxSettings() if engine is None else engine
     engine = replace(engine, chunk=every) if isinstance(engine, MjxSettings) else engine
-    settings = RunSettings(n_robots, steps, n_worlds=len(keys), stop_at=stop_at, record_worlds=tuple(poses_of))
     worlds = [
         World(genome, n_robots, index=index, start=_start(config, n_robots, key), key=key)
         for index, key in enumerate(keys)
     ]
-    run = Run(config, genome, settings, engine or MjxSettings(chunk=every), worlds=worlds, strategy=many)
+    run = Run(config, genome, settings, engine, worlds=worlds, strategy=many)
     counted = np.minimum(np.arange(every, steps + every, every), steps)
     delivered, poses = np.zeros((len(keys), len(counted)), int), [run.start.poses]
     for column, last in enumerate(counted):

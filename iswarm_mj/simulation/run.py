@@ -12,12 +12,13 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import check_robots
 from iswarm_mj.simulation.metrics import Measures, measure
-from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.jax_setup import configure_jax
@@ -27,7 +28,8 @@ from iswarm_mj.utils.profiling import Stopwatch
 class Run:
     """B worlds that advance together until each is finished or faulty, or the time is up.
 
-    A fault ends its world alone; `faults` names it.
+    A fault ends its world alone, and `faults` names it. Only Warp's contact buffers are shared: if they are full, all
+    worlds of the device end.
 
     Attributes:
         config: what all worlds share.
@@ -69,19 +71,32 @@ class Run:
         configure_jax()
         self.config, self.genome, self.settings = config, genome, settings
         self.engine = MujocoSettings() if engine is None else engine
+        kinds = MujocoSettings, PlanarSettings, MjxSettings
+        check("engine", self.engine, " or ".join(kind.__name__ for kind in kinds), isinstance(self.engine, kinds))
         self.worlds = worlds_of_seed(genome, settings) if worlds is None else list(worlds)
         n_worlds = len(self.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
-        check_robots(config.arena, max(world.n_robots for world in self.worlds))
+        largest = max(world.n_robots for world in self.worlds)
+        check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
+        check_robots(config.arena, largest)
+        n_dust, goal = config.arena.n_dust, self.goal
+        check("stop_at", goal, f"between 1 and the number of balls, {n_dust}", goal <= n_dust)
+        if strategy is not None:
+            check_strategies(strategy, n_worlds, settings.capacity or largest)
         self.watch = Stopwatch()
         self.starts = starts_of(config, self.worlds)
         self.robot = read_robot(robot_file)
-        plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file)
+        plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file, self.goal)
         device = None if isinstance(self.engine, MjxSettings) else jax.devices("cpu")[0]
         with jax.default_device(device):  # engines on the host leave GPUs alone
             self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0
         self._counts = self._loop.counts()
+
+    @property
+    def goal(self) -> int:
+        """Deliveries that finish a world."""
+        return self.config.arena.n_dust if self.settings.stop_at is None else self.settings.stop_at
 
     @property
     def step(self) -> int:
@@ -108,6 +123,11 @@ class Run:
     @property
     def faults(self) -> list[SimulationFault]:
         """What went wrong so far, at most one fault a world."""
+        return [fault for fault in self.fault_of_each if fault is not None]
+
+    @property
+    def fault_of_each(self) -> list[SimulationFault | None]:
+        """The fault of each world, None for a world without one."""
         return decode(self._counts.fault, self.worlds)
 
     @property
@@ -126,7 +146,8 @@ class Run:
         if self.is_over:
             raise RuntimeError(f"the run is over after {self.step} control steps; make a new Run to go on")
         first = self._taken
-        taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
+        with self.watch("advance"):
+            taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
         self._taken += taken
         self._counts = self._loop.counts()
         return None if record is None else jax.tree.map(lambda a: a[: self.step - first], record)
@@ -146,7 +167,13 @@ class Run:
         return np.asarray(self._counts.balls.is_delivered).sum(axis=1)
 
     def measures(self, world: int) -> Measures:
-        """Return the measures of a world so far."""
+        """Return the measures of a world so far.
+
+        Raises:
+            IndexError: there is no such world.
+        """
+        if not 0 <= world < len(self.worlds):
+            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
         return measure(counts.balls, world, int(counts.collisions[world]), finished_at)

@@ -26,7 +26,7 @@ class RunSettings:
     """A world is finished when this many balls are delivered; None for all."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start: they only stand in the way."""
-    capacity: int | None = None
+    capacity: Annotated[int | None, Within(1)] = None
     """Robots that the arrays of compiled programs have places for, at least `n_robots`; None for exactly those.
 
     Runs with different numbers of robots share a program, which takes seconds to compile, if they have the same
@@ -39,9 +39,10 @@ class RunSettings:
         validate(self)
         if self.capacity is not None:
             check("capacity", self.capacity, "at least the number of robots", self.capacity >= self.n_robots)
-        known = all(0 <= world < self.n_worlds for world in self.record_worlds)
-        distinct = len(set(self.record_worlds)) == len(self.record_worlds)
-        check("record_worlds", self.record_worlds, f"distinct worlds from 0 to {self.n_worlds - 1}", known and distinct)
+        recorded = self.record_worlds
+        known = isinstance(recorded, tuple) and all(world in range(self.n_worlds) for world in recorded)
+        distinct = known and len(set(recorded)) == len(recorded)
+        check("record_worlds", recorded, f"a tuple of distinct worlds from 0 to {self.n_worlds - 1}", distinct)
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,8 @@ class MjxSettings:
 
     def __post_init__(self):
         validate(self)
+        is_given = isinstance(self.devices, tuple) and len(self.devices) > 0
+        check("devices", self.devices, "a tuple of JAX devices, or None", self.devices is None or is_given)
 
     @property
     def identity(self) -> dict[str, Any]:

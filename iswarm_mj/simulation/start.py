@@ -43,6 +43,8 @@ class Plan(NamedTuple):
     """With a first axis of B worlds; None for the paper's, with the genome of each world."""
     robot_file: Path | None
     """MJCF file of the robots; None for `models/robot.xml`."""
+    goal: int
+    """Deliveries that finish a world."""
 
 
 def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
@@ -61,7 +63,7 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     strategy = plan.strategy
     if strategy is None:
         strategy = vector_strategies(config, robot.probe_tip[0], worlds)
-    params = world_params(config, worlds, strategy, settings.stop_at or config.arena.n_dust, capacity)
+    params = world_params(config, worlds, strategy, plan.goal, capacity)
     poses, state = first_state(plan.starts, params)
     start = start_record(state, poses, settings.record_worlds, robot)
     match plan.engine:

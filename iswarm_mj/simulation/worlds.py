@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import UserError
 
 _NOISE = {"error_distance_measure", "error_in_communication", "p_communication_break"}
@@ -31,13 +32,13 @@ class World:
 
     genome: Genome
     """The paper's strategy with these parameters (Table 2); ignored in a run of another strategy."""
-    n_robots: int
+    n_robots: Annotated[int, Within(1)]
     """Robots in this world."""
-    seed: int = 0
+    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     """Seed of the world's random numbers."""
-    index: int = 0
+    index: Annotated[int, Within(0)] = 0
     """Number of the world under its seed: the same world as world `index` of a run with this seed."""
-    failed_fraction: float = 0.0
+    failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start."""
     optics: OpticsConfig | None = None
     """May differ in its noise."""
@@ -47,6 +48,9 @@ class World:
     """How the world begins; drawn from its seed if not given."""
     key: Array | None = None
     """Random key of what happens then; from seed and index if not given."""
+
+    def __post_init__(self):
+        validate(self)
 
     @property
     def random_key(self) -> Array:
@@ -146,5 +150,17 @@ def _start(config: SwarmConfig, world: World) -> Start:
             "run worlds that differ in more separately."
         )
     if world.start is not None:
+        _check_start(world.start, world.n_robots, config.arena.n_dust)
         return world.start
     return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction)
+
+
+def _check_start(start: Start, n_robots: int, n_dust: int) -> None:
+    """Raise a ConfigError unless a start has the shapes of its world."""
+    shapes = {"poses": (n_robots, 3), "is_alive": (n_robots,)}
+    for name, shape in shapes.items():
+        found = np.shape(getattr(start, name))
+        check(f"start.{name}", found, f"an array of shape {shape}", found == shape)
+    for name, values in start.balls._asdict().items():
+        found = np.shape(values)
+        check(f"start.balls.{name}", found, f"an array of {n_dust} balls", found[:1] == (n_dust,))

@@ -33,6 +33,25 @@ def observation_shapes(n_robots: int) -> Observation:
     )
 
 
+def check_strategies(strategies: Strategy, n_worlds: int, n_robots: int) -> None:
+    """Check a strategy whose arrays have a first axis of worlds, see `check_strategy`.
+
+    Args:
+        strategies: of all worlds.
+        n_worlds: B.
+        n_robots: N.
+
+    Raises:
+        UserError: an array lacks that axis, or a method returns something else.
+    """
+    for leaf in jax.tree.leaves(strategies):
+        if jnp.shape(leaf)[:1] != (n_worlds,):
+            raise UserError(
+                f"the arrays of the strategy must have a first axis of {n_worlds} worlds (got shape {jnp.shape(leaf)})"
+            )
+    check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0))
+
+
 def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
     """Check the shapes and types of what a strategy's methods return.
 

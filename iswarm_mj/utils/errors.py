@@ -101,6 +101,9 @@ class SimulationFault(RuntimeError):
         text = "; ".join(filter(None, [facts, *remedies, self.detail]))
         return f"{place}: {text}" if place else text
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({str(self)!r})"
+
     def _robots(self) -> str:
         """Return "robot 5", or "robots 5, 6 and 3 more"."""
         if not self.robots:

@@ -11,6 +11,7 @@ import numpy as np
 
 from iswarm_mj.simulation.distributed import ALONE, Hosts
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import hardware
 from iswarm_mj.workflows.recorder import Recorder
 
@@ -40,8 +41,13 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
         warm_up: control steps that are not timed; at least the first call.
         record: record the first world to a temporary file, too.
         hosts: the processes that share the worlds.
+
+    Raises:
+        UserError: all worlds ended within the warm-up.
+        SimulationFault: a world could not go on, so that the times say nothing.
     """
     own = _time(run, warm_up, record, hosts)
+    run.raise_faults()
     shares = [Times(*share) for share in hosts.gathered("times", own)]
     if hosts.index > 0:
         return None
@@ -77,12 +83,17 @@ def _time(run: Run, warm_up: int, record: bool, hosts: Hosts) -> Times:
     laps: list[float] = []
     with ExitStack() as stack:
         out = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        recorder = stack.enter_context(Recorder(run, out)) if record else None
+        recorder = stack.enter_context(Recorder(run, out)) if record and hosts.index == 0 else None
         started = time.perf_counter()
         while run.step < warm_up and not run.is_over:
             _advance(run, recorder, hosts)
             laps.append(time.perf_counter() - started)
         first_call_s = laps[0]
+        if run.is_over:
+            raise UserError(
+                f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; use more balls, or a "
+                "shorter `warm_up`"
+            )
         laps.clear()
         run.watch.laps.clear()
         hosts.gathered("warm", None)

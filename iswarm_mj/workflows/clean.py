@@ -73,6 +73,7 @@ def _record(run: Run, out: Path, hosts: Hosts) -> None:
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
     for place in places:
         make_output_directory(place)
+    results.clear_worlds(out)
     with ExitStack() as stack:
         recorders = [stack.enter_context(Recorder(run, places[k], k)) for k in range(len(recorded))]
         for place in places:
@@ -82,7 +83,7 @@ def _record(run: Run, out: Path, hosts: Hosts) -> None:
 
 def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
     """Take all steps, with a progress bar on a terminal."""
-    goal = (run.settings.stop_at or run.config.arena.n_dust) * len(run.worlds)
+    goal = run.goal * len(run.worlds)
     hidden = not sys.stderr.isatty() or hosts.index > 0
     with tqdm(total=run.settings.steps, unit="step", disable=hidden) as bar:
         bar.set_postfix_str("compiling", refresh=True)

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import jax
 
-from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, outcome
+from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
 from iswarm_mj.simulation.initial import free_cells
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
@@ -53,16 +53,17 @@ def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, Non
 
 
 def _measured(jobs: Sequence[Job]) -> list[Measures]:
-    """Measures of jobs of equal settings, with contact buffers as large as necessary."""
+    """Measures of jobs of equal settings, with contact buffers as large as they need."""
     impl = implementation()
     contact_capacity = FIRST_CAPACITY[impl]
     while True:
         run = _run(jobs, MjxSettings(impl, contact_capacity=contact_capacity))
-        faults = run.faults
+        faults = [(job, fault) for job, fault in zip(jobs, run.fault_of_each, strict=True) if fault is not None]
         if not faults:
             return [run.measures(world) for world in range(len(jobs))]
-        if not all(fault.kind & _BUFFER_FULL for fault in faults) or 2 * contact_capacity > MAX_CAPACITY:
-            run.raise_faults()
+        if not all(fault.kind & _BUFFER_FULL for _, fault in faults) or 2 * contact_capacity > MAX_CAPACITY:
+            job, fault = faults[0]
+            raise fault_of(job, fault)
         contact_capacity *= 2
 
 

@@ -58,6 +58,11 @@ def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
     return Outcome(*measures, steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
 
 
+def fault_of(job: Job, fault: SimulationFault) -> SimulationFault:
+    """Return a fault that names the job in which it occurred."""
+    return SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}")
+
+
 def run_job(job: Job, engine: str = "mujoco") -> Outcome:
     """Run a job in this process, on the CPU.
 
@@ -81,6 +86,6 @@ def run_job(job: Job, engine: str = "mujoco") -> Outcome:
     run = Run(job.config, job.genome, settings, _ENGINES[engine])
     while not run.is_over:
         run.advance()
-    for fault in run.faults:
-        raise SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}")
+    if run.faults:
+        raise fault_of(job, run.faults[0])
     return outcome(job, run.measures(0), run.step)
