@@ -91,8 +91,8 @@ def _time(run: Run, warm_up: int, record: bool, hosts: Hosts) -> Times:
         first_call_s = laps[0]
         if run.is_over:
             raise UserError(
-                f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; use more balls, or a "
-                "shorter `warm_up`"
+                f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; use more balls or "
+                "a shorter `warm_up`"
             )
         laps.clear()
         run.watch.laps.clear()

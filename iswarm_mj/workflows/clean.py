@@ -71,9 +71,9 @@ def _record(run: Run, out: Path, hosts: Hosts) -> None:
     """Take all steps and write what is recorded."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
+    results.clear_worlds(out)
     for place in places:
         make_output_directory(place)
-    results.clear_worlds(out)
     with ExitStack() as stack:
         recorders = [stack.enter_context(Recorder(run, places[k], k)) for k in range(len(recorded))]
         for place in places:

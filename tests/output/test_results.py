@@ -3,6 +3,7 @@
 import pytest
 
 from iswarm_mj.output import results
+from iswarm_mj.output.trajectory import TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 
 
@@ -23,3 +24,13 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
         raise RuntimeError
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
     assert (tmp_path / "result.json").read_text() == "old"
+
+
+def test_further_worlds_of_an_earlier_run_are_removed(tmp_path):
+    for name in ("world-1", "world-2", "mine"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / TRAJECTORY).touch()
+    (tmp_path / "world-2" / "notes.txt").touch()
+    results.clear_worlds(tmp_path)
+    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
+    assert left == ["mine", f"mine/{TRAJECTORY}", "world-2", "world-2/notes.txt"]

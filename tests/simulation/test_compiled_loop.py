@@ -155,7 +155,9 @@ def test_a_world_stands_still_once_it_is_finished(batch):
 def test_stages_are_timed_on_worlds_of_the_run_alone():
     """Of one world on a CPU there are two rows, the second a filler."""
     one, plain = settings(n_worlds=1, steps=1, record_worlds=()), mjx(chunk=1)
-    loop, _ = start_loop(Plan(TINY, one, plain, [WORLD], starts_of(TINY, [WORLD]), None, None), Stopwatch())
+    loop, _ = start_loop(
+        Plan(TINY, one, plain, [WORLD], starts_of(TINY, [WORLD]), None, None, TINY.arena.n_dust), Stopwatch()
+    )
     params, state, engine = loop.on_first_device()
     assert {a.shape[0] for a in jax.tree.leaves((params, state))} == {1}
     assert not np.asarray(state.is_finished).any()
@@ -165,7 +167,9 @@ def test_stages_are_timed_on_worlds_of_the_run_alone():
 
 def test_capacity_of_contacts_is_that_of_the_settings():
     one, wide = settings(n_worlds=1, record_worlds=()), mjx(contact_capacity=2)
-    loop, _ = start_loop(Plan(TINY, one, wide, [WORLD], starts_of(TINY, [WORLD]), None, None), Stopwatch())
+    loop, _ = start_loop(
+        Plan(TINY, one, wide, [WORLD], starts_of(TINY, [WORLD]), None, None, TINY.arena.n_dust), Stopwatch()
+    )
     assert loop.on_first_device()[2].arena.capacity == contact_capacity(TINY, N, 2)
 
 

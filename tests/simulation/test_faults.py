@@ -13,11 +13,17 @@ from iswarm_mj.utils.errors import FaultKind
 def faults_of(bits, step=3, robot=7, first=0):
     bits = np.array(bits)
     worlds = [World(Genome(), 9, index=first + k) for k in range(len(bits))]
-    return decode(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
+    each = decode(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
+    assert [fault is not None for fault in each] == [bool(b) for b in bits]
+    return [fault for fault in each if fault is not None]
 
 
 def test_no_fault():
     assert faults_of([0, 0]) == [] and summary([]) == ""
+
+
+def test_a_list_of_faults_can_be_read():
+    assert repr(faults_of([FaultKind.OUTSIDE])).startswith("[SimulationFault('step 3, world 0: robot 7 left the arena")
 
 
 def test_who_when_where_and_what():

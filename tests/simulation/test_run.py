@@ -13,12 +13,14 @@ from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmCon
 from iswarm_mj.engines.base import Motion, find_lost
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.simulation.decide import Situation
+from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.loop import decide_worlds
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.worlds import World
+from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.worlds import World, vector_strategies
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
+from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 from iswarm_mj.utils.units import RD
 
 TYPE1 = PRESETS["type1"]
@@ -468,7 +470,8 @@ def test_the_noise_of_two_steps_differs(small):
     poses = state.bodies.poses.astype(np.float32)
 
     def memories(step):
-        decision = decide_worlds(small, run.robot, params, state.swarm, poses, sight, np.int32(step), running)
+        situation = Situation(poses, sight, np.int32(step), running)
+        decision = decide_worlds(small, run.robot, params, state.swarm, situation)
         return decision.swarm.memory
 
     same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), memories(7), memories(7))
@@ -516,3 +519,47 @@ def test_nobody_lives_and_nothing_happens(small):
 def test_a_share_of_failed_robots_beyond_one_is_refused():
     with pytest.raises(UserError, match=r"failed_fraction must be between 0 and 1 \(got 1\.5\)"):
         RunSettings(n_robots=4, steps=1, failed_fraction=1.5)
+
+
+class TestWhatDoesNotFit:
+    @pytest.mark.parametrize("field", ["poses", "is_alive"])
+    def test_starts_of_other_sizes(self, small, field):
+        start = draw_start(small, 5, 0, 0)
+        start = start._replace(**{field: getattr(start, field)[:4]})
+        with pytest.raises(ConfigError, match=rf"start\.{field} must be an array of shape \(5"):
+            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
+
+    def test_starts_with_other_balls(self, small):
+        start = draw_start(small, 5, 0, 0)
+        start = start._replace(balls=start.balls._replace(radius=start.balls.radius[:7]))
+        with pytest.raises(ConfigError, match=r"start\.balls\.radius must be an array of 24 balls \(got \(7,\)\)"):
+            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
+
+    @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])
+    def test_worlds(self, values):
+        with pytest.raises(ConfigError, match=next(iter(values))):
+            World(**{"genome": TYPE1, "n_robots": 5, **values})
+
+    def test_a_run_of_more_robots_than_its_worlds(self, small):
+        with pytest.raises(ConfigError, match=r"n_robots must be that of the largest world, 5 \(got 6\)"):
+            Run(small, TYPE1, RunSettings(6, 3), worlds=[World(TYPE1, 5)])
+
+    @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
+    def test_engines(self, small, engine):
+        with pytest.raises(ConfigError, match="engine must be MujocoSettings or PlanarSettings or MjxSettings"):
+            Run(small, TYPE1, RunSettings(5, 3), engine)
+
+    def test_more_deliveries_than_balls(self, small):
+        with pytest.raises(ConfigError, match=r"stop_at must be between 1 and the number of balls, 24 \(got 25\)"):
+            Run(small, TYPE1, RunSettings(5, 3, stop_at=25))
+
+    def test_strategies_without_an_axis_of_worlds(self, small):
+        strategy = vector_strategies(small, 0.9, [World(TYPE1, 5)] * 2)
+        with pytest.raises(UserError, match=r"first axis of 1 worlds \(got shape \(2,\)\)"):
+            Run(small, TYPE1, RunSettings(5, 3), strategy=strategy)
+
+    def test_measures_of_a_world_that_is_not_there(self, small):
+        run = Run(small, TYPE1, RunSettings(5, 3))
+        for world in (-1, 1):
+            with pytest.raises(IndexError, match="between 0 and 0"):
+                run.measures(world)

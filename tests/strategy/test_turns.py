@@ -52,7 +52,8 @@ def decided(strategy, config, state, poses, links, key):
     n = len(poses)
     params = WorldParams(strategy, conditions_of(config), key, jnp.ones(n, bool), jnp.int32(1))
     sight = Sight(links, jnp.zeros((n, 4), bool))
-    return decide.decide(config, read_robot(), params, state, poses, sight, jnp.int32(0), jnp.array(True))
+    situation = decide.Situation(poses, sight, jnp.int32(0), jnp.array(True))
+    return decide.decide(config, read_robot(), params, state, situation)
 
 
 N, GAP = 9, 8.0
