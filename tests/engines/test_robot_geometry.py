@@ -28,10 +28,10 @@ from iswarm_mj.output.frames import scene_of
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import led_positions, receive
-from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
