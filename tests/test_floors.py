@@ -1,4 +1,4 @@
-"""The picture of the floors shows the imports as they are."""
+"""The picture of the layers shows the current imports."""
 
 import importlib.util
 from pathlib import Path
@@ -10,8 +10,8 @@ def test_the_picture_is_up_to_date():
     spec = importlib.util.spec_from_file_location("draw_floors", TOOL)
     tool = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tool)
-    rooms = tool.floors()
-    assert tool.PICTURE.read_text() == tool.draw(rooms), "run python tools/draw_floors.py"
-    sizes, arrows = tool.count(rooms)
-    assert all(rooms.index(above) < rooms.index(below) for above, below in arrows)
+    packages = tool.layers()
+    assert tool.PICTURE.read_text() == tool.draw(packages), "run python tools/draw_floors.py"
+    sizes, arrows = tool.count(packages)
+    assert all(packages.index(above) < packages.index(below) for above, below in arrows)
     assert sizes["engines"] >= 10

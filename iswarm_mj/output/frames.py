@@ -1,4 +1,4 @@
-"""From records of a run to frames of a trajectory: the door from arena units to SI."""
+"""From records of a run to frames of a trajectory: arena units become SI here."""
 
 from collections.abc import Sequence
 from dataclasses import fields

@@ -1,1 +1,1 @@
-"""What every room may use: arrays, units, errors, files, tables."""
+"""Helpers for every package: arrays, units, errors, files, tables."""

@@ -1,4 +1,4 @@
-"""Geometry and mass of a robot, as plain numbers that every room can use. `models/robot.xml` is their only source."""
+"""Geometry and mass of a robot, as plain numbers for every package. `models/robot.xml` is their only source."""
 
 import math
 from dataclasses import dataclass

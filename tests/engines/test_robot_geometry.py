@@ -31,6 +31,7 @@ from iswarm_mj.sensors.optics import led_positions, receive
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
@@ -249,7 +250,8 @@ def test_a_whole_run_of_such_robots(file):
 @pytest.fixture(scope="module")
 def scene(file):
     memory, balls = SimpleNamespace(is_scout=np.zeros((1, 1, N), bool)), SimpleNamespace(radius=np.zeros((1, 1, 0)))
-    start = SimpleNamespace(swarm=SimpleNamespace(memory=memory, balls=balls))
+    swarm = SimpleNamespace(memory=memory, balls=balls)
+    start = StepRecord(**dict.fromkeys(StepRecord._fields) | {"swarm": swarm})
     return scene_of(CONFIG, read_robot(file), start, 0)
 
 

@@ -1,6 +1,6 @@
 """MJX as the rest of the package uses it, with the few private parts that are needed, and in silence.
 
-Where Warp is not installed, MJX prints so on standard output, which belongs to the results.
+Where Warp is not installed, MJX says so on standard output, which is reserved for results.
 """
 
 import contextlib

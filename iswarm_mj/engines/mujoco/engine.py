@@ -1,10 +1,11 @@
 """The engine for CPUs: MuJoCo in C, many worlds on a thread pool."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
 from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
@@ -12,6 +13,7 @@ from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -26,10 +28,10 @@ _PARKED = -1000.0  # height of the robots that are absent [mm]
 class Bodies(NamedTuple):
     """Mechanical state of B worlds as seen from Python; velocities stay inside MuJoCo."""
 
-    poses: np.ndarray
-    """(B, P, 3) x, y [mm] and yaw [rad]; zero for places beyond the model's robots."""
-    n_contacts: np.ndarray
-    """(B,) contact points in the last physics step, which choose the solver of the next ones."""
+    poses: Float[np.ndarray, "B P 3"]
+    """x, y [mm] and yaw [rad]; zero for places beyond the model's robots."""
+    n_contacts: Int[np.ndarray, "B"]
+    """Contact points in the last physics step, which choose the solver of the next ones."""
 
 
 class MujocoEngine:
@@ -57,7 +59,7 @@ class MujocoEngine:
         self._edge = mm_from_rd(config.arena.size) / 2
         self.robot = arena.robot
 
-    def place(self, poses: np.ndarray, is_present: np.ndarray) -> Bodies:
+    def place(self, poses: Float[np.ndarray, "B P 3"], is_present: Bool[np.ndarray, "B P"]) -> Bodies:
         """See `Engine.place`."""
         self._is_present = is_present[:, : self._n_robots]
         if not self._is_present.all():
@@ -71,11 +73,11 @@ class MujocoEngine:
         self._batch.forward()
         return Bodies(self._padded(self._qpos[:, self._arena.qpos]), np.zeros(len(poses), int))
 
-    def poses(self, bodies: Bodies) -> np.ndarray:
+    def poses(self, bodies: Bodies) -> Float[np.ndarray, "B P 3"]:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: np.ndarray, is_running: np.ndarray) -> Sight:
+    def sense(self, bodies: Bodies, emits: Bool[Array, "B P"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
         n = self._n_robots
         sight = sense(
@@ -85,7 +87,7 @@ class MujocoEngine:
             return sight
         return Sight(type(sight.links)(*map(self._padded, sight.links)), self._padded(sight.sees_wall))
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: np.ndarray) -> Motion:
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""
         n = self._n_robots
         fault, n_contacts = np.zeros(len(is_running), np.int32), bodies.n_contacts.copy()
@@ -107,7 +109,7 @@ class MujocoEngine:
             self._qvel[failed] = 0.0
         return Motion(Bodies(poses, n_contacts), touching, fault, robot)
 
-    def _step(self, n_substeps: int, worlds: np.ndarray, is_jam: np.ndarray) -> list[int]:
+    def _step(self, n_substeps: int, worlds: Int[np.ndarray, "W"], is_jam: Bool[np.ndarray, "W"]) -> list[Any]:
         """Take physics steps of some worlds; return those in which MuJoCo reported an error."""
         self._solver[worlds] = np.where(is_jam, _GRADIENTS, _NEWTON)
         self._iterations[worlds] = np.where(is_jam, _MAX_ITERATIONS, self._arena.model.opt.iterations)
@@ -118,7 +120,7 @@ class MujocoEngine:
             return list(error.ids)
         return []
 
-    def _read_contacts(self, world: int, touching: np.ndarray, n_contacts: np.ndarray) -> None:
+    def _read_contacts(self, world: int, touching: Bool[np.ndarray, "B P P"], n_contacts: Int[np.ndarray, "B"]) -> None:
         """Mark the pairs of robots of a world that touched in its last physics step."""
         contact = self._batch.get_data(world, self._scratch).contact
         n_contacts[world] = len(contact.geom)
@@ -127,8 +129,8 @@ class MujocoEngine:
         first, second = first[robots], second[robots]
         touching[world, np.minimum(first, second), np.maximum(first, second)] = True
 
-    def _padded(self, values: np.ndarray) -> np.ndarray:
-        """Values of robots (B, N, ...) with zeros, or false, for the places beyond them (B, P, ...)."""
+    def _padded(self, values: Shaped[np.ndarray, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
+        """Values of robots with zeros, or false, for the places beyond them."""
         if self._capacity == values.shape[1]:
             return values
         filled = np.zeros((len(values), self._capacity, *values.shape[2:]), values.dtype)

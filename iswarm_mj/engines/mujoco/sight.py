@@ -1,6 +1,7 @@
 """Light in MuJoCo in C: links and walls in sight, decided by the rays of the physics engine."""
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
 from iswarm_mj.config import SwarmConfig
@@ -26,18 +27,22 @@ class Scene:
         self.object_of[arena.walls] = n + np.arange(len(arena.walls))
 
     def cast_rays(
-        self, world: np.ndarray, origin: np.ndarray, vector: np.ndarray, robot: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self,
+        world: Int[np.ndarray, "P"],
+        origin: Float[np.ndarray, "P 2"],
+        vector: Float[np.ndarray, "P 2"],
+        robot: Int[np.ndarray, "P"],
+    ) -> tuple[Float[np.ndarray, "P"], Int[np.ndarray, "P"]]:
         """Cast horizontal rays at half the robots' height; each ignores the robot that sends it.
 
         Args:
-            world: (P,) index of the world.
-            origin: (P, 2) start [mm].
-            vector: (P, 2) direction and length [mm].
-            robot: (P,) index of the robot to ignore.
+            world: index of the world.
+            origin: start [mm].
+            vector: direction and length [mm].
+            robot: index of the robot to ignore.
 
         Returns:
-            Share of the vector's length at the first hit (P,), infinite for none; and what is hit (P,): the index
+            Share of the vector's length at the first hit, infinite for none; and what is hit: the index
             of a robot, or a number from N on for a wall.
         """
         count = np.bincount(world, minlength=self._batch.nsim)
@@ -60,14 +65,16 @@ class Scene:
         return share, hit
 
 
-def sense(scene: Scene, poses: np.ndarray, emits: np.ndarray, is_present: np.ndarray) -> Sight:
+def sense(
+    scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: Bool[np.ndarray, "B N"], is_present: Bool[np.ndarray, "B N"]
+) -> Sight:
     """Light of a control step.
 
     Args:
         scene: what rays meet.
-        poses: (B, N, 3) x, y [mm] and yaw [rad].
-        emits: (B, N) bool, which robots send light; the others still stand in the way.
-        is_present: (B, N) bool; the others do not take part.
+        poses: x, y [mm] and yaw [rad].
+        emits: which robots send light; the others still stand in the way.
+        is_present: the others do not take part.
     """
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
@@ -81,8 +88,10 @@ def sense(scene: Scene, poses: np.ndarray, emits: np.ndarray, is_present: np.nda
     return Sight(links, find_walls(scene, poses, is_present))
 
 
-def find_walls(scene: Scene, poses: np.ndarray, is_present: np.ndarray) -> np.ndarray:
-    """Whether a wall is the first thing on the axis of each LED, within range (B, N, 4).
+def find_walls(
+    scene: Scene, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]
+) -> Bool[np.ndarray, "B N 4"]:
+    """Whether a wall is the first thing on the axis of each LED, within range.
 
     A LED that a robot presses slightly into a wall sees it too.
     """
