@@ -31,7 +31,6 @@ CHECKED = [
         "simulation.decide",
         "simulation.initial",
         "simulation.run",
-        "simulation.settings",
         "simulation.start",
         "simulation.step",
         "simulation.worlds",
