@@ -9,6 +9,7 @@ import time
 import warnings
 import zlib
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -286,7 +287,7 @@ class TestMjx:
     @pytest.mark.parametrize(
         "given, said",
         [
-            ({"engine": "abacus"}, "^engine must be mujoco or mjx .*abacus"),
+            ({"engine": "abacus"}, "^engine must be mujoco or planar or mjx .*abacus"),
             ({"backend": "abacus"}, "^backend must be processes or ray .*abacus"),
             ({"workers": -1}, "^workers must be .*between 0 and 1024 .*-1"),
             ({"engine": "mjx", "backend": "ray"}, "^backend must be processes with `engine` mjx"),
@@ -332,10 +333,13 @@ class TestMjx:
 
             @property
             def faults(self):
-                return [SimulationFault(step=3, world=0, kind=self.kind)] if self.lacks and self.is_over else []
+                return [fault for fault in self.fault_of_each if fault is not None]
 
-            def raise_faults(self):
-                raise self.faults[0]
+            @property
+            def fault_of_each(self):
+                """The last world has one."""
+                fault = SimulationFault(step=3, world=0, kind=self.kind) if self.lacks and self.is_over else None
+                return [*[None] * (len(self.sizes) - 1), fault]
 
             def measures(self, world):
                 return Measures(self.sizes[world], 0, 0, None, None)
@@ -352,8 +356,9 @@ class TestMjx:
     @pytest.mark.parametrize("kind, expected", [(FaultKind.TOO_MANY_CONTACTS, [1, 2, 4, 8]), (FaultKind.OUTSIDE, [1])])
     def test_a_fault_that_larger_buffers_do_not_remove_is_raised(self, jobs, tried, kind, expected):
         tried[0].needed, tried[0].kind = 9, kind
-        with pytest.raises(SimulationFault, match=r"^step 3, world 0: "):
-            outcomes_of(jobs[:1], MJX)
+        alike = [jobs[0], replace(jobs[0], seed=77)]
+        with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 77: step 3, world 0: "):
+            outcomes_of(alike, MJX)
         assert [size for size, _ in tried[1]] == expected
 
     @pytest.mark.parametrize(
