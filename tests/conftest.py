@@ -30,7 +30,6 @@ CHECKED = [
         "engines.planar.engine",
         "simulation.decide",
         "simulation.initial",
-        "simulation.run",
         "simulation.start",
         "simulation.step",
         "simulation.worlds",

@@ -400,7 +400,7 @@ def test_generations_as_batches(small, tmp_path):
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--engine abacus", r"\('mujoco', 'mjx'\)"),
+        ("--engine abacus", r"\('mujoco', 'planar', 'mjx'\)"),
         ("--engine mjx --backend ray", r"--backend must be processes with --engine mjx \(got 'ray'\)"),
         ("--generations 0", r"--generations must be a whole number between 1 and 100000 \(got 0\)"),
         ("--population 1", r"--population must be .*\(got 1\)"),

@@ -12,7 +12,7 @@ from iswarm_mj.config import DriveConfig, GripperConfig, StrategyConfig, SwarmCo
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.decide import decide
+from iswarm_mj.simulation.decide import Situation, decide
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import (
@@ -381,7 +381,8 @@ def decided(poses, state, links, sees_wall, seed=5):
         STRATEGY, conditions_of(DROPPING), jax.random.key(seed), jnp.ones(N_ROBOTS, bool), jnp.int32(1)
     )
     poses, running = jnp.asarray(poses, jnp.float32), jnp.array(True)
-    return decide_here(DROPPING, read_robot(), params, state, poses, Sight(links, sees_wall), jnp.int32(3), running)
+    situation = Situation(poses, Sight(links, sees_wall), jnp.int32(3), running)
+    return decide_here(DROPPING, read_robot(), params, state, situation)
 
 
 def moved(poses, state, angle, shift=(0.0, 0.0)):
