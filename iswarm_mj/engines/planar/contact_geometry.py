@@ -99,10 +99,15 @@ def rectangle_contact(
     p_out, q_out = out + 0.5 * h, out + 0.5 * k
     nx, ny = (ux, uy) if of_first else (-ux, -uy)
     return (
-        nx, ny,
-        bx - p_in * uy + p_out * ux, by + p_in * ux + p_out * uy, h,
-        bx - q_in * uy + q_out * ux, by + q_in * ux + q_out * uy, k,
-    )  # fmt: skip
+        nx,
+        ny,
+        bx - p_in * uy + p_out * ux,
+        by + p_in * ux + p_out * uy,
+        h,
+        bx - q_in * uy + q_out * ux,
+        by + q_in * ux + q_out * uy,
+        k,
+    )
 
 
 @register_jitable
@@ -132,6 +137,10 @@ def wall_contact(
         a2, b2 = -a, b
     d1, d2 = gap + along * a + left * b, gap + along * a2 + left * b2
     return (
-        a * c - b * s - 0.5 * d1 * nx, a * s + b * c - 0.5 * d1 * ny, d1,
-        a2 * c - b2 * s - 0.5 * d2 * nx, a2 * s + b2 * c - 0.5 * d2 * ny, d2,
-    )  # fmt: skip
+        a * c - b * s - 0.5 * d1 * nx,
+        a * s + b * c - 0.5 * d1 * ny,
+        d1,
+        a2 * c - b2 * s - 0.5 * d2 * nx,
+        a2 * s + b2 * c - 0.5 * d2 * ny,
+        d2,
+    )

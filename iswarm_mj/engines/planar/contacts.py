@@ -11,12 +11,26 @@ from iswarm_mj.engines.planar.plane import Plane
 
 _WALLS = ((-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))  # normals of the east, north, west and south wall
 _NUMBERS = (
-    "nx", "ny",  # from the first to the second
-    "inverse_mass", "inverse_inertia",  # of the first
-    "arm1", "arm2", "lever1", "lever2",
-    "offset1", "offset2", "regularisation1", "regularisation2", "h11", "h12", "h22",
-    "p1", "p2", "before1", "before2",  # impulses now, and as the latest sweep ended
-)  # fmt: skip
+    "nx",
+    "ny",  # from the first to the second
+    "inverse_mass",
+    "inverse_inertia",  # of the first
+    "arm1",
+    "arm2",
+    "lever1",
+    "lever2",
+    "offset1",
+    "offset2",
+    "regularisation1",
+    "regularisation2",
+    "h11",
+    "h12",
+    "h22",
+    "p1",
+    "p2",
+    "before1",
+    "before2",  # impulses now, and as the latest sweep ended
+)
 
 CONTACT = np.dtype([(name, np.int64) for name in ("first", "second", "n_rows")] + [(n, np.float64) for n in _NUMBERS])
 """A touching pair: two robots, or a wall, as body N of infinite mass, and a robot.
