@@ -49,7 +49,8 @@ def check_robots(arena: ArenaConfig, n_robots: int) -> None:
     room = len(free_cells(arena))
     if not 1 <= n_robots <= room:
         constraint = f"between 1 and {room} in an arena of {arena.size:g} x {arena.size:g} rd"
-        raise ConfigError("n_robots", n_robots, constraint, "use fewer robots or a larger `arena.size`")
+        remedy = "use fewer robots or a larger `arena.size`" if n_robots > room else None
+        raise ConfigError("n_robots", n_robots, constraint, remedy)
 
 
 def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator) -> np.ndarray:

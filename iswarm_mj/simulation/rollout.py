@@ -75,7 +75,7 @@ def rollout(
         keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
         n_robots: N, in each world.
         steps: control steps at most.
-        engine: `MjxSettings` (default) or `MujocoSettings`.
+        engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
         stop_at: a world is finished when this many balls are delivered; None for all.
         every: deliveries are counted after every so many control steps, and after the last.

@@ -41,7 +41,9 @@ def test_density_has_limits(density):
 
 @pytest.mark.parametrize("n_robots", [0, -3, 2377])
 def test_there_is_room_for_so_many(n_robots):
-    with pytest.raises(UserError, match=rf"n_robots must be between 1 and 2376 .*\(got {n_robots}\); use"):
+    """Fewer robots are the remedy only where there are too many."""
+    remedy = "; use fewer robots or a larger `arena.size`" if n_robots > 2376 else ""
+    with pytest.raises(UserError, match=rf"n_robots must be between 1 and 2376 .*\(got {n_robots}\){remedy}$"):
         layout.place_robots(PAPER, n_robots, generator())
 
 
