@@ -123,7 +123,7 @@ def test_values_given_twice_count_once():
 
 def test_results_of_an_earlier_run_are_replaced(here):
     flags = [*FAST, "--radius", "20e-6", "--repeats", 1, "--out", "out"]
-    assert code_of("grasp", *flags, "--rh", 10, 30, "--gap", "3e-6", "5e-6", "--record", 1) == 0
+    assert code_of("grasp", *flags, "--rh", 10, 30, "--gap", "3e-6", "5e-6", "--record", 0, 1) == 0
     (here / "out" / "trial-notes.txt").write_text("mine")
     assert code_of("grasp", *flags, "--rh", 10, "--record", "--protocol.grasp-limit", 10) == 0
     stems = {path.stem for path in (here / "out").iterdir()}

@@ -231,7 +231,7 @@ def parameters(max_examples):
     return lambda test: kept(examples(test))
 
 
-@parameters(12)
+@parameters(30)
 def test_parameters_around_the_defaults_break_nothing(trial, protocol, gap):
     never_breaks(trial, protocol, gap)
 

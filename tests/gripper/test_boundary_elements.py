@@ -67,7 +67,7 @@ def test_gripper_converges_with_order_two(task):
     assert 1.5 < np.log2(first / second) < 2.6
 
 
-@pytest.mark.parametrize("row", CYLINDER[::26], ids=lambda row: f"{row[0]}-{row[1]}")
+@pytest.mark.parametrize("row", CYLINDER[::13], ids=lambda row: f"{row[0]}-{row[1]}")
 def test_gripper_against_another_solver(row):
     gap, probe, release, pick = row
     assert bem.extrapolated_factor(gap, probe, "release") == pytest.approx(release, rel=1e-3)
@@ -91,11 +91,11 @@ def test_probe_length_matters_little_at_small_gaps():
 @pytest.mark.parametrize("task", ["release", "pick"])
 def test_shipped_table_between_its_points(task):
     rng = np.random.default_rng(5)
-    for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 4), 2 ** rng.uniform(-5.6, 2.3, 4), strict=True):
+    for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 8), 2 ** rng.uniform(-5.6, 2.3, 8), strict=True):
         assert probe_factor(task, gap, probe) == pytest.approx(bem.extrapolated_factor(gap, probe, task), rel=4e-4)
 
 
-@pytest.mark.parametrize("radius", [15.0, 25.0])
+@pytest.mark.parametrize("radius", [15.0, 20.0, 25.0])
 def test_shipped_table_at_the_effective_gap_of_contact(radius):
     fine = [bem.shape_factor(0.2 / radius, 13 / radius, "pick", h) for h in (1, 2)]
     assert probe_factor("pick", 0.2 / radius, 13 / radius) == pytest.approx((4 * fine[1] - fine[0]) / 3, rel=1e-4)
