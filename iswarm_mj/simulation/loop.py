@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
@@ -111,8 +112,8 @@ def decide_worlds(
 ) -> Decision:
     """`decide` for B worlds at once, all at the same step."""
     of_one = partial(decide, config, robot)
-    axes: Any = Situation(poses=0, sight=0, step=None, is_running=0)  # type: ignore
-    return jax.vmap(of_one, in_axes=(0, 0, axes))(params, swarm, situation)
+    steps = jnp.broadcast_to(situation.step, situation.is_running.shape)
+    return jax.vmap(of_one)(params, swarm, situation._replace(step=steps))
 
 
 class TimedEngine:

@@ -1,4 +1,4 @@
-"""Runs: nothing is lost, worlds and seeds are what they should be, drives have limits, faults end their world alone."""
+"""Runs: nothing is lost, worlds and seeds are what they should be, and all kinds of swarm run."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -7,21 +7,19 @@ import jax
 import numpy as np
 import platformdirs
 import pytest
-from helpers_runs import N, check_balls, end_of, engine_of, first_step, poses_of, records, run_of, scripted
+from helpers_runs import N, check_balls, end_of, engine_of, first_step, poses_of, records, run_of
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
-from iswarm_mj.engines.base import Motion, find_lost
+from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import Situation
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.loop import decide_worlds
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
-from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
-from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.errors import UserError
 
 TYPE1 = PRESETS["type1"]
 CROWD = 100
@@ -202,189 +200,6 @@ class TestSeedsAndWorlds:
         assert run.step == max(ends)
 
 
-class TestWorldsOfDifferentSize:
-    SIZES = (12, N, 1)
-    """Robots; a program for N is shared with the other tests."""
-
-    def worlds(self):
-        return [World(TYPE1, n, index=index) for index, n in enumerate(self.SIZES)]
-
-    def test_each_is_as_if_alone(self, small):
-        """Robots that a world lacks are in its model, out of the way: only contact forces round otherwise."""
-        run = run_of(small, worlds=self.worlds(), steps=60)
-        together = list(records(run))
-        for world, n_robots in enumerate(self.SIZES):
-            alone = run_of(small, worlds=self.worlds()[world : world + 1] * 3, n_robots=n_robots, steps=60, capacity=N)
-            for one, many in zip(records(alone), together, strict=True):
-                np.testing.assert_allclose(many.poses[world], one.poses[0], atol=1e-8 if n_robots == 12 else 0, rtol=0)
-                np.testing.assert_array_equal(many.links.valid[world], one.links.valid[0])
-                assert many.collisions[world] == one.collisions[0]
-            assert run.measures(world) == alone.measures(0)
-        assert run.measures(0).collisions > 0 and run.measures(0).picked > 0 and run.measures(2).collisions == 0
-
-    def test_absent_robots_do_nothing(self, small):
-        run = run_of(small, worlds=self.worlds(), steps=20)
-        before = poses_of(run)
-        for record in records(run):
-            step = np.linalg.norm((record.poses - before)[..., :2], axis=-1)
-            before = record.poses
-            for world, n_robots in enumerate(self.SIZES):
-                assert record.speed[world] == pytest.approx(step[world, :n_robots].mean())
-                assert not record.poses[world, n_robots:].any()
-                assert not record.links.valid[world, n_robots:].any()
-                assert (record.links.sender[world][record.links.valid[world]] < n_robots).all()
-                balls = record.swarm.balls
-                assert (balls.holder[world][balls.is_held[world]] < n_robots).all()
-                assert not record.has_priority[world, n_robots:].any()
-            _, state = run.arrays()
-            assert not state.touching[0, :, 12:].any() and not state.touching[2].any()
-
-
-def far_apart():
-    """Poses of N robots that meet nobody in a step, at all headings."""
-    grid = np.stack(np.meshgrid(np.arange(6) * 6.0 - 15, np.arange(5) * 6.0 - 12), -1).reshape(-1, 2)
-    return np.column_stack([grid, np.linspace(-3, 3, N)])
-
-
-class TestLimitsOfTheDrive:
-    COMMANDS = ((3.0, 3.1), (-3.0, -3.1), (1.0, -0.5))
-    """Turn [rad] and distance [mm] in each world, in place of what the paper's strategy wants."""
-
-    def test_hold_after_any_strategy(self, small):
-        start = run_of(small).starts[0]._replace(poses=far_apart())
-        worlds = [World(TYPE1, N, index=index, start=start) for index in range(3)]
-        turn, forward = np.array(self.COMMANDS).T
-        strategy = scripted(run_of(small, worlds=worlds), step=1, robot=-1, turn=turn, forward=forward)
-        run = run_of(small, worlds=worlds, strategy=strategy, steps=1)
-        run.advance()
-        moved = poses_of(run) - far_apart()
-        limits = np.array([(np.pi / 2, np.sqrt(2)), (-np.pi / 2, -np.sqrt(2)), (1.0, -0.5)])
-        heading = far_apart()[:, 2] + limits[:, :1]
-        expected = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * limits[:, 1, None, None]
-        np.testing.assert_allclose(moved[..., 2], np.broadcast_to(limits[:, :1], (3, N)), atol=1e-6)
-        np.testing.assert_allclose(moved[..., :2], expected, atol=1e-5)
-        assert not run.faults
-
-
-@pytest.fixture
-def elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # MuJoCo logs to the working directory
-
-
-@pytest.mark.usefixtures("elsewhere")
-class TestFaults:
-    STEPS, GOAL = 200, 3
-
-    def healthy(self, small):
-        return run_of(small, n_worlds=3, steps=self.STEPS, stop_at=self.GOAL)
-
-    def broken(self, small, value, column):
-        """Robots 4 and 7 of world 2 are spoilt after two steps."""
-        run = run_of(small, n_worlds=3, steps=5, stop_at=self.GOAL)
-        run.advance()
-        run.advance()
-        engine = engine_of(run)
-        engine._qpos[2, engine._arena.qpos[[4, 7], column]] = value
-        return run
-
-    def check_others(self, run, others, small):
-        """They go on to their usual end, as if nothing had happened."""
-        steps = run.settings.steps
-        end, expected = end_of(run), end_of(run_of(small, n_worlds=3, steps=steps, stop_at=self.GOAL))
-        for world in others:
-            np.testing.assert_array_equal(end[0][world], expected[0][world])
-            assert end[1][world] == expected[1][world]
-        assert run.step == max(end[1][world].finished_at or steps for world in others)
-
-    @pytest.mark.parametrize(
-        "value, column, kind",
-        [
-            (np.nan, 0, FaultKind.POSE_NOT_FINITE),
-            (np.nan, 2, FaultKind.POSE_NOT_FINITE),
-            (np.inf, 2, FaultKind.POSE_NOT_FINITE),
-            (1e3, 0, FaultKind.OUTSIDE),
-            (-1e3, 1, FaultKind.OUTSIDE),
-        ],
-    )
-    def test_of_poses_end_their_world_alone(self, small, value, column, kind):
-        run = self.broken(small, value, column)
-        before = poses_of(run)[2].copy()
-        self.check_others(run, (0, 1), small)
-        (fault,) = run.faults
-        assert (fault.step, fault.world, fault.robots, fault.kind) == (3, 2, (4,), kind)
-        np.testing.assert_array_equal(poses_of(run)[2], before)
-
-    def test_of_commands_end_their_world_alone(self, small):
-        strategy = scripted(self.healthy(small), step=[99, 9, 99], robot=5, turn=np.nan, forward=0.0)
-        run = run_of(small, n_worlds=3, steps=self.STEPS, stop_at=self.GOAL, strategy=strategy)
-        seen = np.array([record.is_running for record in records(run)])
-        assert seen[:9].all() and not seen[9:, 1].any() and seen[9:, [0, 2]].any(axis=1).all()
-        (fault,) = run.faults
-        assert (fault.step, fault.world, fault.robots) == (9, 1, (5,))
-        assert fault.kind == FaultKind.COMMAND_NOT_FINITE
-        with pytest.raises(SimulationFault, match=r"^step 9, world 1: the command of robot 5 is not finite; make"):
-            run.raise_faults()
-        self.check_others(run, (0, 2), small)
-        ends = [run.measures(world).finished_at for world in range(3)]
-        assert ends[0] != ends[2] and ends[1] is None and None not in (ends[0], ends[2])
-
-    def test_commands_must_be_finite(self, small):
-        wrong = {"turn": [np.inf, 0.0, 0.0], "forward": [0.0, -np.inf, np.nan]}
-        strategy = scripted(self.healthy(small), step=2, robot=[7, 8, 9], **wrong)
-        run = run_of(small, n_worlds=3, strategy=strategy, steps=5)
-        end_of(run)
-        found = [(fault.step, fault.robots, fault.kind) for fault in run.faults]
-        assert found == [(2, (robot,), FaultKind.COMMAND_NOT_FINITE) for robot in (7, 8, 9)]
-        assert run.step == 2 and run.is_over
-
-    @pytest.mark.parametrize("x, kind", [(np.nan, FaultKind.POSE_NOT_FINITE), (50.0, FaultKind.OUTSIDE)])
-    def test_of_the_start(self, small, x, kind):
-        healthy = run_of(small, n_worlds=3)
-        poses = healthy.starts[1].poses.copy()
-        poses[3, 0] = x
-        start = healthy.starts[1]._replace(poses=poses)
-        worlds = [healthy.worlds[0], replace(healthy.worlds[1], start=start), healthy.worlds[2]]
-        run = run_of(small, worlds=worlds, steps=5, stop_at=self.GOAL)
-        self.check_others(run, (0, 2), small)
-        assert [(f.step, f.world, f.robots, f.kind) for f in run.faults] == [(1, 1, (3,), kind)]
-
-    def test_when_all_worlds_have_one_the_run_is_over(self, small):
-        strategy = scripted(run_of(small, n_worlds=3), step=[2, 4, 3], robot=[1, 2, 3], turn=np.nan, forward=0.0)
-        run = run_of(small, n_worlds=3, strategy=strategy)
-        assert len(list(records(run))) == run.step == 4
-        with pytest.raises(SimulationFault, match=r"^step 2, world 0: [^;]*robot 1 .*; step 4, world 1: .*robot 3 "):
-            run.raise_faults()
-        with pytest.raises(RuntimeError, match="the run is over after 4 control steps"):
-            run.advance()
-
-    def test_without_one_nothing_is_raised(self, small):
-        run = run_of(small, steps=1)
-        end_of(run)
-        assert run.faults == []
-        run.raise_faults()
-
-    def test_just_outside_is_outside(self):
-        edge, present = 7.5 * RD, np.ones((1, N), bool)
-        poses = np.zeros((1, N, 3))
-        poses[0, 3, :2] = edge - 1e-6, 1e-6 - edge
-        assert find_lost(poses, present, edge)[0].tolist() == [0]
-        poses[0, 3, 1] = -1e-6 - edge
-        bits, robot = find_lost(poses, present, edge)
-        assert (bits.tolist(), robot.tolist()) == ([FaultKind.OUTSIDE], [3])
-        present[0, 3] = False
-        assert find_lost(poses, present, edge)[0].tolist() == [0]
-
-    def test_poses_that_are_not_finite_come_first(self):
-        poses = np.zeros((2, N, 3))
-        poses[1, 8, 2], poses[1, 3, 0] = np.nan, 99.0
-        bits, robot = find_lost(poses, np.ones((2, N), bool), 7.5 * RD)
-        assert bits.tolist() == [0, FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE] and robot[1] == 8
-
-    def test_too_many_robots(self, small):
-        with pytest.raises(UserError, match=r"n_robots must be between 1 and 216 "):
-            run_of(small, n_robots=217)
-
-
 class TestKindsOfSwarm:
     def test_scouts_alone_carry_nothing(self, small):
         run = run_of(small, Genome(fraction_scouts=1.0), steps=40)
@@ -519,47 +334,3 @@ def test_nobody_lives_and_nothing_happens(small):
 def test_a_share_of_failed_robots_beyond_one_is_refused():
     with pytest.raises(UserError, match=r"failed_fraction must be between 0 and 1 \(got 1\.5\)"):
         RunSettings(n_robots=4, steps=1, failed_fraction=1.5)
-
-
-class TestWhatDoesNotFit:
-    @pytest.mark.parametrize("field", ["poses", "is_alive"])
-    def test_starts_of_other_sizes(self, small, field):
-        start = draw_start(small, 5, 0, 0)
-        start = start._replace(**{field: getattr(start, field)[:4]})
-        with pytest.raises(ConfigError, match=rf"start\.{field} must be an array of shape \(5"):
-            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
-
-    def test_starts_with_other_balls(self, small):
-        start = draw_start(small, 5, 0, 0)
-        start = start._replace(balls=start.balls._replace(radius=start.balls.radius[:7]))
-        with pytest.raises(ConfigError, match=r"start\.balls\.radius must be an array of 24 balls \(got \(7,\)\)"):
-            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
-
-    @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])
-    def test_worlds(self, values):
-        with pytest.raises(ConfigError, match=next(iter(values))):
-            World(**{"genome": TYPE1, "n_robots": 5, **values})
-
-    def test_a_run_of_more_robots_than_its_worlds(self, small):
-        with pytest.raises(ConfigError, match=r"n_robots must be that of the largest world, 5 \(got 6\)"):
-            Run(small, TYPE1, RunSettings(6, 3), worlds=[World(TYPE1, 5)])
-
-    @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
-    def test_engines(self, small, engine):
-        with pytest.raises(ConfigError, match="engine must be MujocoSettings or PlanarSettings or MjxSettings"):
-            Run(small, TYPE1, RunSettings(5, 3), engine)
-
-    def test_more_deliveries_than_balls(self, small):
-        with pytest.raises(ConfigError, match=r"stop_at must be between 1 and the number of balls, 24 \(got 25\)"):
-            Run(small, TYPE1, RunSettings(5, 3, stop_at=25))
-
-    def test_strategies_without_an_axis_of_worlds(self, small):
-        strategy = vector_strategies(small, 0.9, [World(TYPE1, 5)] * 2)
-        with pytest.raises(UserError, match=r"first axis of 1 worlds \(got shape \(2,\)\)"):
-            Run(small, TYPE1, RunSettings(5, 3), strategy=strategy)
-
-    def test_measures_of_a_world_that_is_not_there(self, small):
-        run = Run(small, TYPE1, RunSettings(5, 3))
-        for world in (-1, 1):
-            with pytest.raises(IndexError, match="between 0 and 0"):
-                run.measures(world)
