@@ -1,8 +1,11 @@
 """Small worlds for the tests of light, memory and floor, and a slow but plain reference for the links."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.controller import Observation
@@ -10,6 +13,18 @@ from iswarm_mj.utils.units import RD
 
 RADIUS = 3.5 * RD
 """Range of light messages [mm]."""
+
+SHIFTED = dataclasses.replace(
+    read_robot(),
+    leds=((1.0, 0.3), (-0.2, 1.0), (-1.0, 0.5), (0.4, -1.0)),
+    photodiodes=(
+        ((1.0, -0.6), (1.0, -0.2)),
+        ((0.1, 1.0), (0.5, 1.0)),
+        ((-1.0, 0.2), (-1.0, 0.8)),
+        ((0.0, -1.0), (0.2, -1.0)),
+    ),
+)
+"""A robot whose optics sit beside the middle of its sides, elsewhere on each."""
 
 
 def place(*rows):

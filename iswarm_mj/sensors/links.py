@@ -28,10 +28,6 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
-InSight = Callable[[np.ndarray, Neighbours, "Candidates"], np.ndarray]
-"""(poses of all B N robots, pairs near each other, P candidates) -> (P,) bool: does nothing block the light? It may be
-False where a nearer candidate of the same side is in sight."""
-
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """(world, origin, target, receiver, sender) of P rays -> (P,) bool: does the ray reach the sender first?"""
 
@@ -52,7 +48,10 @@ class Links(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Pairs whose light would arrive if nothing stood in between; nearest first for each side of a receiver."""
+    """Pairs whose light would arrive if nothing stood in between.
+
+    They are sorted by the receiver's side, effective distance and index of the sender.
+    """
 
     receiver: Int[Array, "P"]
     """Index among all B N robots."""
@@ -88,7 +87,10 @@ def find_candidates(
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & sends[around.other])
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * N_SIDES + reception.side
-    order = np.argsort(slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999)
+    key = slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999
+    order = np.argsort(key)
+    if (np.diff(key[order]) == 0.0).any():  # seldom
+        order = np.lexsort((around.other[arrives], reception.effective_distance, slot))
     pick = arrives[order]
     reception = Reception(*(values[order] for values in reception))
     return Candidates(around.robot[pick], around.other[pick], slot[order], around.distance[pick], reception)
@@ -101,7 +103,7 @@ def find_links(
     reaches: LedHit,
     sends: Bool[np.ndarray, "B N"] | None = None,
 ) -> Links:
-    """Links of all robots: for each side the nearest sender in sight.
+    """Links of all robots: for each side the nearest sender in sight, of equally near ones that of lowest index.
 
     Args:
         poses: x, y [mm] and yaw [rad].
@@ -110,28 +112,15 @@ def find_links(
         reaches: casts rays; not called if `optics.line_of_sight` is off.
         sends: which robots send light, by default all; the others still block it.
     """
-
-    def in_sight(flat: np.ndarray, around: Neighbours, found: Candidates) -> np.ndarray:
-        return _by_rays(flat, around, found, robot, poses.shape[1], reaches)
-
-    return nearest_in_sight(poses, robot, optics, in_sight, sends)
-
-
-def nearest_in_sight(
-    poses: Float[np.ndarray, "B N 3"],
-    robot: Robot,
-    optics: OpticsConfig,
-    in_sight: InSight,
-    sends: Bool[np.ndarray, "B N"] | None = None,
-) -> Links:
-    """As `find_links`, where `in_sight` decides who is in sight by other means than rays."""
     n_worlds, n_robots = poses.shape[:2]
     farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
     around = find_neighbours(poses[..., :2], farthest + circles(robot).behind)
     flat = poses.reshape(-1, 3)
     sending = np.ones(len(flat), bool) if sends is None else sends.ravel()
     found = find_candidates(flat, around, robot, optics, sending)
-    clear = in_sight(flat, around, found) if optics.line_of_sight else np.ones(len(found.slot), bool)
+    clear = np.ones(len(found.slot), bool)
+    if optics.line_of_sight:
+        clear = _by_rays(flat, around, found, robot, n_robots, reaches)
     chosen = np.zeros(len(clear), bool)
     first = _first(clear, found.slot)
     chosen[first[first < len(clear)]] = True

@@ -1,7 +1,7 @@
 """The fast engine for CPUs: MuJoCo's contacts of upright boxes, solved in the plane by compiled functions."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -13,7 +13,8 @@ from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
 from iswarm_mj.engines.planar.plane import read_plane
-from iswarm_mj.engines.planar.sight import sense
+from iswarm_mj.engines.planar.reception import read_light
+from iswarm_mj.engines.planar.sight import darkness, sense
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 
@@ -38,7 +39,8 @@ class PlanarEngine:
         Raises:
             UserError: the model has features that this engine does not simulate.
         """
-        self.plane, self.robot, self._optics = read_plane(arena), arena.robot, config.optics
+        self.plane, self.robot = read_plane(arena), arena.robot
+        self._light = read_light(arena.robot, config.optics)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
@@ -53,8 +55,10 @@ class PlanarEngine:
 
     def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
-        is_present = bodies.is_present & is_running[:, None]
-        return sense(self.plane, self.robot, self._optics, bodies.poses, np.asarray(emits), is_present)
+        sight = darkness(*bodies.is_present.shape)
+        worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
+        self._spread(sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light)
+        return sight
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""
@@ -64,18 +68,18 @@ class PlanarEngine:
         for phase in phases:
             targets = np.ascontiguousarray(phase.velocity(new.poses), float)
             worlds = np.flatnonzero(is_running & is_solved)
-            self._take_steps(worlds, phase.n_substeps, new, targets, touching, is_solved)
+            self._spread(take_steps, worlds, phase.n_substeps, new, targets, touching, is_solved)
         fault, robot = find_lost(new.poses, bodies.is_present & is_running[:, None], self.plane.edge)
         fault |= np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED)).astype(np.int32)
         failed = fault != 0
         new.poses[failed], new.velocities[failed] = bodies.poses[failed], bodies.velocities[failed]
         return Motion(new, touching, fault, robot)
 
-    def _take_steps(self, worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:
-        """Take physics steps of some worlds, spread over the threads; other arguments as of `take_steps`."""
+    def _spread(self, function: Callable[..., None], worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:
+        """Call a compiled function with shares of some worlds, spread over the threads, and these other arguments."""
         if self._pool is None or len(worlds) < 2:
-            take_steps(worlds, *arguments, self.plane)
+            function(worlds, *arguments, self.plane)
             return
         shares = np.array_split(worlds, min(len(worlds), self._n_threads * _SHARES))
-        for done in [self._pool.submit(take_steps, share, *arguments, self.plane) for share in shares]:
+        for done in [self._pool.submit(function, share, *arguments, self.plane) for share in shares]:
             done.result()

@@ -1,4 +1,4 @@
-"""Pairs of robots near each other, by a grid of square cells."""
+"""Robots near each other, by a grid of square cells."""
 
 import numpy as np
 
@@ -18,15 +18,8 @@ def near_pairs(poses: np.ndarray, is_present: np.ndarray, radius: float, edge: f
         edge: distance of the walls from the arena's centre [mm]; robots beyond them count as in the outermost cells.
     """
     n_robots = len(poses)
-    n_cells = max(1, min(int(2.0 * edge / radius), int(2.0 * np.sqrt(n_robots))))  # along an edge
-    last_in_cell = np.full((n_cells, n_cells), -1, np.int64)
-    before = np.empty(n_robots, np.int64)  # in the same cell
-    for i in range(n_robots):
-        if is_present[i]:
-            column, row = _cell(poses[i, 0], edge, n_cells), _cell(poses[i, 1], edge, n_cells)
-            before[i] = last_in_cell[row, column]
-            last_in_cell[row, column] = i
-
+    last_in_cell, before = fill_cells(poses, is_present, radius, edge)
+    n_cells = len(last_in_cell)
     pairs, n_pairs = np.empty((4 * n_robots + 16, 2), np.int64), 0
     for i in range(n_robots):
         if not is_present[i]:
@@ -34,7 +27,7 @@ def near_pairs(poses: np.ndarray, is_present: np.ndarray, radius: float, edge: f
         if n_pairs + n_robots > len(pairs):
             pairs = np.concatenate((pairs, np.empty_like(pairs)))
         n_pairs = _add(i, before[i], before, poses, radius, pairs, n_pairs)
-        column, row = _cell(poses[i, 0], edge, n_cells), _cell(poses[i, 1], edge, n_cells)
+        column, row = cell_of(poses[i, 0], edge, n_cells), cell_of(poses[i, 1], edge, n_cells)
         for right, up in _FORWARD:
             if 0 <= column + right < n_cells and row + up < n_cells:
                 n_pairs = _add(i, last_in_cell[row + up, column + right], before, poses, radius, pairs, n_pairs)
@@ -42,7 +35,29 @@ def near_pairs(poses: np.ndarray, is_present: np.ndarray, radius: float, edge: f
 
 
 @compiled
-def _cell(at: float, edge: float, n_cells: int) -> int:
+def fill_cells(poses: np.ndarray, is_present: np.ndarray, radius: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sort robots into square cells at least `radius` wide, so that those within it are in adjacent cells.
+
+    Args: as for `near_pairs`.
+
+    Returns:
+        The last robot of each cell (C, C), by row and column; and for each robot the one before it in its cell (N,),
+        -1 where there is none.
+    """
+    n_robots = len(poses)
+    n_cells = max(1, min(int(2.0 * edge / radius), int(2.0 * np.sqrt(n_robots))))  # along an edge
+    last_in_cell = np.full((n_cells, n_cells), -1, np.int64)
+    before = np.full(n_robots, -1, np.int64)
+    for i in range(n_robots):
+        if is_present[i]:
+            column, row = cell_of(poses[i, 0], edge, n_cells), cell_of(poses[i, 1], edge, n_cells)
+            before[i] = last_in_cell[row, column]
+            last_in_cell[row, column] = i
+    return last_in_cell, before
+
+
+@compiled
+def cell_of(at: float, edge: float, n_cells: int) -> int:
     """Index of the cell along an axis; 0 for a coordinate that is not a number."""
     share = (at + edge) * (n_cells / (2.0 * edge))
     return int(min(share, n_cells - 1.0)) if share > 0.0 else 0
