@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from iswarm_mj.simulation.state import Fault
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
@@ -20,12 +22,12 @@ def decode(fault: Fault, worlds: Sequence[World]) -> list[SimulationFault | None
         worlds: which give the worlds their numbers.
     """
 
-    def of_world(world: World, bits: int, step: int, robot: int) -> SimulationFault | None:
-        kind = FaultKind(int(bits))
-        robots = [robot] if kind & _OF_ROBOTS else []
-        return SimulationFault(step=int(step), world=world.index, robots=robots, kind=kind) if kind else None
-
-    return [of_world(*row) for row in zip(worlds, *fault, strict=True)]
+    found: list[SimulationFault | None] = [None] * len(worlds)
+    for row in np.flatnonzero(fault.bits).tolist():
+        kind = FaultKind(int(fault.bits[row]))
+        robots = [fault.robot[row]] if kind & _OF_ROBOTS else []
+        found[row] = SimulationFault(step=int(fault.step[row]), world=worlds[row].index, robots=robots, kind=kind)
+    return found
 
 
 def summary(faults: Sequence[SimulationFault]) -> str:

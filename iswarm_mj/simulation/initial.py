@@ -1,5 +1,6 @@
 """How a run begins: where the robots and the balls are, and how strongly each ball sticks."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,13 +23,16 @@ class Start(NamedTuple):
     """(N,) bool."""
 
 
+@lru_cache(maxsize=16)
 def free_cells(arena: ArenaConfig) -> np.ndarray:
-    """Centres (C, 2) of the 1 rd cells outside the dump [mm]; 2376 in the paper's arena."""
+    """Centres (C, 2) of the 1 rd cells outside the dump [mm], read-only; 2376 in the paper's arena."""
     n = int(arena.size)
     centre = (np.arange(n) - (n - 1) / 2) * RD
     x, y = (a.ravel() for a in np.meshgrid(centre, centre, indexing="ij"))
     outside = np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD
-    return np.column_stack([x, y])[outside]
+    cells = np.column_stack([x, y])[outside]
+    cells.flags.writeable = False  # all callers share it
+    return cells
 
 
 def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:

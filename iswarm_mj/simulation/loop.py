@@ -87,7 +87,8 @@ class HostLoop:
     def counts(self) -> Counts:
         """See `Loop.counts`."""
         s = self._state
-        return Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault)
+        found = Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault)
+        return jax.tree.map(np.asarray, found)
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""

@@ -1,6 +1,6 @@
 """Rollouts of any strategy in many worlds at once: one call, arrays with a world axis."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.simulation.initial import draw_radii, start_with
+from iswarm_mj.simulation.initial import Start, draw_radii, start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -95,8 +95,8 @@ def rollout(
     engine = MjxSettings() if engine is None else engine
     engine = replace(engine, chunk=every) if isinstance(engine, MjxSettings) else engine
     worlds = [
-        World(genome, n_robots, index=index, start=_start(config, n_robots, key), key=key)
-        for index, key in enumerate(keys)
+        World(genome, n_robots, index=index, start=_start(config, n_robots, data), key=key)
+        for index, (data, key) in enumerate(_each(keys))
     ]
     run = Run(config, genome, settings, engine, worlds=worlds, strategy=many)
     counted = np.minimum(np.arange(every, steps + every, every), steps)
@@ -139,8 +139,15 @@ def _hold_last(poses: Sequence[np.ndarray], n_frames: int) -> np.ndarray:
     return np.concatenate([found, rest], axis=1)
 
 
-def _start(config: SwarmConfig, n_robots: int, key: jax.Array) -> Any:
-    rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:
+    """Data and key of each world; by way of the host, since JAX would compile a program of B results to part keys."""
+    impl = jax.random.key_impl(keys)
+    for data in np.asarray(jax.random.key_data(keys)):
+        yield data, jax.random.wrap_key_data(jax.device_put(data), impl=impl)
+
+
+def _start(config: SwarmConfig, n_robots: int, data: np.ndarray) -> Start:
+    rng = np.random.default_rng(data)
     return start_with(config, n_robots, draw_radii(config.arena, rng), rng)
 
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Annotated, Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -70,7 +70,20 @@ def starts_of(config: SwarmConfig, worlds: Sequence[World]) -> list[Start]:
     Raises:
         UserError: a world differs in what all worlds of a run share.
     """
+    for optics, gripper in {(world.optics, world.gripper) for world in worlds}:
+        _check_shared(config, optics or config.optics, gripper or config.gripper)
     return [_start(config, world) for world in worlds]
+
+
+def random_keys(worlds: Sequence[World]) -> Array:
+    """Return the `World.random_key` of B worlds (B,), by one program instead of one or more for each."""
+    if all(world.key is None for world in worlds):
+        seeds, indices = [world.seed for world in worlds], [world.index for world in worlds]
+        return _keys(np.array(seeds, np.uint32), np.array(indices, np.uint32))
+    keys = [world.random_key for world in worlds]
+    # On the host, since JAX would compile a program of B operands to stack them.
+    data = np.stack(jax.device_get([jax.random.key_data(key) for key in keys]))
+    return jax.random.wrap_key_data(jax.device_put(data), impl=jax.random.key_impl(keys[0]))
 
 
 def world_params(
@@ -90,7 +103,7 @@ def world_params(
     return WorldParams(
         strategy=strategy,
         conditions=Conditions(*(np.asarray(values, np.float32) for values in zip(*each, strict=True))),
-        key=jnp.stack([world.random_key for world in worlds]),
+        key=random_keys(worlds),
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), goal, np.int32),
     )
@@ -99,7 +112,7 @@ def world_params(
 def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows."""
     n_worlds, capacity = params.is_present.shape
-    memory = jax.vmap(lambda strategy, key: strategy.init(capacity, key))(params.strategy, params.key)
+    memory = _memories(params.strategy, params.key, capacity)
     zero = np.zeros(n_worlds, np.int32)
     state = WorldState(
         bodies=None,
@@ -127,6 +140,18 @@ def vector_strategies(config: SwarmConfig, probe_reach: float, worlds: Sequence[
     return VectorStrategy(Rules(**columns), n_scouts, config, probe_reach)
 
 
+@jax.jit
+@jax.vmap
+def _keys(seed: Array, index: Array) -> Array:
+    return jax.random.fold_in(jax.random.key(seed), index)
+
+
+@partial(jax.jit, static_argnames=("capacity",))
+def _memories(strategy: Strategy, key: Array, capacity: int) -> Any:
+    """What the robots of B worlds remember at the start."""
+    return jax.vmap(lambda strategy, key: strategy.init(capacity, key))(strategy, key)
+
+
 def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
     """Values of the robots of each world, stacked, with zeros or false for empty places."""
     filled = np.zeros((len(each), capacity, *each[0].shape[1:]), each[0].dtype)
@@ -139,20 +164,23 @@ def _config(config: SwarmConfig, world: World) -> SwarmConfig:
     return replace(config, optics=world.optics or config.optics, gripper=world.gripper or config.gripper)
 
 
-def _start(config: SwarmConfig, world: World) -> Start:
-    own = _config(config, world)
+def _check_shared(config: SwarmConfig, optics: OpticsConfig, gripper: GripperConfig) -> None:
+    """Raise a UserError if a world differs in what all worlds of a run share."""
     quiet = {name: 0.0 for name in _NOISE}
     gap: dict[str, Any] = {name: getattr(config.gripper, name) for name in _COMPILED_IN}
-    if replace(own.optics, **quiet) != replace(config.optics, **quiet) or replace(own.gripper, **gap) != own.gripper:
+    if replace(optics, **quiet) != replace(config.optics, **quiet) or replace(gripper, **gap) != gripper:
         shared = ", ".join(sorted(_COMPILED_IN))
         raise UserError(
             f"Worlds of one run may differ in {', '.join(sorted(_NOISE))} and in the gripper but for its {shared}; "
             "run worlds that differ in more separately."
         )
+
+
+def _start(config: SwarmConfig, world: World) -> Start:
     if world.start is not None:
         _check_start(world.start, world.n_robots, config.arena.n_dust)
         return world.start
-    return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction)
+    return draw_start(_config(config, world), world.n_robots, world.seed, world.index, world.failed_fraction)
 
 
 def _check_start(start: Start, n_robots: int, n_dust: int) -> None:

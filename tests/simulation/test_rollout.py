@@ -11,7 +11,7 @@ from helpers_mjx import TINY, N, compilations, mjx
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.initial import draw_radii, place_robots
-from iswarm_mj.simulation.rollout import Rollout, paper_strategy, rollout
+from iswarm_mj.simulation.rollout import Rollout, _each, paper_strategy, rollout
 from iswarm_mj.simulation.settings import MujocoSettings
 from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import PRESETS
@@ -190,6 +190,17 @@ class TestSwarm:
     def test_mujoco_in_c_begins_alike(self, swarm):
         theirs = papers(KEYS, steps=3, every=3, engine=MujocoSettings(threads=1))
         np.testing.assert_allclose(theirs.poses, swarm.poses[:, :4], atol=0.02)
+
+
+def test_keys_are_parted_without_a_program():
+    """JAX would make one of 37 results."""
+    keys = jax.random.split(jax.random.key(1, impl="rbg"), 37)
+    with compilations() as names:
+        parted = list(_each(keys))
+    assert names == [] and len(parted) == 37
+    for k in (0, 36):
+        assert parted[k][1] == keys[k]
+        np.testing.assert_array_equal(parted[k][0], jax.random.key_data(keys[k]))
 
 
 def test_without_poses():

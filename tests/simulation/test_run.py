@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import platformdirs
 import pytest
+from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, engine_of, first_step, poses_of, records, run_of
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
@@ -70,6 +71,15 @@ class TestMeasures:
         assert (np.diff(seen, axis=0) >= 0).all()
         assert (np.array(seen)[:, 0] <= np.array(seen)[:, 1]).all()
         assert min(seen[-1]) >= 20
+
+    def test_are_counted_on_the_host(self, small):
+        """Measures of many worlds would else be many calls of JAX."""
+        run = run_of(small, steps=2)
+        run.advance()
+        with compilations() as names:
+            assert all(type(leaf) is np.ndarray for leaf in jax.tree.leaves(run._loop.counts()))
+            run.measures(0)
+        assert names == []
 
     def test_collisions_are_new_contacts(self, small, monkeypatch):
         """Robots 0 and 5 touch, 0 and 7 join, the first pair parts, touches again, both part, both touch."""

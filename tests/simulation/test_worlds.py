@@ -1,19 +1,89 @@
-"""Worlds of one run: they may differ in size, and what does not fit is refused."""
+"""Worlds of one run: how they begin, that they may differ in size, and what is refused."""
 
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_mjx import compilations
 from helpers_runs import N, poses_of, records, run_of
 
+from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
-from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies, world_params
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.units import RD
 
 TYPE1 = PRESETS["type1"]
 CROWD = 100
 """Robots in the densest swarm, and the capacity of another one, which shares its program."""
+
+
+HUMID = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3, spread_object_substrate=0.3)
+NOISELESS = OpticsConfig(error_distance_measure=0.0)
+VARIED = [
+    World(TYPE1, 9),
+    World(PRESETS["type2"], 1, seed=2**32 - 2, index=2**32 - 1, gripper=HUMID),
+    World(TYPE1, 30, seed=2**31, index=4095, failed_fraction=0.3, optics=NOISELESS),
+    World(PRESETS["evolved"], 12, seed=5, index=1, failed_fraction=1.0, gripper=HUMID, optics=NOISELESS),
+]
+"""Worlds that differ in all that a start depends on."""
+
+
+class TestManyWorlds:
+    """All worlds of a run at once come to what each gives alone."""
+
+    def test_starts_are_drawn_as_one_by_one(self, small):
+        """Step by step, with the cells of each world made anew: 15^2 less the 3^2 of the dump, row by row."""
+        every = np.stack(np.meshgrid(np.arange(-7, 8), np.arange(-7, 8), indexing="ij"), axis=-1).reshape(-1, 2)
+        cells = RD * every[np.abs(every).max(axis=1) > 1.5]
+        for world, start in zip(VARIED, starts_of(small, VARIED), strict=True):
+            rng, gripper, n = np.random.default_rng([world.seed, world.index]), world.gripper or small.gripper, 24
+            at = cells[rng.choice(216, world.n_robots, replace=False)]
+            yaw = rng.uniform(-np.pi, np.pi, world.n_robots)
+            np.testing.assert_array_equal(start.poses, np.column_stack([at, yaw]))
+            offset = 3 * rng.uniform(-0.5, 0.5, (n, 2)) + np.where(np.arange(n) < n // 2, -5, 5)[:, None] * [1, 0]
+            np.testing.assert_array_equal(start.balls.position, (offset * RD).astype(np.float32))
+            humid = 2.0 if world.gripper else 1.0  # at 80 and at 10 %
+            for what in ("tool_object", "object_substrate"):
+                sigma = np.sqrt(np.log1p(getattr(gripper, f"spread_{what}") ** 2))
+                work = humid * getattr(gripper, f"work_{what}") * np.exp(sigma * rng.standard_normal(n))
+                np.testing.assert_array_equal(getattr(start.balls, f"work_{what}"), work.astype(np.float32))
+            radii = np.random.default_rng([world.seed, 2**32 - 1]).uniform(15e-6, 25e-6, n)
+            np.testing.assert_array_equal(start.balls.radius, radii.astype(np.float32))
+            is_dead = np.isin(np.arange(world.n_robots), rng.permutation(world.n_robots)[: self.dead(world)])
+            np.testing.assert_array_equal(start.is_alive, ~is_dead)
+
+    def dead(self, world):
+        return {0.0: 0, 0.3: 9, 1.0: 12}[world.failed_fraction]
+
+    @pytest.mark.parametrize("given", [None, "threefry2x32", "rbg"])
+    def test_keys_are_those_of_each_world(self, given):
+        """`fold_in` of seed and index, or the key that is given, of any kind."""
+        own = jax.random.split(jax.random.key(3, impl=given), len(VARIED))
+        worlds = VARIED if given is None else [replace(world, key=own[k]) for k, world in enumerate(VARIED)]
+        keys = random_keys(worlds)
+        assert keys.shape == (len(VARIED),)
+        for key, world, mine in zip(keys, worlds, own, strict=True):
+            expected = jax.random.fold_in(jax.random.key(world.seed), world.index) if given is None else mine
+            assert key == expected and jax.random.key_impl(key) == jax.random.key_impl(expected)
+
+    def test_some_keys_may_be_given(self):
+        mine = jax.random.key(77)
+        worlds = [VARIED[0], replace(VARIED[1], key=mine), VARIED[2]]
+        assert (random_keys(worlds) == jnp.stack([VARIED[0].random_key, mine, VARIED[2].random_key])).all()
+
+    @pytest.mark.parametrize("has_keys", [False, True])
+    def test_no_program_has_an_operand_for_each_world(self, small, has_keys):
+        """One program makes the keys of any number of worlds, none is needed if they are given."""
+        worlds = [World(TYPE1, 5, key=jax.random.key(k) if has_keys else None, index=k) for k in range(37)]
+        with compilations() as names:
+            world_params(small, worlds, vector_strategies(small, 0.9, worlds), 24, 5)
+        assert names == ([] if has_keys else ["jit(_keys)"])
 
 
 class TestWorldsOfDifferentSize:
