@@ -10,13 +10,10 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
-from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
-from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
-from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
@@ -78,6 +75,11 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             state = state._replace(bodies=engine.place(poses, params.is_present))
             return HostLoop(engine, config, params, state, watch), start
         case MjxSettings() as mjx:
+            # Here, since importing MJX takes seconds, which the other engines need not wait for.
+            from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
+            from iswarm_mj.engines.mjx.engine import MjxEngine
+            from iswarm_mj.simulation.compiled_loop import CompiledLoop
+
             devices = list(mjx.devices or jax.local_devices())[: len(worlds)]
             buffers = contact_capacity(config, capacity, mjx.contact_capacity)
             each = -(-len(worlds) // len(devices))
