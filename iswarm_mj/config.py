@@ -4,6 +4,7 @@ Defaults marked "Table 1" are those of the paper (Valdastri et al. 2006). The ot
 where the paper gives no value. An object outside its limits raises `ConfigError`.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, NamedTuple
 
@@ -43,6 +44,15 @@ class ArenaConfig:
         check("arena.ball_radius_max", self.ball_radius_max, "at least `arena.ball_radius_min`", is_ordered)
 
 
+LONGEST_STEP, LARGEST_TURN = 0.1, 45.0
+"""Motion of a robot in one physics step at most [rd, deg].
+
+Contacts part robots that overlap, by pushing them back the way they came. Within these limits crowds that press upon
+each other at full speed overlap by less than half a robot (`tests/engines/test_longest_steps.py`); from 0.12 rd on, or
+90 degrees, robots come out on the other side.
+"""
+
+
 @dataclass(frozen=True)
 class DriveConfig:
     """Motion of a robot in one control step: it turns on the spot, then walks straight ahead."""
@@ -60,6 +70,15 @@ class DriveConfig:
 
     def __post_init__(self):
         validate(self, "drive")
+        self._check_substeps("walk_substeps", "step_length", LONGEST_STEP, "rd")
+        self._check_substeps("turn_substeps", "max_turn", LARGEST_TURN, "deg")
+
+    def _check_substeps(self, name: str, whole: str, largest: float, unit: str) -> None:
+        """Check that physics steps are short enough for what a robot moves in all of them."""
+        n_steps, amount = getattr(self, name), getattr(self, whole)
+        least = math.ceil(amount / largest - 1e-9)
+        limit = f"so that a robot moves by at most {largest:g} {unit} in a physics step"
+        check(f"drive.{name}", n_steps, f"at least {least} with `drive.{whole}` {amount:g}, {limit}", n_steps >= least)
 
     @property
     def timestep(self) -> float:

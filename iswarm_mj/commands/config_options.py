@@ -34,6 +34,8 @@ class ManyRunsOptions(ConfigOptions):
     """Seed of all random numbers."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
     """Physics: mujoco (C, on CPUs), planar (faster on CPUs) or mjx (JAX, runs batched on a GPU)."""
+    refinement: int = 10
+    """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
     workers: int = 0
     """Worker processes of mujoco and planar, 0 for one per core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
@@ -48,4 +50,4 @@ class ManyRunsOptions(ConfigOptions):
         """
         from iswarm_mj.experiments.runner.pool import Execution
 
-        return Execution(self.engine, self.workers, self.backend)
+        return Execution(self.engine, self.workers, self.backend, self.refinement)

@@ -25,7 +25,8 @@ GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper
 MAX_ROBOTS = {"mujoco": 200_000, "planar": 200_000, "mjx": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
-_MJX_ONLY = ("impl", "solver_iterations", "contact_capacity", "devices", "hosts", "hosts_timeout")
+_MJX = ("impl", "solver_iterations", "contact_capacity", "devices", "hosts", "hosts_timeout")
+_ONLY = {"refinement": "planar", **dict.fromkeys(_MJX, "mjx")}  # settings of one engine
 _PER_PROCESS = {"devices", "hosts_timeout", "threads", "out"}  # may differ between the processes of a job
 _RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genome and the number of robots
 
@@ -53,6 +54,8 @@ class Swarm(ConfigOptions):
     """Maximum number of iterations of mjx's contact solver: 100 for MuJoCo's own result, 20 for speed."""
     contact_capacity: float = 1.0
     """Size of mjx's contact buffers, relative to the default rule; jammed swarms need more."""
+    refinement: int = 10
+    """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
     devices: str = "all"
     """Devices that mjx distributes the worlds over: all, or a number of those that JAX sees."""
     hosts: bool = False
@@ -82,9 +85,9 @@ class Swarm(ConfigOptions):
         return config, genome, n_robots
 
     def _check_engine(self) -> None:
-        for name in _MJX_ONLY:
-            applies = self.engine == "mjx" or getattr(self, name) == getattr(Swarm, name)
-            check("engine", self.engine, f"mjx with `{name}`", applies)
+        for name, engine in _ONLY.items():
+            applies = self.engine == engine or getattr(self, name) == getattr(Swarm, name)
+            check("engine", self.engine, f"{engine} with `{name}`", applies)
         if self.impl == "warp" and importlib.util.find_spec("warp") is None:
             raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
 
@@ -141,7 +144,7 @@ class Swarm(ConfigOptions):
         if self.engine == "mujoco":
             return MujocoSettings(self.threads)
         if self.engine == "planar":
-            return PlanarSettings(self.threads)
+            return PlanarSettings(self.threads, self.refinement)
         own = tuple(devices(self.devices))
         return MjxSettings(self.impl, self.solver_iterations, self.contact_capacity, chunk, own)
 

@@ -32,6 +32,8 @@ class ArenaModel(NamedTuple):
     """(3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
     robot: Robot
     """Geometry and mass of a robot."""
+    refinement: int
+    """Time steps of the model in a physics step of the drive's configuration."""
 
 
 def models_directory() -> Path:
@@ -94,7 +96,12 @@ def read_robot(path: Path | None = None) -> Robot:
 
 
 def arena_spec(
-    config: SwarmConfig, n_robots: int, ball_radius: np.ndarray, visual: bool, robot_file: Path | None = None
+    config: SwarmConfig,
+    n_robots: int,
+    ball_radius: np.ndarray,
+    visual: bool,
+    robot_file: Path | None = None,
+    refinement: int = 1,
 ) -> mujoco.MjSpec:
     """Compose the arena.
 
@@ -104,11 +111,12 @@ def arena_spec(
         ball_radius: (K,) radii of the balls [m], named ball0/ and so on.
         visual: keep the robots' visible parts; without them the physics is the same and faster.
         robot_file: MJCF file of a robot, by default `models/robot.xml`.
+        refinement: time steps of the model in a physics step of the drive's configuration.
     """
     directory = models_directory()
     spec = mujoco.MjSpec.from_file(str(directory / "arena.xml"))
     _lay_out(spec, config)
-    spec.option.timestep = config.drive.timestep
+    spec.option.timestep = config.drive.timestep / refinement
     spec.copy_during_attach = True
     spec.memory = 16 * 2**20 + n_robots * 200 * 2**10
     robot = mujoco.MjSpec.from_file(str(_robot_file(robot_file)))
@@ -116,7 +124,9 @@ def arena_spec(
         robot.delete(robot.body("visual"))
         for unused in [*robot.sites, *robot.meshes]:
             robot.delete(unused)
-    _tune_drive(robot, read_robot(robot_file), config.drive.timestep)
+    _tune_drive(robot, read_robot(robot_file), spec.option.timestep)
+    _tune_contacts(robot, spec.option.timestep)
+    _tune_contacts(spec, spec.option.timestep)
     robot.option.timestep = spec.option.timestep
     looks = _share_materials(robot, spec)
     for i in range(n_robots):
@@ -137,9 +147,10 @@ def compile_arena(
     visual: bool = False,
     tune: Callable[[mujoco.MjSpec], None] | None = None,
     robot_file: Path | None = None,
+    refinement: int = 1,
 ) -> ArenaModel:
     """Compile the arena and find its robots and balls. Arguments as for `arena_spec`; `tune` changes what it made."""
-    spec = arena_spec(config, n_robots, ball_radius, visual, robot_file)
+    spec = arena_spec(config, n_robots, ball_radius, visual, robot_file, refinement)
     if tune is not None:
         tune(spec)
     model = spec.compile()
@@ -154,6 +165,7 @@ def compile_arena(
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
         servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
         robot=read_robot(robot_file),
+        refinement=refinement,
     )
 
 
@@ -190,6 +202,16 @@ def _tune_drive(spec: mujoco.MjSpec, robot: Robot, timestep: float) -> None:
     """
     for joint, moved in (("x", robot.mass), ("y", robot.mass), ("yaw", robot.yaw_inertia)):
         spec.joint(joint).damping[0] = moved / timestep
+
+
+def _tune_contacts(spec: mujoco.MjSpec, timestep: float) -> None:
+    """Make the contacts as quick as the time step allows: their time constant is two steps, the least by `refsafe`.
+
+    How deep robots overlap then depends on how far they move in a step alone.
+    """
+    for geom in spec.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.solref[0] = 2 * timestep
 
 
 def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec) -> dict[str, str]:

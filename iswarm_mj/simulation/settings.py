@@ -9,6 +9,9 @@ EXACT, FAST = 100, 20
 """Iterations of MJX's contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo
 in C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
 
+FINE = 10
+"""Refinement of the planar engine's physics steps, with which 283 robots that clean overlap by at most 0.1 mm."""
+
 
 @dataclass(frozen=True)
 class RunSettings:
@@ -67,6 +70,8 @@ class PlanarSettings:
 
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads for the physics, 0 for one per core; the results do not depend on it."""
+    refinement: Annotated[int, Within(1, 100)] = FINE
+    """Parts into which each physics step of the drive's configuration is divided; 1 is the time step of MuJoCo in C."""
 
     def __post_init__(self):
         validate(self)
@@ -74,7 +79,7 @@ class PlanarSettings:
     @property
     def identity(self) -> dict[str, Any]:
         """Name and main settings, as results state them."""
-        return {"engine": "planar"}
+        return {"engine": "planar", "refinement": self.refinement}
 
 
 @dataclass(frozen=True)

@@ -69,9 +69,9 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             engine = MujocoEngine(config, arena, len(worlds), threads, capacity)
             state = state._replace(bodies=engine.place(poses, params.is_present))
             return HostLoop(engine, config, params, state, watch), start
-        case PlanarSettings(threads):
-            alike = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file)  # one robot stands for all
-            engine = PlanarEngine(config, alike, threads)
+        case PlanarSettings(threads, refinement):
+            one = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file, refinement=refinement)
+            engine = PlanarEngine(config, one, threads)  # one robot stands for all
             state = state._replace(bodies=engine.place(poses, params.is_present))
             return HostLoop(engine, config, params, state, watch), start
         case MjxSettings() as mjx:

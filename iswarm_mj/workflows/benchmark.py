@@ -53,7 +53,9 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
         return None
     steps_s = max((share.step_s for share in shares), key=np.median)
     n_worlds, step_s = sum(share.n_worlds for share in shares), float(np.median(steps_s))
-    drive, memory = run.config.drive, [share.peak_memory_gb for share in shares if share.peak_memory_gb is not None]
+    drive, refinement = run.config.drive, run.identity.get("refinement", 1)
+    n_physics = n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) * refinement
+    memory = [share.peak_memory_gb for share in shares if share.peak_memory_gb is not None]
     stages = run.stage_times()
     if record:
         stages["record"] = float(np.median(run.watch.laps["record"]))
@@ -64,9 +66,7 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
         "steps": run.step - warm_up,
         "ms_per_step": round(1e3 * step_s, 3),
         "ms_per_step_mean": round(1e3 * float(np.mean(steps_s)), 3),
-        "robot_physics_steps_per_s": round(
-            n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) / step_s
-        ),
+        "robot_physics_steps_per_s": round(n_physics / step_s),
         **{f"{stage}_ms": round(1e3 * seconds, 3) for stage, seconds in stages.items()},
         "first_call_s": round(max(share.first_call_s for share in shares), 1),
         "delivered_mean": sum(share.delivered for share in shares) / n_worlds,

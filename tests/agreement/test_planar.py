@@ -1,4 +1,4 @@
-"""The planar engine against MuJoCo in C: every physics step of one contact, control steps of crowds and jams, light."""
+"""The planar engine, at MuJoCo's time step, against MuJoCo in C: physics steps of one contact, crowds, jams, light."""
 
 from functools import cache
 
@@ -114,7 +114,7 @@ def test_jams_end_where_mujoco_ends():
 def test_runs_begin_alike(small):
     """Strategy, messages and balls included; later, chaos makes different runs of them."""
     settings = RunSettings(30, 20, seed=5, n_worlds=2, failed_fraction=0.1, record_worlds=(0, 1))
-    runs = [Run(small, Genome(), settings, engine) for engine in (MujocoSettings(1), PlanarSettings(1))]
+    runs = [Run(small, Genome(), settings, engine) for engine in (MujocoSettings(1), PlanarSettings(1, refinement=1))]
     for _ in range(20):
         in_c, here = (run.advance() for run in runs)
         np.testing.assert_allclose(here.poses, in_c.poses, atol=1e-4)

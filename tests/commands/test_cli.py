@@ -175,6 +175,16 @@ class TestRefusals:
         error = refused(capfd, here, command, *SMALL, *flag.split())
         assert error.startswith(f"iswarm: --engine must be mjx with {flag.split()[0]} (got 'mujoco')")
 
+    def test_the_flag_of_planar_without_it(self, capfd, here):
+        error = refused(capfd, here, "clean", *SMALL, "--refinement", "2")
+        assert error.startswith("iswarm: --engine must be planar with --refinement (got 'mujoco')")
+
+    def test_physics_steps_that_are_too_long(self, capfd, here):
+        error = refused(capfd, here, "clean", *SMALL, "--drive.step-length", "1")
+        assert re.match(
+            r"iswarm: --drive.walk-substeps must be at least 10 with --drive.step-length 1, so .*\(got 6\)", error
+        )
+
     @pytest.mark.parametrize("chunk", [0, -1, 10_001])
     def test_chunks_of_a_benchmark(self, capfd, here, chunk):
         error = refused(capfd, here, "bench", *SMALL, "--engine", "mjx", f"--chunk={chunk}")

@@ -1,9 +1,12 @@
 """Settings in messages become flags where there are such."""
 
+from dataclasses import fields
+
 import pytest
 
 from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.main import COMMANDS
+from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
 
@@ -24,3 +27,9 @@ from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, User
 )
 def test_names(error, text):
     assert in_flags(error, COMMANDS.values()) == text
+
+
+@pytest.mark.parametrize("command", ["clean", "bench", "experiment", "evolve"])
+def test_refinement_is_that_of_the_engine(command):
+    (field,) = (field for field in fields(COMMANDS[command]) if field.name == "refinement")
+    assert field.default == PlanarSettings().refinement

@@ -7,7 +7,7 @@ import pytest
 
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
@@ -63,4 +63,4 @@ def test_seeds_count(small):
 
 def test_a_short_job_has_one_outcome_on_both_engines(small):
     job = Job(small, GENOME, 30, seed=4, steps=12)
-    assert run_job(job, "planar") == run_job(job, "mujoco")
+    assert run_job(job, PlanarSettings(1, refinement=1)) == run_job(job)

@@ -290,6 +290,8 @@ class TestMjx:
             ({"engine": "abacus"}, "^engine must be mujoco or planar or mjx .*abacus"),
             ({"backend": "abacus"}, "^backend must be processes or ray .*abacus"),
             ({"workers": -1}, "^workers must be .*between 0 and 1024 .*-1"),
+            ({"engine": "mujoco", "refinement": 2}, "^engine must be planar with `refinement` .*mujoco"),
+            ({"engine": "planar", "refinement": 0}, "^refinement must be .*between 1 and 100 .*0"),
             ({"engine": "mjx", "backend": "ray"}, "^backend must be processes with `engine` mjx"),
         ],
     )

@@ -68,7 +68,8 @@ class PlanarEngine:
         for phase in phases:
             targets = np.ascontiguousarray(phase.velocity(new.poses), float)
             worlds = np.flatnonzero(is_running & is_solved)
-            self._spread(take_steps, worlds, phase.n_substeps, new, targets, touching, is_solved)
+            n_steps = phase.n_substeps * self.plane.refinement
+            self._spread(take_steps, worlds, n_steps, new, targets, touching, is_solved)
         fault, robot = find_lost(new.poses, bodies.is_present & is_running[:, None], self.plane.edge)
         fault |= np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED)).astype(np.int32)
         failed = fault != 0

@@ -28,6 +28,9 @@ class Plane(NamedTuple):
     edge: float
     """Distance of the walls from the arena's centre."""
     timestep: float
+    """Of this engine [s]."""
+    refinement: int
+    """Its time steps in a physics step of the drive's configuration."""
     between_robots: ContactLaw
     at_walls: ContactLaw
     tolerance: float = 1e-6
@@ -55,6 +58,7 @@ def read_plane(arena: ArenaModel) -> Plane:
         servo=(gain_x, gain_y, gain_yaw),
         edge=float(np.abs(model.geom_pos[arena.walls, :2]).max()),
         timestep=float(h),
+        refinement=arena.refinement,
         between_robots=_law(model, hull, hull, 2 * weight),
         at_walls=_law(model, hull, arena.walls[0], weight),
     )

@@ -147,7 +147,7 @@ def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
 
 def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -> list[Outcome]:
     """Outcomes of the jobs; those in the journal are not run again."""
-    run_by = " ".join(execution.identity.values()) or execution.engine
+    run_by = " ".join(map(str, execution.identity.values())) or execution.engine
     keys = [_key(job, run_by) for job in jobs]
     with Journal(out / RUNS, {"kind": "runs of experiments"}) as journal:
         with progress(len(keys), name, sum(key in journal.entries for key in keys)) as bar:

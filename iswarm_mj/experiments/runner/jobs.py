@@ -7,14 +7,12 @@ from typing import NamedTuple
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import EngineSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import SimulationFault
 
 CAPACITY_STEP = 64
 """Jobs share a compiled program if their numbers of robots round up to the same multiple of this."""
-
-_ENGINES: dict[str, EngineSettings] = {"mujoco": MujocoSettings(threads=1), "planar": PlanarSettings(threads=1)}
 
 
 @dataclass(frozen=True)
@@ -63,12 +61,12 @@ def fault_of(job: Job, fault: SimulationFault) -> SimulationFault:
     return SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}")
 
 
-def run_job(job: Job, engine: str = "mujoco") -> Outcome:
+def run_job(job: Job, engine: EngineSettings | None = None) -> Outcome:
     """Run a job in this process, on the CPU.
 
     Args:
         job: the run.
-        engine: its physics, mujoco or planar.
+        engine: settings of its physics, by default those of MuJoCo in C.
 
     Raises:
         UserError: the arena is too small for the robots.
@@ -83,7 +81,7 @@ def run_job(job: Job, engine: str = "mujoco") -> Outcome:
         capacity=-(-job.n_robots // CAPACITY_STEP) * CAPACITY_STEP,
         record_worlds=(),
     )
-    run = Run(job.config, job.genome, settings, _ENGINES[engine])
+    run = Run(job.config, job.genome, settings, engine)
     while not run.is_over:
         run.advance()
     if run.faults:

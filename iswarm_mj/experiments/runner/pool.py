@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, run_job
+from iswarm_mj.simulation.settings import FINE, EngineSettings, MujocoSettings, PlanarSettings
 from iswarm_mj.utils.constraints import Within, check, validate
 
 
@@ -28,16 +29,25 @@ class Execution:
     """Worker processes, not of mjx: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
+    refinement: Annotated[int, Within(1, 100)] = FINE
+    """Of planar, as in `PlanarSettings`."""
 
     def __post_init__(self):
         validate(self)
+        applies = self.engine == "planar" or self.refinement == FINE
+        check("engine", self.engine, "planar with `refinement`", applies)
         check("backend", self.backend, "processes with `engine` mjx", self.engine != "mjx" or self.backend != "ray")
 
     @property
-    def identity(self) -> dict[str, str]:
+    def on_cpu(self) -> EngineSettings:
+        """Settings of the engine of a worker, which has one thread; not of mjx."""
+        return PlanarSettings(1, self.refinement) if self.engine == "planar" else MujocoSettings(1)
+
+    @property
+    def identity(self) -> dict[str, Any]:
         """Settings that identify an engine in files: empty for the default engine."""
         if self.engine != "mjx":
-            return {} if self.engine == "mujoco" else {"engine": self.engine}
+            return {} if self.engine == "mujoco" else self.on_cpu.identity
         from iswarm_mj.experiments.runner.batches import implementation
 
         return {"engine": self.engine, "impl": implementation()}
@@ -61,11 +71,11 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     if execution.backend == "ray":
         from iswarm_mj.experiments.runner.ray_pool import run_on_ray
 
-        return run_on_ray(numbered, execution.workers, execution.engine)
+        return run_on_ray(numbered, execution.workers, execution.on_cpu)
     workers = execution.workers or cpu_count()
     if workers == 1:
-        return ((index, run_job(job, execution.engine)) for index, job in numbered)
-    return _run_in_processes(numbered, workers, execution.engine)
+        return ((index, run_job(job, execution.on_cpu)) for index, job in numbered)
+    return _run_in_processes(numbered, workers, execution.on_cpu)
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
@@ -73,7 +83,7 @@ def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
     return tqdm(total=total, initial=done, desc=describe or None, unit="run", disable=not sys.stderr.isatty())
 
 
-def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int, engine: str) -> NumberedOutcomes:
+def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int, engine: EngineSettings) -> NumberedOutcomes:
     # Loky replaces a worker that has grown by 300 MB, as programs for many numbers of robots make it grow.
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     left, losses = dict(numbered), 0

@@ -8,16 +8,17 @@ from typing import Any
 
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes
+from iswarm_mj.simulation.settings import EngineSettings
 from iswarm_mj.utils.errors import UserError
 
 
-def run_on_ray(numbered: Sequence[tuple[int, Job]], workers: int, engine: str) -> NumberedOutcomes:
+def run_on_ray(numbered: Sequence[tuple[int, Job]], workers: int, engine: EngineSettings) -> NumberedOutcomes:
     """Yield (index, outcome) of numbered jobs from a Ray cluster, which itself repeats the jobs of lost workers.
 
     Args:
         numbered: (index, job), in the order in which they start.
         workers: jobs at a time, 0 for as many as the cluster has CPUs.
-        engine: physics of the jobs, mujoco or planar.
+        engine: settings of the jobs' physics, which runs on CPUs.
 
     Raises:
         SimulationFault: a run could not go on, or workers keep dying.

@@ -11,6 +11,7 @@ from iswarm_mj.utils.errors import SimulationFault
 
 if TYPE_CHECKING:
     from iswarm_mj.experiments.runner.jobs import Job, Outcome
+    from iswarm_mj.simulation.settings import EngineSettings
 
 MAX_LOSSES = 3
 """Workers may die this often in a row, without a finished job in between."""
@@ -27,7 +28,7 @@ def start(parent: int) -> None:
     threading.Thread(target=_end_with, args=[parent], daemon=True).start()
 
 
-def work(index: int, job: "Job", engine: str) -> tuple[int, "Outcome"]:
+def work(index: int, job: "Job", engine: "EngineSettings") -> tuple[int, "Outcome"]:
     """Run a job on the CPU; GPUs belong to the parent."""
     import jax
 

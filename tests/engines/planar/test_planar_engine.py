@@ -1,6 +1,7 @@
 """The planar engine: servos, conservation laws, absent robots, faults, threads. Units: mm, mg, s."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,6 +67,31 @@ class TestServo:
         bodies = placed(engine, np.zeros((3, 1, 3)))
         motion = moved(engine, bodies, 1.0, 4, [True, False, True])
         np.testing.assert_allclose(motion.bodies.poses[:, 0, 0], [0.4, 0, 0.4])
+
+
+class TestRefinement:
+    def test_phases_last_as_long_in_finer_steps(self, small):
+        engine = PlanarEngine(small, compile_arena(small, 1, np.zeros(0), refinement=5), 1)
+        motion = moved(engine, placed(engine, [[(0, 0, 0)]]), (1.0, -0.5, 0.3), 6)
+        assert engine.plane.timestep == pytest.approx(0.02)
+        np.testing.assert_allclose(motion.bodies.poses, [[(0.6, -0.3, 0.18)]], atol=1e-12)
+
+    def test_it_is_a_finer_step_of_the_drive(self, small):
+        """The same steps as of a drive with five times as many, and the same pairs in contact as a phase ends."""
+        drive = small.drive
+        substeps = {"turn_substeps": 5 * drive.turn_substeps, "walk_substeps": 5 * drive.walk_substeps}
+        finer = replace(small, drive=replace(drive, **substeps))
+        refined, plain = (
+            PlanarEngine(small, compile_arena(small, 1, np.zeros(0), refinement=5), 1),
+            PlanarEngine(finer, compile_arena(finer, 1, np.zeros(0)), 1),
+        )
+        rng = np.random.default_rng(7)
+        start = crowd(2, rng)
+        velocity = rng.uniform(-1.4, 1.4, start.shape)
+        here, there = (moved(engine, placed(engine, start), velocity, n) for engine, n in ((refined, 10), (plain, 50)))
+        np.testing.assert_array_equal(here.bodies.poses, there.bodies.poses)
+        np.testing.assert_array_equal(here.touching, there.touching)
+        assert here.touching.sum() > 10
 
 
 class TestContacts:

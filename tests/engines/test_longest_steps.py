@@ -1,0 +1,107 @@
+"""Crowds that press upon each other with the longest physics steps that are allowed, and with other time steps.
+
+No two robots change sides, which shows as centres that pass each other at less than half a robot, and none leaves the
+arena. Units: mm, s.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iswarm_mj.config import LARGEST_TURN, LONGEST_STEP, ArenaConfig, DriveConfig, SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.simulation.initial import place_robots
+from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.strategy.controller import Command
+from iswarm_mj.utils.units import mm_from_rd
+
+ARENA = ArenaConfig(size=10, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=4)
+N_ROBOTS, N_WORLDS, N_STEPS = 70, 2, 15
+EDGE = mm_from_rd(ARENA.size) / 2
+
+DEFAULT = DriveConfig()
+LONGEST = DriveConfig(step_length=6 * LONGEST_STEP, max_turn=4 * LARGEST_TURN)
+DRIVES = {
+    "default": DEFAULT,
+    "longest": LONGEST,
+    "fewest": DriveConfig(step_length=LONGEST_STEP, walk_substeps=1, max_turn=LARGEST_TURN, turn_substeps=1),
+    "long walk": DriveConfig(step_length=1.0, walk_substeps=10, max_turn=90, turn_substeps=2),
+    "quick": replace(LONGEST, control_period=0.1),
+    "slow": replace(LONGEST, control_period=100.0),
+    "five times finer": DriveConfig(turn_substeps=20, walk_substeps=30),
+}
+
+
+def crowd_moves(drive, where, engine_of, n_steps=N_STEPS):
+    """Nearest pass of two centres in any physics step [mm], and all faults.
+
+    Args:
+        drive: all robots use its longest steps and largest turns.
+        where: the robots walk to the centre, to one corner, to and fro between random places, or turn at random.
+        engine_of: engine of a configuration.
+        n_steps: control steps.
+    """
+    rng, config = np.random.default_rng(0), SwarmConfig(arena=ARENA, drive=drive)
+    poses = np.stack([place_robots(ARENA, N_ROBOTS, rng) for _ in range(N_WORLDS)])
+    engine, running = engine_of(config), np.ones(N_WORLDS, bool)
+    bodies = engine.place(poses, np.ones(poses.shape[:2], bool))
+    places = {"centre": 0.0, "corner": EDGE, "to and fro": rng.uniform(-EDGE, EDGE, (*poses.shape[:2], 2))}
+    turn, nearest, faults = np.radians(drive.max_turn), np.inf, 0
+    for step in range(n_steps):
+        if where == "at random":
+            turns = rng.choice([-turn, turn], poses.shape[:2])
+        else:
+            away = (-1) ** (step // 5) * np.asarray(places[where]) - poses[..., :2]
+            ahead = np.arctan2(away[..., 1], away[..., 0]) - poses[..., 2]
+            turns = np.clip((ahead + np.pi) % (2 * np.pi) - np.pi, -turn, turn)
+        command = Command(turns, np.full(turns.shape, mm_from_rd(drive.step_length)))
+        for phase in drive_phases(drive, command):
+            velocity = phase.velocity(poses)
+            for _ in range(phase.n_substeps):
+                before = poses
+                motion = engine.move(bodies, [Phase(1, lambda _, held=velocity: held)], running)
+                bodies, poses = motion.bodies, engine.poses(motion.bodies)
+                nearest, faults = min(nearest, nearest_pass(before, poses)), faults | int(motion.fault.max())
+    return nearest, faults
+
+
+def nearest_pass(before, after):
+    """Smallest distance of two centres on straight ways between poses (B, N, 3) [mm]."""
+    first, last = (p[:, :, None, :2] - p[:, None, :, :2] for p in (before, after))
+    way = last - first
+    share = np.clip(-(first * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12), 0, 1)
+    distance = np.linalg.norm(first + share[..., None] * way, axis=-1)
+    return distance[:, *np.triu_indices(N_ROBOTS, 1)].min()
+
+
+def planar(config, refinement=1):
+    return PlanarEngine(config, compile_arena(config, 1, np.zeros(0), refinement=refinement), 1)
+
+
+def mujoco(config):
+    return MujocoEngine(config, compile_arena(config, N_ROBOTS, np.zeros(0)), N_WORLDS, 1, N_ROBOTS)
+
+
+@pytest.mark.parametrize("where", ["centre", "corner", "to and fro", "at random"])
+@pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES.keys())
+def test_planar_robots_keep_their_sides(drive, where):
+    nearest, faults = crowd_moves(drive, where, planar)
+    assert nearest > 1.0 and faults == 0
+
+
+@pytest.mark.parametrize(
+    ("drive", "where"), [("longest", "centre"), ("longest", "at random"), ("quick", "corner"), ("fewest", "to and fro")]
+)
+def test_robots_of_mujoco_keep_their_sides(drive, where):
+    nearest, faults = crowd_moves(DRIVES[drive], where, mujoco, 6)
+    assert nearest > 1.0 and faults == 0
+
+
+@pytest.mark.parametrize("where", ["centre", "at random"])
+def test_refined_steps_keep_robots_farther_apart(where):
+    coarse, fine = (crowd_moves(LONGEST, where, lambda c, r=r: planar(c, r))[0] for r in (1, 10))
+    assert coarse < 1.7 and fine > 1.8

@@ -1,0 +1,32 @@
+"""Servos and contacts follow the time step."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from iswarm_mj.config import DriveConfig, SwarmConfig
+from iswarm_mj.engines.arena import compile_arena, models_directory
+
+
+def test_the_default_is_that_of_the_files():
+    model = compile_arena(SwarmConfig(), 2, np.zeros(0)).model
+    robot, walls = (
+        mujoco.MjModel.from_xml_path(str(models_directory() / f"{name}.xml")) for name in ("robot", "arena")
+    )
+    assert model.opt.timestep == robot.opt.timestep == walls.opt.timestep
+    for name in ("robot0/hull", "robot1/hull"):
+        np.testing.assert_array_equal(model.geom(name).solref, robot.geom("hull").solref)
+    for name in ("wall_east", "wall_north", "wall_west", "wall_south"):
+        np.testing.assert_array_equal(model.geom(name).solref, walls.geom(name).solref)
+
+
+@pytest.mark.parametrize("refinement", [1, 7])
+@pytest.mark.parametrize(
+    "drive", [DriveConfig(control_period=0.2), DriveConfig(turn_substeps=10, walk_substeps=30), DriveConfig()]
+)
+def test_contacts_take_two_time_steps_and_servos_one(drive, refinement):
+    arena = compile_arena(SwarmConfig(drive=drive), 2, np.zeros(0), refinement=refinement)
+    model, h = arena.model, drive.timestep / refinement
+    assert (model.opt.timestep, arena.refinement) == (h, refinement)
+    np.testing.assert_allclose(model.geom_solref[[*arena.hull, *arena.walls]], [[2 * h, 1]] * 6, rtol=1e-15)
+    np.testing.assert_allclose(model.dof_damping[arena.qpos] * h, [[10, 10, 20 / 3]] * 2)
