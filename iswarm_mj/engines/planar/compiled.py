@@ -12,6 +12,9 @@ from numba.core import config
 compiled = numba.njit(nogil=True)
 """For functions that other compiled functions call."""
 
+inlined = numba.njit(nogil=True, forceinline=True)
+"""For those that are called so often that handing over their arguments, tuples of arrays and numbers, would show."""
+
 
 def cached(function: Callable) -> Any:
     """Compile a function that Python calls, once for all processes.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled
+from iswarm_mj.engines.planar.compiled import compiled, inlined
 
 
 @compiled
@@ -38,7 +38,7 @@ def find_islands(contacts: np.ndarray, n_robots: int) -> tuple[np.ndarray, np.nd
     return order, first
 
 
-@compiled
+@inlined
 def _find(root: np.ndarray, robot: int) -> int:
     """The robot that stands for all robots of its island, with shorter ways to it for the next time."""
     while root[robot] != robot:

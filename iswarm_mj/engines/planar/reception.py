@@ -71,13 +71,15 @@ def read_light(robot: Robot, optics: OpticsConfig) -> Light:
 @register_jitable
 def facing_side(ahead: float, left: float) -> int:
     """Number of the side in whose sector of 90 degrees the direction (ahead, left) lies."""
-    if abs(ahead) >= abs(left):
-        if ahead < 0.0:
-            return 2
-        return 0
+    side = 0
+    across = 1
+    if ahead < 0.0:
+        side = 2
     if left < 0.0:
-        return 3
-    return 1
+        across = 3
+    if abs(ahead) < abs(left):
+        side = across
+    return side
 
 
 @register_jitable
@@ -94,10 +96,10 @@ def onto_side(ahead: float, left: float, side: int) -> tuple[float, float]:
 
 @register_jitable
 def sector_distance(
-    along_r: float,
-    across_r: float,
-    along_s: float,
-    across_s: float,
+    ahead_r: float,
+    left_r: float,
+    ahead_s: float,
+    left_s: float,
     photodiode_tan: float,
     led_tan: float,
     reach: float,
@@ -105,18 +107,17 @@ def sector_distance(
     """Effective distance in sector mode; infinite where no light arrives.
 
     Args:
-        along_r: component of the sender's position, from the receiver's centre, along the normal of the receiver's
-            side that faces it.
-        across_r: component to the left of that normal.
-        along_s: of the receiver's position, from the sender's centre, along the normal of the side that faces it.
-        across_s: likewise to the left.
+        ahead_r: component of the sender's position, from the receiver's centre, along the receiver's heading.
+        left_r: component to the left of that heading.
+        ahead_s: of the receiver's position, from the sender's centre, along the sender's heading.
+        left_s: likewise to the left.
         photodiode_tan: tangent of half the aperture.
         led_tan: likewise of the LED's beam.
         reach: light arrives from closer than this.
     """
-    distance = math.sqrt(along_r * along_r + across_r * across_r)
-    is_seen = abs(across_r) <= abs(along_r) * photodiode_tan
-    is_lit = abs(across_s) <= abs(along_s) * led_tan
+    distance = math.sqrt(ahead_r * ahead_r + left_r * left_r)
+    is_seen = min(abs(ahead_r), abs(left_r)) <= max(abs(ahead_r), abs(left_r)) * photodiode_tan
+    is_lit = min(abs(ahead_s), abs(left_s)) <= max(abs(ahead_s), abs(left_s)) * led_tan
     if is_seen and is_lit and distance < reach:
         return distance
     return math.inf
@@ -141,10 +142,11 @@ def power_reception(
     """Reception in power mode.
 
     Args:
-        along_r: as for `sector_distance`.
-        across_r: likewise.
-        along_s: likewise.
-        across_s: likewise.
+        along_r: component of the sender's position, from the receiver's centre, along the normal of the receiver's
+            side that faces it.
+        across_r: component to the left of that normal.
+        along_s: of the receiver's position, from the sender's centre, along the normal of the side that faces it.
+        across_s: likewise to the left.
         out_r: position of the receiver's photodiodes along the normal of their side.
         left_r: to the left of it.
         out_s: position of the sender's LED along the normal of its side.
@@ -175,3 +177,26 @@ def power_reception(
     if effective < reach:
         return math.atan((a - b) / max(a + b, 1e-9) / splay_tan), effective
     return 0.0, math.inf
+
+
+@register_jitable
+def is_crossed(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> bool:
+    """Whether a straight path of light meets a rectangle; separating axis theorem.
+
+    Args:
+        ox: x of the path's beginning, from the rectangle's centre.
+        oy: likewise y.
+        vx: x of the vector to its end.
+        vy: y of it.
+        c: cosine of the rectangle's heading.
+        s: sine of it.
+        hx: half edge along the heading.
+        hy: half edge across it.
+    """
+    ux = 0.5 * (c * vx + s * vy)
+    uy = 0.5 * (c * vy - s * vx)
+    x = c * ox + s * oy + ux  # of the path's middle
+    y = c * oy - s * ox + uy
+    is_beside = abs(x * uy - y * ux) > hx * abs(uy) + hy * abs(ux)
+    is_away = abs(x) > hx + abs(ux) or abs(y) > hy + abs(uy)
+    return not (is_beside or is_away)

@@ -6,11 +6,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from iswarm_mj.engines.base import Sight
-from iswarm_mj.engines.planar.compiled import cached, compiled
+from iswarm_mj.engines.planar.compiled import cached, inlined
 from iswarm_mj.engines.planar.near_pairs import cell_of, fill_cells
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.ray_geometry import meets_rectangle, meets_walls
-from iswarm_mj.engines.planar.reception import Light, facing_side, onto_side, power_reception, sector_distance
+from iswarm_mj.engines.planar.reception import (
+    Light,
+    facing_side,
+    is_crossed,
+    onto_side,
+    power_reception,
+    sector_distance,
+)
 from iswarm_mj.sensors.links import Links
 
 _NORMALS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # of the sides, in a robot's frame
@@ -28,10 +35,11 @@ class _Robots(NamedTuple):
 
 
 NEAR = np.dtype(
-    [("robot", np.int64), ("side", np.int64), ("led", np.int64)]
-    + [(name, np.float64) for name in ("distance", "effective", "bearing")]
+    [(name, np.int64) for name in ("robot", "side", "led", "next")]
+    + [(name, np.float64) for name in ("dx", "dy", "distance", "effective", "bearing")]
 )
-"""A robot near a receiver: its distance, and how the receiver gets its light; `effective` is infinite without."""
+"""A robot near a receiver, at (dx, dy) from it, and how its light arrives. `next` is the next farther one whose light
+arrives on the same side, or -1."""
 
 
 def darkness(n_worlds: int, n_robots: int) -> Sight:
@@ -82,39 +90,37 @@ def sense(
         for i in range(len(here)):
             cos[i], sin[i] = math.cos(here[i, 2]), math.sin(here[i, 2])
         robots, cells = _Robots(here, cos, sin), fill_cells(here, present, within, plane.edge)
-        near = np.empty(len(here), NEAR)
+        near, nearest = np.empty(len(here), NEAR), np.empty(4, np.int64)
         for i in range(len(here)):
             if present[i]:
-                n_near = _look_around(i, robots, emits[world], cells, within, light, plane.edge, near)
-                _find_links(i, robots, near[:n_near], sight.links, world, light, plane)
-                _find_walls(i, robots, near[:n_near], sight.sees_wall[world], light, plane)
+                n_near = _look_around(i, robots.poses, cells, within, plane.edge, near)
+                nearest[:] = -1
+                for k in range(n_near):
+                    one = near[k]
+                    if emits[world, one.robot] and one.distance <= light.farthest:
+                        _receive(one, cos[i], sin[i], cos[one.robot], sin[one.robot], light)
+                        if one.effective < np.inf:
+                            _insert(k, near, nearest)
+                _find_links(i, robots, near, n_near, nearest, sight.links, world, light, plane)
+                _find_walls(i, robots, near, n_near, sight.sees_wall[world], light, plane)
 
 
-@compiled
+@inlined
 def _look_around(
-    i: int,
-    robots: _Robots,
-    emits: np.ndarray,
-    cells: tuple[np.ndarray, np.ndarray],
-    within: float,
-    light: Light,
-    edge: float,
-    near: np.ndarray,
+    i: int, poses: np.ndarray, cells: tuple[np.ndarray, np.ndarray], within: float, edge: float, near: np.ndarray
 ) -> int:
     """Write the robots `within` this distance of robot i [mm], and return their number.
 
     Args:
         i: the receiver.
-        robots: of the world.
-        emits: (N,) bool.
+        poses: (N, 3) of all robots.
         cells: the robots in them.
         within: width of the cells at most [mm].
-        light: optics.
         edge: of the arena.
         near: (N,) of type NEAR, the output.
     """
     last_in_cell, before = cells
-    poses, n_cells, n_near = robots.poses, len(last_in_cell), 0
+    n_cells, n_near = len(last_in_cell), 0
     column, row = cell_of(poses[i, 0], edge, n_cells), cell_of(poses[i, 1], edge, n_cells)
     for up in range(max(row - 1, 0), min(row + 2, n_cells)):
         for right in range(max(column - 1, 0), min(column + 2, n_cells)):
@@ -124,117 +130,141 @@ def _look_around(
                 squared = dx * dx + dy * dy
                 if j != i and squared <= within * within:
                     one = near[n_near]
-                    one.robot, one.distance, one.effective = j, math.sqrt(squared), np.inf
-                    if emits[j] and one.distance <= light.farthest:
-                        _receive(one, dx, dy, robots.cos[i], robots.sin[i], robots.cos[j], robots.sin[j], light)
+                    one.robot, one.dx, one.dy, one.distance = j, dx, dy, math.sqrt(squared)
                     n_near += 1
                 j = int(before[j])
     return n_near
 
 
-@compiled
-def _receive(one: Any, dx: float, dy: float, c_r: float, s_r: float, c_s: float, s_s: float, light: Light) -> None:
-    """Set how a receiver gets the light of a robot near it, of type NEAR, at (dx, dy) from it [mm].
-
-    The receiver's heading is (c_r, s_r), the sender's (c_s, s_s).
-    """
+@inlined
+def _receive(one: Any, c_r: float, s_r: float, c_s: float, s_s: float, light: Light) -> None:
+    """Set how a receiver with heading (c_r, s_r) gets the light of a robot near it, with heading (c_s, s_s)."""
+    dx, dy = one.dx, one.dy
     ahead_r, left_r = c_r * dx + s_r * dy, c_r * dy - s_r * dx
     ahead_s, left_s = -c_s * dx - s_s * dy, s_s * dx - c_s * dy
+    if light.is_power:
+        _receive_power(one, ahead_r, left_r, ahead_s, left_s, light)
+        return
+    one.effective = sector_distance(ahead_r, left_r, ahead_s, left_s, light.photodiode_tan, light.led_tan, light.reach)
+    if one.effective < np.inf:
+        one.side, one.led = facing_side(ahead_r, left_r), facing_side(ahead_s, left_s)
+        one.bearing = one.side * (math.pi / 2.0)
+
+
+@inlined
+def _receive_power(one: Any, ahead_r: float, left_r: float, ahead_s: float, left_s: float, light: Light) -> None:
+    """As `_receive`, in power mode; each sees the other at (ahead, left)."""
     side, led = facing_side(ahead_r, left_r), facing_side(ahead_s, left_s)
     along_r, across_r = onto_side(ahead_r, left_r, side)
     along_s, across_s = onto_side(ahead_s, left_s, led)
-    one.side, one.led, one.bearing = side, led, side * (math.pi / 2.0)
-    if light.is_power:
-        receiver, emitter = light.receivers[side], light.leds[led]
-        out_r, aside_r = onto_side(receiver[0], receiver[1], side)
-        out_s, aside_s = onto_side(emitter[0], emitter[1], led)
-        turn, one.effective = power_reception(
-            along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
-            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach,
-        )  # fmt: skip
-        one.bearing += turn
+    out_r, aside_r = onto_side(light.receivers[side][0], light.receivers[side][1], side)
+    out_s, aside_s = onto_side(light.leds[led][0], light.leds[led][1], led)
+    turn, one.effective = power_reception(
+        along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
+        light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach,
+    )  # fmt: skip
+    one.side, one.led, one.bearing = side, led, side * (math.pi / 2.0) + turn
+
+
+@inlined
+def _insert(k: int, near: np.ndarray, nearest: np.ndarray) -> None:
+    """Insert a robot whose light arrives into the list of its side, by effective distance and index.
+
+    Args:
+        k: of that robot among those near.
+        near: of type NEAR.
+        nearest: (4,) where each side's list begins.
+    """
+    one, before, after = near[k], -1, nearest[near[k].side]
+    while after >= 0:
+        other = near[after]
+        is_equal = other.effective == one.effective
+        if one.effective < other.effective or (is_equal and one.robot < other.robot):
+            break
+        before, after = after, other.next
+    one.next = after
+    if before < 0:
+        nearest[one.side] = k
     else:
-        one.effective = sector_distance(
-            along_r, across_r, along_s, across_s, light.photodiode_tan, light.led_tan, light.reach
-        )
+        near[before].next = k
 
 
-@compiled
+@inlined
 def _find_links(
-    i: int, robots: _Robots, near: np.ndarray, links: Links, world: int, light: Light, plane: Plane
+    i: int,
+    robots: _Robots,
+    near: np.ndarray,
+    n_near: int,
+    nearest: np.ndarray,
+    links: Links,
+    world: int,
+    light: Light,
+    plane: Plane,
 ) -> None:
-    """Find the nearest sender in sight of each side of robot i among those near it, which are changed."""
+    """Find the nearest sender in sight of each side of robot i, of those listed from `nearest` (4,) on."""
     for side in range(4):
-        while True:
-            best = -1
-            for k in range(len(near)):
-                one = near[k]
-                if one.effective < np.inf and one.side == side:
-                    other = near[max(best, 0)]
-                    if (
-                        best < 0
-                        or one.effective < other.effective
-                        or (one.effective == other.effective and one.robot < other.robot)
-                    ):
-                        best = k
-            if best < 0:
-                break
-            found = near[best]
-            if not light.needs_sight or _is_clear(i, robots, found, near, light, plane):
-                links.sender[world, i, side] = found.robot
-                links.valid[world, i, side] = True
-                links.led[world, i, side] = found.led
-                links.bearing[world, i, side] = found.bearing
-                links.distance[world, i, side] = found.distance
-                break
-            found.effective = np.inf
+        k = nearest[side]
+        while k >= 0 and light.needs_sight and not _is_clear(i, k, robots, near, n_near, light, plane):
+            k = near[k].next
+        if k >= 0:
+            found = near[k]
+            links.sender[world, i, side] = found.robot
+            links.valid[world, i, side] = True
+            links.led[world, i, side] = found.led
+            links.bearing[world, i, side] = found.bearing
+            links.distance[world, i, side] = found.distance
 
 
-@compiled
-def _is_clear(i: int, robots: _Robots, found: Any, near: np.ndarray, light: Light, plane: Plane) -> bool:
-    """Whether no third robot blocks the light that robot i receives from one near it."""
-    x, y = _in_world(robots, i, light.receivers[found.side])
-    x_end, y_end = _in_world(robots, found.robot, light.leds[found.led])
-    # A robot that blocks the light is at most this much farther from the receiver than the sender is.
+@inlined
+def _is_clear(i: int, k: int, robots: _Robots, near: np.ndarray, n_near: int, light: Light, plane: Plane) -> bool:
+    """Whether no third robot blocks the light that robot i receives from the one of number k near it."""
+    found = near[k]
+    x, y = _turned(robots, i, light.receivers[found.side])
+    x_led, y_led = _turned(robots, found.robot, light.leds[found.led])
+    vx, vy = found.dx + x_led - x, found.dy + y_led - y
+    squared = vx * vx + vy * vy
+    spare = math.sqrt((plane.half_x**2 + plane.half_y**2) * squared)
     farthest = found.distance + (1.0 + _SPARE) * math.sqrt(plane.half_x**2 + plane.half_y**2) + light.optical_offset
-    for third in near:
-        is_near = third.robot != found.robot and third.distance <= farthest
-        if is_near and _share(x, y, x_end - x, y_end - y, robots, third.robot, plane) < 1.0:
-            return False
+    for q in range(n_near):
+        third = near[q]
+        if third.distance > farthest:
+            continue
+        ox, oy = x - third.dx, y - third.dy
+        across, behind = ox * vy - oy * vx, ox * vx + oy * vy
+        # Only if its circumcircle is in the way.
+        if (q != k) & (abs(across) <= spare) & (behind <= spare) & (behind >= -squared - spare):
+            c, s = robots.cos[third.robot], robots.sin[third.robot]
+            if is_crossed(ox, oy, vx, vy, c, s, plane.half_x, plane.half_y):
+                return False
     return True
 
 
-@compiled
-def _find_walls(i: int, robots: _Robots, near: np.ndarray, sees: np.ndarray, light: Light, plane: Plane) -> None:
+@inlined
+def _find_walls(
+    i: int, robots: _Robots, near: np.ndarray, n_near: int, sees: np.ndarray, light: Light, plane: Plane
+) -> None:
     """Set for each LED of robot i whether it sees a wall (N, 4)."""
     reach, radius = light.wall_reach, math.sqrt(plane.half_x**2 + plane.half_y**2)
-    if max(abs(robots.poses[i, 0]), abs(robots.poses[i, 1])) < plane.edge - reach - radius:
+    at_x, at_y = robots.poses[i, 0], robots.poses[i, 1]
+    if max(abs(at_x), abs(at_y)) < plane.edge - reach - radius:
         return
     for side in range(4):
-        x, y = _in_world(robots, i, light.leds[side])
-        c, s, (nx, ny) = robots.cos[i], robots.sin[i], _NORMALS[side]
-        vx, vy = reach * (c * nx - s * ny), reach * (s * nx + c * ny)
-        share = meets_walls(x, y, vx, vy, plane.edge)
+        x, y = _turned(robots, i, light.leds[side])
+        vx, vy = _turned(robots, i, _NORMALS[side])
+        vx, vy = reach * vx, reach * vy
+        share = meets_walls(at_x + x, at_y + y, vx, vy, plane.edge)
         sees[i, side] = share <= 1.0
         if share > 0.0 and share <= 1.0:
-            for third in near:
-                if _share(x, y, vx, vy, robots, third.robot, plane) < share:
+            for q in range(n_near):
+                third = near[q]
+                c, s = robots.cos[third.robot], robots.sin[third.robot]
+                if meets_rectangle(x - third.dx, y - third.dy, vx, vy, c, s, plane.half_x, plane.half_y) < share:
                     sees[i, side] = False
                     break
 
 
-@compiled
-def _in_world(robots: _Robots, i: int | np.integer, point: tuple[float, float]) -> tuple[float, float]:
-    """World position of a point in the frame of robot i."""
+@inlined
+def _turned(robots: _Robots, i: int | np.integer, point: tuple[float, float]) -> tuple[float, float]:
+    """World components of a vector in the frame of robot i."""
     c, s = robots.cos[i], robots.sin[i]
-    return robots.poses[i, 0] + c * point[0] - s * point[1], robots.poses[i, 1] + s * point[0] + c * point[1]
-
-
-@compiled
-def _share(x: float, y: float, vx: float, vy: float, robots: _Robots, i: int | np.integer, plane: Plane) -> float:
-    """Share of its vector at which a ray meets robot i; infinite if it never does."""
-    ox, oy = x - robots.poses[i, 0], y - robots.poses[i, 1]
-    across = ox * vy - oy * vx
-    if across * across > (plane.half_x**2 + plane.half_y**2) * (vx * vx + vy * vy):
-        return np.inf  # it passes beside the circumcircle
-    return meets_rectangle(ox, oy, vx, vy, robots.cos[i], robots.sin[i], plane.half_x, plane.half_y)
+    return c * point[0] - s * point[1], s * point[0] + c * point[1]

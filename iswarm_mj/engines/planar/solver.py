@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled
+from iswarm_mj.engines.planar.compiled import compiled, inlined
 from iswarm_mj.engines.planar.contact_law import two_impulses
 from iswarm_mj.engines.planar.islands import find_islands
 from iswarm_mj.engines.planar.plane import Plane
@@ -68,7 +68,7 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
     return False
 
 
-@compiled
+@inlined
 def _impulses(contact: Any, velocities: np.ndarray) -> tuple[float, float]:
     """Impulses of a contact that solve its own rows while all others stay."""
     first, second = velocities[contact.first], velocities[contact.second]
@@ -84,7 +84,7 @@ def _impulses(contact: Any, velocities: np.ndarray) -> tuple[float, float]:
     return two_impulses(w1, w2, contact.h11, contact.h12, contact.h22)
 
 
-@compiled
+@inlined
 def _set_impulses(contact: Any, p1: float, p2: float, velocities: np.ndarray, plane: Plane) -> None:
     """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
     first, second = velocities[contact.first], velocities[contact.second]

@@ -34,9 +34,10 @@ def one_pair(light, dx, dy, receiver, sender):
     (c_r, s_r), (c_s, s_s) = receiver, sender
     at_receiver, at_sender = (c_r * dx + s_r * dy, c_r * dy - s_r * dx), (-c_s * dx - s_s * dy, s_s * dx - c_s * dy)
     side, led = facing_side(*at_receiver), facing_side(*at_sender)
-    pair = *onto_side(*at_receiver, side), *onto_side(*at_sender, led)
     if not light.is_power:
-        return side, led, side * math.pi / 2, sector_distance(*pair, light.photodiode_tan, light.led_tan, light.reach)
+        tans = light.photodiode_tan, light.led_tan
+        return side, led, side * math.pi / 2, sector_distance(*at_receiver, *at_sender, *tans, light.reach)
+    pair = *onto_side(*at_receiver, side), *onto_side(*at_sender, led)
     places = *onto_side(*light.receivers[side], side), *onto_side(*light.leds[led], led)
     turn, effective = power_reception(
         *pair, *places, light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach
@@ -95,7 +96,7 @@ def by_warp():
         out[k, 2] = across_r
         out[k, 3] = turn
         out[k, 4] = effective
-        out[k, 5] = sector(along_r, across_r, along_s, across_s, constants[5], constants[6], constants[4])
+        out[k, 5] = sector(ahead[k, 0], ahead[k, 1], ahead[k, 2], ahead[k, 3], constants[5], constants[6], constants[4])
 
     def run(ahead, constants):
         out = wp.zeros((len(ahead), 6), dtype=float, device="cpu")
@@ -125,7 +126,7 @@ def test_warp_compiles_them_in_single_precision(by_warp):
             along,
             across,
             *power_reception(*pair, 1.0, 0.3, 1.0, -0.2, *constants),
-            sector_distance(*pair, *tans, light.reach),
+            sector_distance(a, b, c, d, *tans, light.reach),
         )
     np.testing.assert_array_equal(got[:, :3], expected[:, :3])
     at_edge = (np.isfinite(got) != np.isfinite(expected)).any(axis=1)  # of a cone or of the range
