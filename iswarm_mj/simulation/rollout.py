@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -141,9 +141,9 @@ def _hold_last(poses: Sequence[np.ndarray], n_frames: int) -> np.ndarray:
 
 def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:
     """Data and key of each world; by way of the host, since JAX would compile a program of B results to part keys."""
-    impl = jax.random.key_impl(keys)
-    for data in np.asarray(jax.random.key_data(keys)):
-        yield data, jax.random.wrap_key_data(jax.device_put(data), impl=impl)
+    impl, rows = jax.random.key_impl(keys), np.asarray(jax.random.key_data(keys))
+    for data in cast(Any, rows):  # NumPy's arrays do, too
+        yield data, jax.random.wrap_key_data(data, impl=impl)
 
 
 def _start(config: SwarmConfig, n_robots: int, data: np.ndarray) -> Start:
