@@ -15,6 +15,7 @@ from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.controller import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -61,7 +62,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     poses, sight, step, is_running = situation
     n_robots = len(poses)
     strategy, is_alive = params.strategy, swarm.is_alive
-    step_key = jax.random.fold_in(params.key, step)
+    step_key = jax.random.fold_in(unrolled(params.key), step)
     channel_key, fall_key, policy_key = jax.random.split(step_key, 3)
 
     channel = Channel(

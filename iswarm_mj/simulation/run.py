@@ -150,7 +150,8 @@ class Run:
             taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
         self._taken += taken
         self._counts = self._loop.counts()
-        return None if record is None else jax.tree.map(lambda a: a[: self.step - first], record)
+        n_steps = self.step - first
+        return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""

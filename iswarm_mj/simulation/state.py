@@ -55,7 +55,7 @@ class WorldState(NamedTuple):
     """Mechanical state, the engine's own."""
     swarm: SwarmState
     touching: Bool[Array, "*B N N"]
-    """Pairs of robots in contact during the last control step, upper triangle."""
+    """Pairs of robots in contact during the last control step, upper triangle; no meaning in a world with a fault."""
     collisions: Int[Array, "*B"]
     """Counted so far."""
     is_finished: Bool[Array, "*B"]

@@ -122,15 +122,14 @@ def account(
         xp.where(bits != 0, robot, state.fault.robot),
     )
     is_sound = is_running & (fault.bits == 0)
-    touching = motion.touching & is_sound[..., None, None]
-    begun = (touching > state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
+    begun = (motion.touching > state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
     delivered = xp.asarray(swarm.balls.is_delivered).sum(axis=-1)
     reached = is_sound & (delivered >= params.goal)
     return WorldState(
         bodies=motion.bodies,
         swarm=swarm,
-        touching=touching,
-        collisions=state.collisions + begun,
+        touching=motion.touching,
+        collisions=state.collisions + xp.where(is_sound, begun, 0),
         is_finished=state.is_finished | reached,
         finished_at=xp.where(reached, step + 1, state.finished_at).astype(state.finished_at.dtype),
         fault=fault,

@@ -98,7 +98,7 @@ def sense(
                 for k in range(n_near):
                     one = near[k]
                     if emits[world, one.robot] and one.distance <= light.farthest:
-                        _receive(one, cos[i], sin[i], cos[one.robot], sin[one.robot], light)
+                        _receive(one, *_heading(robots, i), *_heading(robots, one.robot), light)
                         if one.effective < np.inf:
                             _insert(k, near, nearest)
                 _find_links(i, robots, near, n_near, nearest, sight.links, world, light, plane)
@@ -233,7 +233,7 @@ def _is_clear(i: int, k: int, robots: _Robots, near: np.ndarray, n_near: int, li
         across, behind = ox * vy - oy * vx, ox * vx + oy * vy
         # Only if its circumcircle is in the way.
         if (q != k) & (abs(across) <= spare) & (behind <= spare) & (behind >= -squared - spare):
-            c, s = robots.cos[third.robot], robots.sin[third.robot]
+            c, s = _heading(robots, third.robot)
             if is_crossed(ox, oy, vx, vy, c, s, plane.half_x, plane.half_y):
                 return False
     return True
@@ -257,7 +257,7 @@ def _find_walls(
         if share > 0.0 and share <= 1.0:
             for q in range(n_near):
                 third = near[q]
-                c, s = robots.cos[third.robot], robots.sin[third.robot]
+                c, s = _heading(robots, third.robot)
                 if meets_rectangle(x - third.dx, y - third.dy, vx, vy, c, s, plane.half_x, plane.half_y) < share:
                     sees[i, side] = False
                     break
@@ -266,5 +266,11 @@ def _find_walls(
 @inlined
 def _turned(robots: _Robots, i: int | np.integer, point: tuple[float, float]) -> tuple[float, float]:
     """World components of a vector in the frame of robot i."""
-    c, s = robots.cos[i], robots.sin[i]
+    c, s = _heading(robots, i)
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
+
+
+@inlined
+def _heading(robots: _Robots, i: int | np.integer) -> tuple[float, float]:
+    """Cosine and sine of the yaw of robot i."""
+    return float(robots.cos[i]), float(robots.sin[i])

@@ -1,0 +1,80 @@
+"""JAX's default random numbers, bit by bit, computed without a loop over rounds.
+
+On CPUs JAX computes Threefry by a loop of five steps, which compiles faster, but takes a large part of the time
+in which the robots of a control step decide. Here the rounds are written out.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+from jax.extend.random import define_prng_impl, threefry_prng_impl
+
+from iswarm_mj.utils.arrays import Array
+
+_ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+_PARITY = 0x1BD11BDA
+
+
+def threefry(key: Array, high: Array, low: Array) -> tuple[Array, Array]:
+    """Threefry-2x32 with 20 rounds (Salmon et al. 2011, Proc. SC11, 16), of uint32.
+
+    Args:
+        key: (2,).
+        high: first word of the counter, of any shape.
+        low: second word, of the same shape.
+    """
+    words = key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY)
+    x, y = high + words[0], low + words[1]
+    for group in range(5):
+        for rotation in _ROTATIONS[group % 2]:
+            x = x + y
+            y = ((y << rotation) | (y >> (32 - rotation))) ^ x
+        x, y = x + words[(group + 1) % 3], y + words[(group + 2) % 3] + jnp.uint32(group + 1)
+    return x, y
+
+
+def _count(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """Both words of each entry of an array."""
+    if math.prod(shape) >= 2**32:
+        raise ValueError(f"an array of random numbers has fewer than 2^32 entries (got {shape})")
+    low = jax.lax.iota(jnp.uint32, math.prod(shape)).reshape(shape)
+    return threefry(key, jnp.zeros_like(low), low)
+
+
+def _split(key: Array, shape: tuple[int, ...]) -> Array:
+    return jnp.stack(_count(key, shape), axis=-1)
+
+
+def _fold_in(key: Array, data: Array) -> Array:
+    return jnp.stack(threefry(key, jnp.uint32(0), data.astype(jnp.uint32)))
+
+
+def _random_bits(key: Array, bit_width: int, shape: tuple[int, ...]) -> Array:
+    if bit_width != 32:
+        return threefry_prng_impl.random_bits(key, bit_width, shape)
+    # A loop whose length XLA does not know: otherwise every consumer of the bits would compute them anew.
+    once = jax.lax.optimization_barrier(jnp.int32(1))
+
+    def compute(_: Array, before: Array) -> Array:
+        x, y = _count(key, shape)
+        return x ^ y
+
+    return jax.lax.fori_loop(0, once, compute, jnp.zeros(shape, jnp.uint32))
+
+
+_UNROLLED = define_prng_impl(
+    key_shape=(2,),
+    seed=threefry_prng_impl.seed,
+    split=_split,
+    random_bits=_random_bits,
+    fold_in=_fold_in,
+    name="threefry2x32_unrolled",
+    tag="fryu",
+)
+
+
+def unrolled(key: Array) -> Array:
+    """The same key, whose random numbers, and those of its descendants, are computed without a loop."""
+    is_default = jax.random.key_impl(key) == "threefry2x32" and jax.config.jax_threefry_partitionable
+    return jax.random.wrap_key_data(jax.random.key_data(key), impl=_UNROLLED) if is_default else key
