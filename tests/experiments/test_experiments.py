@@ -96,7 +96,9 @@ class TestPlans:
         assert 0 <= run_seed(7, 0) < 2**32 - 1
 
     def test_an_unknown_name_lists_the_others(self):
-        with pytest.raises(UserError, match=r"'hops'; there are hop-count, density, types, sensitivity, robustness: "):
+        with pytest.raises(
+            UserError, match=r"'hops'; there are hop-count, density, types, sensitivity, robustness, time-step: "
+        ):
             experiment("hops")
         assert [line.split()[0] for line in listing().splitlines()] == list(EXPERIMENTS)
 

@@ -26,6 +26,7 @@ _NUMBERS = (
     "h11",
     "h12",
     "h22",
+    "depth",  # overlap at the deeper point
     "p1",
     "p2",
     "before1",
@@ -112,11 +113,12 @@ def _set_rows(contact: Any, rows: tuple[_Row, _Row], velocities: np.ndarray, pla
     nx, ny, first, second = contact.nx, contact.ny, velocities[contact.first], velocities[contact.second]
     along = nx * (second[0] - first[0]) + ny * (second[1] - first[1])
     mass = contact.inverse_mass + plane.inverse_mass
-    contact.n_rows = 0
+    contact.n_rows, contact.depth = 0, 0.0
     contact.arm2 = contact.lever2 = 0.0
     for x1, y1, x2, y2, distance in rows:
         if not distance < 0.0:
             continue
+        contact.depth = max(contact.depth, -distance)
         arm, lever = x1 * ny - y1 * nx, x2 * ny - y2 * nx
         d = impedance(distance, law)
         softness = regularisation(d, law.inverse_weight)

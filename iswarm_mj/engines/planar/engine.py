@@ -47,7 +47,7 @@ class PlanarEngine:
     def place(self, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]) -> Bodies:
         """See `Engine.place`."""
         poses = np.array(poses, float)
-        return Bodies(poses, np.zeros_like(poses), np.array(is_present, bool))
+        return Bodies(poses, np.zeros_like(poses), np.array(is_present, bool), np.zeros(len(poses)))
 
     def poses(self, bodies: Bodies) -> Float[np.ndarray, "B N 3"]:
         """See `Engine.poses`."""
@@ -63,7 +63,7 @@ class PlanarEngine:
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""
         n_worlds, n_robots = bodies.is_present.shape
-        new = Bodies(bodies.poses.copy(), bodies.velocities.copy(), bodies.is_present)
+        new = Bodies(bodies.poses.copy(), bodies.velocities.copy(), bodies.is_present, np.zeros(n_worlds))
         touching, is_solved = np.zeros((n_worlds, n_robots, n_robots), bool), np.ones(n_worlds, bool)
         for phase in phases:
             targets = np.ascontiguousarray(phase.velocity(new.poses), float)

@@ -25,6 +25,8 @@ class Bodies(NamedTuple):
     """(B, N, 3) [mm/s, mm/s, rad/s]."""
     is_present: np.ndarray
     """(B, N) bool; the others stay where they are, and touch and hide nothing."""
+    overlap: np.ndarray
+    """(B,) deepest overlap of robots with each other and with walls since the latest control step began [mm]."""
 
 
 @cached
@@ -51,7 +53,12 @@ def take_steps(
     for world in worlds:
         is_solved[world] = _take_steps(
             n_substeps,
-            Bodies(bodies.poses[world], bodies.velocities[world], bodies.is_present[world]),
+            Bodies(
+                bodies.poses[world],
+                bodies.velocities[world],
+                bodies.is_present[world],
+                bodies.overlap[world : world + 1],
+            ),
             targets[world],
             touching[world],
             plane,
@@ -75,6 +82,8 @@ def _take_steps(n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: 
             pairs, moved = near_pairs(poses, bodies.is_present, diameter + _SKIN, plane.edge), 0.0
             contacts = np.empty(len(pairs) + 4 * n_robots, CONTACT)
         n_contacts = find_contacts(pairs, poses, headings, velocities, bodies.is_present, plane, contacts)
+        for contact in contacts[:n_contacts]:
+            bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
         for i in range(n_robots):
             for k in range(3):
                 velocities[i, k] += plane.servo[k] * (targets[i, k] - velocities[i, k])

@@ -75,6 +75,7 @@ CAPTIONS = {
     "types": "All types: dots are runs, lines medians",
     "sensitivity": "Each choice on its own against the default: orange intervals lie above zero, blue ones below",
     "robustness": "Failed robots: lines through the medians, bands between the quartiles, dots are runs",
+    "time_step": "Physics steps a second: lines through the medians, bands between the quartiles, dots are runs",
 }
 
 COMMANDS = {
@@ -114,6 +115,7 @@ def sections_of(results: Results, figures: Path) -> list[Section]:
         ("density", "The optimal density (section 4.6.2, Fig. 17)"),
         ("sensitivity", "Beyond the paper: other choices and other noise"),
         ("robustness", "Beyond the paper: failed robots"),
+        ("time-step", "Beyond the paper: the physics time step"),
     ):
         sections.append(_experiment(name, title, results.experiments.get(name), figures))
     return sections
