@@ -168,8 +168,8 @@ def _same(rows: Rows, measure: Measure, claim: Claim) -> Finding:
     apart = strongest.difference
     tested = (
         f"medians by physics steps a second with 95 % intervals; Mann-Whitney against the finest, p adjusted by Holm "
-        f"for {len(compared)} comparisons, n = {strongest.n_first} + {strongest.n_second}; smallest p = {number(p, 2)}, "
-        f"{name} at {rate}: {number(apart.estimate)} ({number(apart.low)} to {number(apart.high)}) {measure.unit}; "
+        f"for {len(compared)} comparisons, n = {strongest.n_first} + {strongest.n_second}; smallest p = "
+        f"{number(p, 2)}, {name} at {rate}: {number(apart.estimate)} ({number(apart.low)} to {number(apart.high)}) {measure.unit}; "
         f"differing: {', '.join(differing) or 'none'}; holds if none does at p < {ALPHA:g}"
     )
     few = len(compared) * smallest_p(strongest.n_first, strongest.n_second) >= ALPHA

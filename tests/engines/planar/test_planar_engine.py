@@ -95,6 +95,14 @@ class TestRefinement:
 
 
 class TestContacts:
+    def test_the_deepest_overlap_is_that_of_any_step(self, small):
+        """Two robots that touch, 0.3 mm deep as they start, and part; one in a wall; one alone."""
+        engine = engine_of(small)
+        pair, wall, alone = [(0, 0, 0), (1.7, 0, 0)], [(0, 0, 0), (EDGE - 0.9, 3, 0)], [(0, 0, 0), (5, 0, 0)]
+        motion = moved(engine, placed(engine, [pair, wall, alone]), 0.0)
+        np.testing.assert_allclose(motion.bodies.overlap, [0.3, 0.1, 0.0], atol=1e-9)
+        assert (moved(engine, motion.bodies, 0.0).bodies.overlap < 0.05).all()  # of this control step alone
+
     def test_a_robot_meets_a_wall(self, small):
         """Two alike rows of a flat side: J v' + R p / 2 + offset = 0 with m v' = m v - p, solved by hand."""
         engine = engine_of(small)
