@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.findings import ALPHA, UNDECIDED, Claim, Finding, Rows, number
+from iswarm_mj.experiments.analysis.findings import ALPHA, UNDECIDED, Claim, Finding, Rows, number, span
 from iswarm_mj.experiments.analysis.measures import (
     CARRIAGE,
     COLLISIONS,
@@ -32,8 +32,10 @@ from iswarm_mj.utils.errors import ConfigError
 
 REPEATS = 24
 SUBSTEPS = {2: (1, 1), 5: (2, 3), 7: (2, 5), 10: (4, 6), 20: (8, 12), 50: (20, 30), 100: (40, 60)}
-"""Physics steps of the turn and of the walk, by their number in a control step, which takes 1 s. The drive refuses some;
-7 are the fewest that it allows."""
+"""Physics steps of the turn and of the walk, by their number in a control step, which takes 1 s.
+
+The drive refuses some; 7 are the fewest that it allows.
+"""
 TYPES = ("type1", "type2")
 OBSERVED = 6
 """Runs of each kind whose overlaps and times are observed, with the planar engine at the drive's own time step."""
@@ -165,11 +167,10 @@ def _same(rows: Rows, measure: Measure, claim: Claim) -> Finding:
     adjusted = holm([comparison.p for *_, comparison in compared])
     (name, rate, strongest), p = min(zip(compared, adjusted, strict=True), key=lambda item: item[1])
     differing = [f"{kind} at {rate}" for (kind, rate, _), q in zip(compared, adjusted, strict=True) if q < ALPHA]
-    apart = strongest.difference
     tested = (
         f"medians by physics steps a second with 95 % intervals; Mann-Whitney against the finest, p adjusted by Holm "
         f"for {len(compared)} comparisons, n = {strongest.n_first} + {strongest.n_second}; smallest p = "
-        f"{number(p, 2)}, {name} at {rate}: {number(apart.estimate)} ({number(apart.low)} to {number(apart.high)}) {measure.unit}; "
+        f"{number(p, 2)}, {name} at {rate}: {span(strongest.difference, measure.unit)}; "
         f"differing: {', '.join(differing) or 'none'}; holds if none does at p < {ALPHA:g}"
     )
     few = len(compared) * smallest_p(strongest.n_first, strongest.n_second) >= ALPHA
