@@ -44,12 +44,12 @@ class ArenaConfig:
         check("arena.ball_radius_max", self.ball_radius_max, "at least `arena.ball_radius_min`", is_ordered)
 
 
-LONGEST_STEP, LARGEST_TURN = 0.1, 45.0
+LONGEST_STEP, LARGEST_TURN = 0.085, 30.0
 """Motion of a robot in one physics step at most [rd, deg].
 
-Contacts part robots that overlap, by pushing them back the way they came. Within these limits crowds that press upon
-each other at full speed overlap by less than half a robot (`tests/engines/test_longest_steps.py`); from 0.12 rd on, or
-90 degrees, robots come out on the other side.
+Contacts part robots that overlap, by pushing them back the way they came, unless in MuJoCo they overlap by more than
+their height: then it pushes them up. Within these limits crowds that fill the arena and press upon each other at full
+speed do not (`tests/engines/test_longest_steps.py`); with 0.092 rd, or 45 degrees, robots come out on the other side.
 """
 
 

@@ -61,12 +61,12 @@ def test_physics_step(drive, timestep):
     [
         (
             {"step_length": 1.0},
-            r"drive.walk_substeps must be at least 10 with `drive.step_length` 1, .*0.1 rd .*\(got 6\)",
+            r"drive.walk_substeps must be at least 12 with `drive.step_length` 1, .*0.085 rd .*\(got 6\)",
         ),
-        ({"walk_substeps": 4}, r"drive.walk_substeps must be at least 5 with `drive.step_length` 0.5, .*\(got 4\)"),
+        ({"walk_substeps": 4}, r"drive.walk_substeps must be at least 6 with `drive.step_length` 0.5, .*\(got 4\)"),
         (
             {"turn_substeps": 1},
-            r"drive.turn_substeps must be at least 2 with `drive.max_turn` 90, .*45 deg .*\(got 1\)",
+            r"drive.turn_substeps must be at least 3 with `drive.max_turn` 90, .*30 deg .*\(got 1\)",
         ),
     ],
 )
@@ -77,8 +77,8 @@ def test_a_physics_step_is_short_enough_for_what_a_robot_moves(given, says):
 
 @pytest.mark.parametrize("n_steps", range(1, 11))
 def test_the_longest_physics_step_is_allowed(n_steps):
-    assert DriveConfig(step_length=0.1 * n_steps, walk_substeps=n_steps).walk_substeps == n_steps
-    assert DriveConfig(max_turn=min(180.0, 45.0 * n_steps), turn_substeps=n_steps).turn_substeps == n_steps
+    assert DriveConfig(step_length=0.085 * n_steps, walk_substeps=n_steps).walk_substeps == n_steps
+    assert DriveConfig(max_turn=min(180.0, 30.0 * n_steps), turn_substeps=n_steps).turn_substeps == n_steps
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -98,11 +98,11 @@ def test_every_float_refuses_what_is_not_finite(group, name, value):
         (ArenaConfig, "n_dust", [1, 2500], [0, -1, 2501]),
         (ArenaConfig, "ball_radius_min", [1e-6, 25e-6], [0, 9e-7, 26e-6]),
         (ArenaConfig, "ball_radius_max", [15e-6, 1e-4], [14e-6, 1.1e-4]),
-        (DriveConfig, "step_length", [0.01, 0.6], [0, -0.5, 1.1]),
+        (DriveConfig, "step_length", [0.01, 0.51], [0, -0.5, 1.1]),
         (DriveConfig, "control_period", [0.1, 100], [0, -1, 101]),
-        (DriveConfig, "turn_substeps", [2, 100], [0, 1, 101]),
-        (DriveConfig, "walk_substeps", [5, 100], [0, 4, 101]),
-        (DriveConfig, "max_turn", [1, 180], [0, 181]),
+        (DriveConfig, "turn_substeps", [3, 100], [0, 2, 101]),
+        (DriveConfig, "walk_substeps", [6, 100], [0, 5, 101]),
+        (DriveConfig, "max_turn", [1, 120], [0, 121, 181]),
         (OpticsConfig, "communication_radius", [0.1, 20], [0, 21]),
         (OpticsConfig, "led_beam_aperture", [1, 90], [0, 91]),
         (OpticsConfig, "photodiode_aperture", [60, 90], [0, 91]),

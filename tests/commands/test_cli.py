@@ -182,7 +182,7 @@ class TestRefusals:
     def test_physics_steps_that_are_too_long(self, capfd, here):
         error = refused(capfd, here, "clean", *SMALL, "--drive.step-length", "1")
         assert re.match(
-            r"iswarm: --drive.walk-substeps must be at least 10 with --drive.step-length 1, so .*\(got 6\)", error
+            r"iswarm: --drive.walk-substeps must be at least 12 with --drive.step-length 1, so .*\(got 6\)", error
         )
 
     @pytest.mark.parametrize("chunk", [0, -1, 10_001])

@@ -1,4 +1,4 @@
-"""Crowds that press upon each other with the longest physics steps that are allowed, and with other time steps.
+"""Crowds that fill the arena and press upon each other with the longest physics steps that are allowed, and with other time steps.
 
 No two robots change sides, which shows as centres that pass each other at less than half a robot, and none leaves the
 arena. Units: mm, s.
@@ -20,7 +20,7 @@ from iswarm_mj.strategy.controller import Command
 from iswarm_mj.utils.units import mm_from_rd
 
 ARENA = ArenaConfig(size=10, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=4)
-N_ROBOTS, N_WORLDS, N_STEPS = 70, 2, 15
+N_ROBOTS, N_WORLDS, N_STEPS = 95, 2, 15
 EDGE = mm_from_rd(ARENA.size) / 2
 
 DEFAULT = DriveConfig()
@@ -29,7 +29,7 @@ DRIVES = {
     "default": DEFAULT,
     "longest": LONGEST,
     "fewest": DriveConfig(step_length=LONGEST_STEP, walk_substeps=1, max_turn=LARGEST_TURN, turn_substeps=1),
-    "long walk": DriveConfig(step_length=1.0, walk_substeps=10, max_turn=90, turn_substeps=2),
+    "long walk": DriveConfig(step_length=1.0, walk_substeps=12, max_turn=180, turn_substeps=6),
     "quick": replace(LONGEST, control_period=0.1),
     "slow": replace(LONGEST, control_period=100.0),
     "five times finer": DriveConfig(turn_substeps=20, walk_substeps=30),

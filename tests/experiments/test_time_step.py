@@ -27,30 +27,30 @@ def made_rows(overlap, time=lambda rate: 150, collisions=lambda rate: 2800):
 
 
 def test_runs_are_those_that_the_drive_allows():
-    assert {e.labels["rate"] for e in ENTRIES} == {7, 10, 20, 50, 100} and len(ENTRIES) == 2 * 5 * 24
+    assert {e.labels["rate"] for e in ENTRIES} == {10, 20, 50, 100} and len(ENTRIES) == 2 * 4 * 24
     for entry in ENTRIES:
         drive = entry.job.config.drive
         assert drive.turn_substeps + drive.walk_substeps == entry.labels["rate"]
         assert replace(drive, turn_substeps=4, walk_substeps=6) == DriveConfig()
     assert time_step.refusals(SwarmConfig()).keys() == {2, 5}
-    slow = SwarmConfig(drive=DriveConfig(step_length=0.1, max_turn=45))
+    slow = SwarmConfig(drive=DriveConfig(step_length=0.08, max_turn=30))
     assert time_step.refusals(slow) == {}
 
 
 def test_nothing_that_changes():
     *same, overlap, cost, refused = time_step.findings(made_rows(lambda rate: 6 / rate))
     assert [finding.verdict for finding in same] == [HOLDS] * 4 and overlap.verdict == HOLDS
-    assert "type1, 7: 0.857, 10: 0.6, 20: 0.3, 50: 0.12, 100: 0.06" in overlap.ours
-    assert "100: 3 ms" in cost.ours and "2: drive.walk_substeps must be at least 5" in refused.ours
-    assert "differing: none" in same[0].statistics and "8 comparisons, n = 24 + 24" in same[0].statistics
-    assert same[0].ours.startswith("type1 (120 of 120 runs reached the goal), 7: 162 (")
+    assert "type1, 10: 0.6, 20: 0.3, 50: 0.12, 100: 0.06" in overlap.ours
+    assert "100: 3 ms" in cost.ours and "2: drive.walk_substeps must be at least 6" in refused.ours
+    assert "differing: none" in same[0].statistics and "6 comparisons, n = 24 + 24" in same[0].statistics
+    assert same[0].ours.startswith("type1 (96 of 96 runs reached the goal), 10: 162 (")
 
 
 def test_what_changes_is_named():
-    rows = made_rows(lambda rate: 20 / rate, collisions=lambda rate: 2800 + 3000 * (rate == 7))
+    rows = made_rows(lambda rate: 20 / rate, collisions=lambda rate: 2800 + 3000 * (rate == 10))
     time, _, collisions, *_, overlap, _, _ = time_step.findings(rows)
     assert (time.verdict, collisions.verdict, overlap.verdict) == (HOLDS, FAILS, FAILS)
-    assert "differing: type1 at 7, type2 at 7;" in collisions.statistics
+    assert "differing: type1 at 10, type2 at 10;" in collisions.statistics
 
 
 def test_without_the_finest_steps_the_overlap_is_open():

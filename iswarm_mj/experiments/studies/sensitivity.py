@@ -52,7 +52,7 @@ VARIATIONS: Mapping[str, tuple[tuple[str, tuple[Any, ...]], ...]] = {
         ("strategy.wall_gain", (0.0, 8.0)),
         ("strategy.message_range", (25.0, 98.0)),
     ),
-    "motion": (("drive.max_turn", (45.0, 180.0)),),
+    "motion": (("drive.max_turn", (45.0, 120.0)),),
     "update order": (("strategy.update_order", ("sequential",)),),
 }
 """Values other than the default, by groups; the paper's own values (Table 1) are varied too where they are noise.

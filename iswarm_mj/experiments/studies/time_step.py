@@ -31,11 +31,8 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import ConfigError
 
 REPEATS = 24
-SUBSTEPS = {2: (1, 1), 5: (2, 3), 7: (2, 5), 10: (4, 6), 20: (8, 12), 50: (20, 30), 100: (40, 60)}
-"""Physics steps of the turn and of the walk, by their number in a control step, which takes 1 s.
-
-The drive refuses some; 7 are the fewest that it allows.
-"""
+SUBSTEPS = {2: (1, 1), 5: (2, 3), 10: (4, 6), 20: (8, 12), 50: (20, 30), 100: (40, 60)}
+"""Physics steps of the turn and of the walk, by their number in a control step, which takes 1 s. The drive refuses some."""
 TYPES = ("type1", "type2")
 OBSERVED = 6
 """Runs of each kind whose overlaps and times are observed, with the planar engine at the drive's own time step."""
@@ -138,7 +135,7 @@ def findings(rows: Rows) -> list[Finding]:
         *(_same(rows, measure, claim) for measure, claim in SAME.items()),
         _overlap(rows),
         COST.found(_by_rate(rows, "ms_per_step", np.median, "ms"), _observed(rows, "median of the medians"), ""),
-        REFUSED.found(said or "none", "turning and walking steps as 2 : 3, but 1 : 1 of 2 and 2 : 5 of 7", ""),
+        REFUSED.found(said or "none", "turning and walking steps as 2 : 3, but 1 : 1 of 2", ""),
     ]
 
 
