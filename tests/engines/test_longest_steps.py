@@ -1,4 +1,4 @@
-"""Crowds that fill the arena and press upon each other with the longest physics steps that are allowed, and with other time steps.
+"""Crowds that fill the arena and press upon each other, with the longest physics steps that are allowed and others.
 
 No two robots change sides, which shows as centres that pass each other at less than half a robot, and none leaves the
 arena. Units: mm, s.

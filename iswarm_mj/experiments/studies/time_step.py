@@ -32,7 +32,7 @@ from iswarm_mj.utils.errors import ConfigError
 
 REPEATS = 24
 SUBSTEPS = {2: (1, 1), 5: (2, 3), 10: (4, 6), 20: (8, 12), 50: (20, 30), 100: (40, 60)}
-"""Physics steps of the turn and of the walk, by their number in a control step, which takes 1 s. The drive refuses some."""
+"""Physics steps of the turn and of the walk, by their number in a control step of 1 s; the drive refuses some."""
 TYPES = ("type1", "type2")
 OBSERVED = 6
 """Runs of each kind whose overlaps and times are observed, with the planar engine at the drive's own time step."""
