@@ -22,7 +22,7 @@ class Bench(Swarm):
     warm_up: int = 20
     """Control steps before that."""
     chunk: int = 20
-    """Control steps that one call takes with --engine mjx; the first call compiles and warms up."""
+    """Control steps that one call of a compiled program takes (--impl jax or warp); the first call compiles and warms up."""
     record: bool = False
     """Record too, to a temporary file."""
 
@@ -39,7 +39,7 @@ class Bench(Swarm):
         from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.benchmark import bench
 
-        chunk = min(self.chunk, self.steps) if self.engine == "mjx" else 1
+        chunk = min(self.chunk, self.steps) if self.is_compiled else 1
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
         recorded = (0,) if self.record else ()
         settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=recorded)
@@ -51,7 +51,7 @@ class Bench(Swarm):
         for name in changed(self):
             check("what", self.what, f"swarm with `{name}`", name in _OF_GRASP)
         check("engine", self.engine, "mujoco or mjx with `what` grasp", self.engine in ("mujoco", "mjx"))
-        check("impl", self.impl, "jax or warp", self.impl in ("jax", "warp"))
+        check("impl", self.impl, "jax or warp", self.impl in (None, "jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
         from iswarm_mj.utils.jax_setup import configure_jax
@@ -59,4 +59,4 @@ class Bench(Swarm):
 
         if self.engine == "mjx":
             configure_jax()
-        speed(self.engine, self.impl, self.worlds if self.worlds > 1 else 100, self.seed)
+        speed(self.engine, self.impl or "jax", self.worlds if self.worlds > 1 else 100, self.seed)

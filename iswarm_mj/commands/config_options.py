@@ -33,11 +33,12 @@ class ManyRunsOptions(ConfigOptions):
     seed: int = 0
     """Seed of all random numbers."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (faster on CPUs) or mjx (JAX, runs batched on a GPU)."""
+    """Physics: mujoco (C, on CPUs), planar (many times faster; runs batched on an NVIDIA GPU if there is one) or mjx
+    (JAX, runs batched on a GPU)."""
     refinement: int = 10
     """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
     workers: int = 0
-    """Worker processes of mujoco and planar, 0 for one per core; the results do not depend on it."""
+    """Worker processes, but of batches, 0 for one per core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
 

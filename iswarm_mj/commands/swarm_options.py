@@ -11,6 +11,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.jax_setup import can_use_warp
 
 GenomeOverrides = make_dataclass(
     "GenomeOverrides",
@@ -22,11 +23,12 @@ GenomeOverrides = make_dataclass(
 )
 GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
 
-MAX_ROBOTS = {"mujoco": 200_000, "planar": 200_000, "mjx": 5_000_000}
+MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
-_MJX = ("impl", "solver_iterations", "contact_capacity", "devices", "hosts", "hosts_timeout")
-_ONLY = {"refinement": "planar", **dict.fromkeys(_MJX, "mjx")}  # settings of one engine
+_IMPLEMENTATIONS = {"mujoco": (), "planar": ("numba", "warp"), "mjx": ("jax", "warp")}
+_ONLY = {"refinement": "planar", "solver_iterations": "mjx", "contact_capacity": "mjx"}  # settings of one engine
+_COMPILED_ONLY = ("devices", "hosts", "hosts_timeout")
 _PER_PROCESS = {"devices", "hosts_timeout", "threads", "out"}  # may differ between the processes of a job
 _RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genome and the number of robots
 
@@ -46,10 +48,11 @@ class Swarm(ConfigOptions):
     worlds: Annotated[int, Within(1)] = 1
     """Number of independent worlds, simulated together."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, several times faster), or mjx
-    (batches compiled by JAX, on GPUs and CPUs)."""
-    impl: Literal["jax", "warp"] = "jax"
-    """Implementation of mjx: jax (everywhere), or warp (fastest on NVIDIA GPUs, slow on CPUs)."""
+    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, many times faster, on CPUs and
+    NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
+    impl: Literal["numba", "jax", "warp"] | None = None
+    """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
+    (everywhere, the default) or warp (NVIDIA GPUs)."""
     solver_iterations: int = 100
     """Maximum number of iterations of mjx's contact solver: 100 for MuJoCo's own result, 20 for speed."""
     contact_capacity: float = 1.0
@@ -57,9 +60,9 @@ class Swarm(ConfigOptions):
     refinement: int = 10
     """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
     devices: str = "all"
-    """Devices that mjx distributes the worlds over: all, or a number of those that JAX sees."""
+    """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
     hosts: bool = False
-    """Distribute the worlds of mjx over the processes of a job on several hosts; each uses its own `devices`."""
+    """Distribute the worlds of jax or warp over the processes of a job on several hosts; each uses its own `devices`."""
     hosts_timeout: Annotated[float, Within(1, 86_400, "s")] = 300.0
     """How long a process waits for the others at the start [s]."""
     threads: Annotated[int, Within(0, 1024)] = 0
@@ -79,15 +82,34 @@ class Swarm(ConfigOptions):
         genome = overridden(load_genome(self.genome), vars(self.override))
         config = self.config
         n_robots = self._n_robots(config, genome)
-        n_worlds = MAX_ROBOTS[self.engine] // n_robots
+        n_worlds = MAX_ROBOTS["devices" if self.is_compiled else "host"] // n_robots
         constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
         check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
         return config, genome, n_robots
 
+    @property
+    def implementation(self) -> str | None:
+        """The implementation of the engine that is used; None where there is only one."""
+        if self.impl is not None or self.engine == "mujoco":
+            return self.impl
+        if self.engine == "mjx":
+            return "jax"
+        return "warp" if can_use_warp() else "numba"
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether control steps are taken in chunks, by a compiled program."""
+        return self.implementation in ("jax", "warp")
+
     def _check_engine(self) -> None:
+        known, changed = _IMPLEMENTATIONS[self.engine], {n for n in (*_ONLY, *_COMPILED_ONLY) if getattr(self, n) != getattr(Swarm, n)}
+        constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
+        check("impl", self.impl, constraint, self.impl in (None, *known))
         for name, engine in _ONLY.items():
-            applies = self.engine == engine or getattr(self, name) == getattr(Swarm, name)
-            check("engine", self.engine, f"{engine} with `{name}`", applies)
+            check("engine", self.engine, f"{engine} with `{name}`", self.engine == engine or name not in changed)
+        for name in _COMPILED_ONLY:
+            applies = self.is_compiled or name not in changed
+            check("engine", self.engine, f"mjx, or planar with --impl warp, with `{name}`", applies)
         if self.impl == "warp" and importlib.util.find_spec("warp") is None:
             raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
 
@@ -121,7 +143,7 @@ class Swarm(ConfigOptions):
             genome: as returned by `checked`.
             settings: `RunSettings` of the run of all processes.
             hosts: as returned by `joined`.
-            chunk: control steps that one call takes in MJX.
+            chunk: control steps that one call of a compiled program takes.
 
         Raises:
             UserError: there are too few worlds, or too many recorded ones, for the number of processes; or the
@@ -143,10 +165,12 @@ class Swarm(ConfigOptions):
 
         if self.engine == "mujoco":
             return MujocoSettings(self.threads)
-        if self.engine == "planar":
+        if self.implementation == "numba":
             return PlanarSettings(self.threads, self.refinement)
         own = tuple(devices(self.devices))
-        return MjxSettings(self.impl, self.solver_iterations, self.contact_capacity, chunk, own)
+        if self.engine == "planar":
+            return PlanarSettings(refinement=self.refinement, impl="warp", chunk=chunk, devices=own)
+        return MjxSettings(self.implementation, self.solver_iterations, self.contact_capacity, chunk, own)
 
     def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """Return what must be the same in all processes of a job: the command, its flags and the versions."""

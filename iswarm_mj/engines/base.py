@@ -1,7 +1,7 @@
 """What every engine can do: put robots somewhere, sense light, move."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from jaxtyping import Bool, Float, Int
 
@@ -98,4 +98,18 @@ class Engine(Protocol[Bodies]):
 
         A world that does not run, or in which a fault occurs, keeps its bodies.
         """
+        ...
+
+
+Mapping = Literal["batch", "vmap", "in turn"]
+"""How a compiled program goes through its worlds: the engine acts on all at once, or on one, and is mapped over them,
+or computes one after the other."""
+
+
+@runtime_checkable
+class CompiledEngine(Engine[Bodies], Protocol[Bodies]):
+    """An engine that acts inside programs compiled by JAX; a pytree."""
+
+    def mapping(self, platform: str) -> Mapping:
+        """Return how a program for devices of this platform goes through its worlds."""
         ...

@@ -11,7 +11,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.engines.base import CompiledEngine
 from iswarm_mj.simulation.decide import Situation, decide
 from iswarm_mj.simulation.loop import Counts, decide_worlds
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
@@ -26,7 +26,7 @@ _REPEATS = 5  # of each stage that is timed
 class Shared(NamedTuple):
     """What all devices are given alike in a call."""
 
-    engine: MjxEngine
+    engine: CompiledEngine
     n_worlds: jax.Array
     """Worlds of each device, without padding."""
     first: jax.Array
@@ -42,7 +42,7 @@ class CompiledLoop:
 
     def __init__(
         self,
-        engine: MjxEngine,
+        engine: CompiledEngine,
         config: SwarmConfig,
         params: WorldParams,
         state: WorldState,
@@ -52,7 +52,7 @@ class CompiledLoop:
         """Distribute the worlds over the devices.
 
         Args:
-            engine: acts on one world.
+            engine: senses and moves.
             config: everything that is not evolved.
             params: of B worlds.
             state: of B worlds at the start.
@@ -65,20 +65,20 @@ class CompiledLoop:
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         self.worlds_per_device = -(-n_worlds // len(devices))
         # Two at least: with one, its axis would vanish from the program, and with it the last bits.
-        in_turn = _in_turn_on(devices[0], engine.arena.impl)
+        in_turn = engine.mapping(devices[0].platform) == "in turn"
         rows = max(self.worlds_per_device, 2) if in_turn else self.worlds_per_device
         world = np.arange(n_worlds)
         self._rows = world // self.worlds_per_device * rows + world % self.worlds_per_device
         self._n_rows = rows * len(devices)
         self._params, self._state = self._placed(self._with_padding(params, state), _OWN)
-        self._engine: MjxEngine = self._placed(engine, _SHARED)
+        self._engine: CompiledEngine = self._placed(engine, _SHARED)
 
     def _with_padding(self, params: WorldParams, state: WorldState) -> tuple[WorldParams, WorldState]:
         """Arrays of all rows; worlds that only fill up the devices are finished."""
         world, is_padding = np.zeros(self._n_rows, int), np.ones(self._n_rows, bool)
         world[self._rows], is_padding[self._rows] = np.arange(len(self._rows)), False
-        params, state = jax.tree.map(lambda a: jnp.asarray(a)[world], (params, state))
-        return params, state._replace(is_finished=jnp.asarray(is_padding))
+        params, state = _rows_of(params, state, world)
+        return params, state._replace(is_finished=is_padding)
 
     def _placed(self, tree: Any, spec: PartitionSpec) -> Any:
         return jax.device_put(tree, NamedSharding(self.mesh, spec))
@@ -117,29 +117,35 @@ class CompiledLoop:
         """See `Loop.stage_times`; each stage as a program of its own, of the worlds of the first device."""
         params, state, engine = self.on_first_device()
         config, running = self._config, jnp.ones(len(params.goal), bool)
-        sense = jax.jit(jax.vmap(engine.sense))
+        is_batched = engine.mapping(self.devices[0].platform) == "batch"
+        sense = jax.jit(engine.sense if is_batched else jax.vmap(engine.sense))
         alive = state.swarm.is_alive
         sight = sense(state.bodies, alive, running)
         policy = partial(decide_worlds, config, engine.robot)
         situation = Situation(state.bodies.poses, sight, jnp.int32(7), running)
         command = policy(params, state.swarm, situation).command
 
-        @jax.jit
-        @jax.vmap
-        def physics(bodies, command, running):
+        def move(bodies, command, running):
             return engine.move(bodies, drive_phases(config.drive, limited(config.drive, command)[0]), running)
 
+        physics = jax.jit(move if is_batched else jax.vmap(move))
         return {
             "sense": _median(sense, state.bodies, alive, running),
             "policy": _median(policy, params, state.swarm, situation),
             "physics": _median(physics, state.bodies, command, running),
         }
 
-    def on_first_device(self) -> tuple[WorldParams, WorldState, MjxEngine]:
+    def on_first_device(self) -> tuple[WorldParams, WorldState, CompiledEngine]:
         """Return parameters and state of the first device's worlds, without padding, and its engine."""
         local = jax.tree.map(lambda a: a.addressable_shards[0].data, (self._params, self._state, self._engine))
         params, state = jax.tree.map(lambda a: a[: self.worlds_per_device], local[:2])
         return params, state, local[2]
+
+
+@jax.jit
+def _rows_of(params: WorldParams, state: WorldState, worlds: jax.Array) -> tuple[WorldParams, WorldState]:
+    """Parameters and state of these worlds, by one program."""
+    return jax.tree.map(lambda a: a[worlds], (params, state))
 
 
 class Program(NamedTuple):
@@ -161,9 +167,10 @@ def _advance(
     """Take the control steps of a call of all worlds; each device those of its own."""
 
     def on_device(shared: Shared, params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
-        engine = shared.engine
-        stepper = Stepper(engine, program.config, partial(decide, program.config, engine.robot), program.records)
-        n_rows = len(params.goal)
+        engine, n_rows = shared.engine, len(params.goal)
+        mapping = engine.mapping(program.mesh.devices.flat[0].platform)
+        decisions = partial(decide_worlds if mapping == "batch" else decide, program.config, engine.robot)
+        stepper = Stepper(engine, program.config, decisions, program.records)
         place = shared.recorded - jax.lax.axis_index(_WORLDS) * n_rows
 
         def keep(values: jax.Array) -> jax.Array:
@@ -171,13 +178,16 @@ def _advance(
             return values[jnp.clip(place, 0, n_rows - 1)]
 
         def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, StepRecord | None]:
-            def one_world(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
+            def take(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
                 return control_step(stepper, params, state, step, shared.last)
 
-            if _in_turn_on(program.mesh.devices.flat[0], engine.arena.impl):
-                state, record = _in_turn(one_world, params, state, shared.n_worlds)
-            else:
-                state, record = jax.vmap(one_world)(params, state)
+            match mapping:
+                case "batch":
+                    state, record = take(params, state)
+                case "vmap":
+                    state, record = jax.vmap(take)(params, state)
+                case "in turn":
+                    state, record = _in_turn(take, params, state, shared.n_worlds)
             return state, jax.tree.map(keep, record)
 
         state, kept = jax.lax.scan(all_worlds, state, shared.first + jnp.arange(program.n_steps))
@@ -187,11 +197,6 @@ def _advance(
         on_device, mesh=program.mesh, in_specs=(_SHARED, _OWN, _OWN), out_specs=(_OWN, _OWN), check_vma=False
     )
     return spread(shared, params, state)
-
-
-def _in_turn_on(device: Any, impl: str) -> bool:
-    """Whether worlds go one after the other: as fast on a CPU, and each is the same, bit by bit, in any batch."""
-    return impl == "jax" and device.platform == "cpu"
 
 
 def _in_turn(

@@ -81,7 +81,6 @@ class HostLoop:
         if record is None:
             return 1, None
         rows = list(recorded)
-        record = record._replace(step=np.full(len(record.speed), first + 1, np.int32))
         return 1, jax.tree.map(lambda a: np.asarray(a)[rows][None], record)
 
     def counts(self) -> Counts:

@@ -87,7 +87,7 @@ class Run:
         self.starts = starts_of(config, self.worlds)
         self.robot = read_robot(robot_file)
         plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file, self.goal)
-        device = None if isinstance(self.engine, MjxSettings) else jax.devices("cpu")[0]
+        device = jax.devices("cpu")[0] if self.engine.on_host else None
         with jax.default_device(device):  # engines on the host leave GPUs alone
             self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0

@@ -63,23 +63,42 @@ class MujocoSettings:
         """Name and main settings, as results state them."""
         return {"engine": "mujoco"}
 
+    @property
+    def on_host(self) -> bool:
+        """Whether the CPU's threads do all."""
+        return True
+
 
 @dataclass(frozen=True)
 class PlanarSettings:
-    """MuJoCo's contacts of upright boxes, solved in the plane on CPUs: several times faster, for this scene alone."""
+    """MuJoCo's contacts of upright boxes, solved in the plane: many times faster, for this scene alone."""
 
     threads: Annotated[int, Within(0, 1024)] = 0
-    """Threads for the physics, 0 for one per core; the results do not depend on it."""
+    """Threads of `numba`, 0 for one per core; the results do not depend on it."""
     refinement: Annotated[int, Within(1, 100)] = FINE
     """Parts into which each physics step of the drive's configuration is divided; 1 is the time step of MuJoCo in C."""
+    impl: Literal["numba", "warp"] = "numba"
+    """Implementation: numba (CPUs, 64-bit floats) or warp (NVIDIA GPUs, all worlds in one compiled program, 32-bit
+    floats; on a CPU with one thread)."""
+    chunk: Annotated[int, Within(1, 10_000)] = 25
+    """Control steps that one call of the compiled program takes, with `warp`."""
+    devices: tuple[Any, ...] | None = None
+    """JAX devices that share the worlds, with `warp`; None for all that this process sees."""
 
     def __post_init__(self):
         validate(self)
+        _check_devices(self.devices)
 
     @property
     def identity(self) -> dict[str, Any]:
         """Name and main settings, as results state them."""
-        return {"engine": "planar", "refinement": self.refinement}
+        identity = {"engine": "planar", "refinement": self.refinement}
+        return identity if self.impl == "numba" else identity | {"impl": self.impl}
+
+    @property
+    def on_host(self) -> bool:
+        """Whether the CPU's threads do all."""
+        return self.impl == "numba"
 
 
 @dataclass(frozen=True)
@@ -99,13 +118,22 @@ class MjxSettings:
 
     def __post_init__(self):
         validate(self)
-        is_given = isinstance(self.devices, tuple) and len(self.devices) > 0
-        check("devices", self.devices, "a tuple of JAX devices, or None", self.devices is None or is_given)
+        _check_devices(self.devices)
 
     @property
     def identity(self) -> dict[str, Any]:
         """Name and main settings, as results state them."""
         return {"engine": "mjx", "impl": self.impl, "solver_iterations": self.solver_iterations}
 
+    @property
+    def on_host(self) -> bool:
+        """Whether the CPU's threads do all."""
+        return False
+
 
 EngineSettings = MujocoSettings | PlanarSettings | MjxSettings
+
+
+def _check_devices(devices: Any) -> None:
+    is_given = isinstance(devices, tuple) and len(devices) > 0
+    check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_given)

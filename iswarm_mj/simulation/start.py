@@ -1,5 +1,6 @@
 """How a run begins: the engine is made, and the worlds are placed in it."""
 
+import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,11 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import compile_arena, read_robot
+from iswarm_mj.engines.arena import ArenaModel, compile_arena, read_robot
+from iswarm_mj.engines.base import CompiledEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
+from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
@@ -21,6 +24,7 @@ from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robot
 
@@ -69,16 +73,20 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             engine = MujocoEngine(config, arena, len(worlds), threads, capacity)
             state = state._replace(bodies=engine.place(poses, params.is_present))
             return HostLoop(engine, config, params, state, watch), start
-        case PlanarSettings(threads, refinement):
-            one = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file, refinement=refinement)
-            engine = PlanarEngine(config, one, threads)  # one robot stands for all
+        case PlanarSettings() as planar:
+            one = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file, refinement=planar.refinement)
+            if planar.impl == "warp":  # one robot stands for all, here and below
+                devices = list(planar.devices or jax.local_devices())[: len(worlds)]
+                engine = _batch_engine(one, config, devices[0].platform)
+                state = state._replace(bodies=engine.place(poses, params.is_present))
+                return CompiledLoop(engine, config, params, state, planar.chunk, devices), start
+            engine = PlanarEngine(config, one, planar.threads)
             state = state._replace(bodies=engine.place(poses, params.is_present))
             return HostLoop(engine, config, params, state, watch), start
         case MjxSettings() as mjx:
             # Here, since importing MJX takes seconds, which the other engines need not wait for.
             from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
             from iswarm_mj.engines.mjx.engine import MjxEngine
-            from iswarm_mj.simulation.compiled_loop import CompiledLoop
 
             devices = list(mjx.devices or jax.local_devices())[: len(worlds)]
             buffers = contact_capacity(config, capacity, mjx.contact_capacity)
@@ -90,6 +98,15 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             engine = MjxEngine(compiled, config, is_masked)
             bodies = jax.vmap(engine.place)(jnp.asarray(poses, jnp.float32), params.is_present)
             return CompiledLoop(engine, config, params, state._replace(bodies=bodies), mjx.chunk, devices), start
+
+
+def _batch_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> CompiledEngine:
+    """The planar engine for programs of JAX; an optional package compiles it."""
+    if importlib.util.find_spec("warp") is None:
+        raise UserError("impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
+    from iswarm_mj.engines.planar.gpu.engine import read_engine
+
+    return read_engine(arena, config.optics, platform)
 
 
 def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot) -> StepRecord:

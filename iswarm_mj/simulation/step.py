@@ -151,7 +151,7 @@ def record(
     links, is_running = situation.sight.links, situation.is_running
     poses = stepper.engine.poses(state.bodies)
     return StepRecord(
-        step=situation.step + 1,
+        step=array_module(is_running).broadcast_to(situation.step + 1, is_running.shape),
         poses=poses,
         swarm=decision.swarm,
         links=links._replace(valid=links.valid & is_running[..., None, None]),

@@ -1,5 +1,6 @@
 """Settings of JAX."""
 
+import importlib.util
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,15 @@ def configure_jax() -> None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def can_use_warp() -> bool:
+    """Whether JAX's first device is an NVIDIA GPU and Warp is installed."""
+    import jax
+
+    device = jax.devices()[0]
+    is_nvidia = device.platform == "gpu" and "nvidia" in device.device_kind.lower()
+    return is_nvidia and importlib.util.find_spec("warp") is not None
 
 
 @contextmanager

@@ -55,8 +55,12 @@ def side_towards(ux: float, uy: float, c: float, s: float, is_along_y: bool) -> 
         s: sine of it.
         is_along_y: choose between the sides across the rectangle's y axis, otherwise those across its x axis.
     """
-    nx, ny = (-s, c) if is_along_y else (c, s)
-    return (-nx, -ny) if nx * ux + ny * uy < 0.0 else (nx, ny)
+    nx, ny = c, s
+    if is_along_y:
+        nx, ny = -s, c
+    if nx * ux + ny * uy < 0.0:
+        nx, ny = -nx, -ny
+    return nx, ny
 
 
 @register_jitable
@@ -76,16 +80,19 @@ def rectangle_contact(
     """
     _, axis = separation(dx, dy, c1, s1, c2, s2, hx, hy)
     of_first, is_along_y = axis % 2 == 0, axis >= 2
-    if of_first:
-        c, s, c_other, s_other, ax, ay = c1, s1, c2, s2, dx, dy
-    else:
+    c, s, c_other, s_other, ax, ay = c1, s1, c2, s2, dx, dy
+    if not of_first:
         c, s, c_other, s_other, ax, ay = c2, s2, c1, s1, -dx, -dy
-    out, across = (hy, hx) if is_along_y else (hx, hy)
+    out, across = hx, hy
+    if is_along_y:
+        out, across = hy, hx
     ux, uy = side_towards(ax, ay, c, s, is_along_y)  # outward from the reference
 
     faces_along_y = abs(c_other * uy - s_other * ux) > abs(c_other * ux + s_other * uy)
     ox, oy = side_towards(-ux, -uy, c_other, s_other, faces_along_y)
-    out_other, across_other = (hy, hx) if faces_along_y else (hx, hy)
+    out_other, across_other = hx, hy
+    if faces_along_y:
+        out_other, across_other = hy, hx
     mx, my = ax + out_other * ox, ay + out_other * oy  # middle of the facing side, from the reference's centre
 
     # Along the reference's side the facing side extends from p to q, where it has heights h and k above it.
@@ -95,9 +102,10 @@ def rectangle_contact(
     slope = rise / half
     p_in, q_in = min(max(p, -across), across), min(max(q, -across), across)
     h, k = h + slope * (p_in - p), k + slope * (q_in - q)
-    bx, by = (0.0, 0.0) if of_first else (dx, dy)
     p_out, q_out = out + 0.5 * h, out + 0.5 * k
-    nx, ny = (ux, uy) if of_first else (-ux, -uy)
+    bx, by, nx, ny = 0.0, 0.0, ux, uy
+    if not of_first:
+        bx, by, nx, ny = dx, dy, -ux, -uy
     return (
         nx,
         ny,
@@ -130,11 +138,14 @@ def wall_contact(
         corner's distance from the wall, negative beyond it.
     """
     along, left = nx * c + ny * s, ny * c - nx * s
-    a, b = (-hx if along > 0.0 else hx), (-hy if left > 0.0 else hy)
+    a, b = hx, hy
+    if along > 0.0:
+        a = -hx
+    if left > 0.0:
+        b = -hy
+    a2, b2 = -a, b
     if hx * abs(along) >= hy * abs(left):
         a2, b2 = a, -b
-    else:
-        a2, b2 = -a, b
     d1, d2 = gap + along * a + left * b, gap + along * a2 + left * b2
     return (
         a * c - b * s - 0.5 * d1 * nx,

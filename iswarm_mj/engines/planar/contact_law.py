@@ -82,21 +82,48 @@ def offset(impedance: float, distance: float, velocity: float, law: ContactLaw, 
 
 
 @register_jitable
-def two_impulses(w1: float, w2: float, h11: float, h12: float, h22: float) -> tuple[float, float]:
-    """Impulses p >= 0 with w + H p >= 0, one of both zero in each row: a linear complementarity problem, exactly.
+def two_impulses(p1: float, p2: float, w1: float, w2: float, h11: float, h12: float, h22: float) -> tuple[float, float]:
+    """Impulses q >= 0 with w + H (q - p) >= 0, one of both zero in each row: a linear complementarity problem, exactly.
+
+    Only differences from the impulses p so far are computed, so that large impulses round no worse than small ones.
 
     Args:
-        w1: velocity of the first row without its impulses [mm/s].
+        p1: impulse of the first row so far [mg mm/s].
+        p2: likewise of the second row.
+        w1: left side of the first row's condition with the impulses so far [mm/s].
         w2: likewise of the second row.
-        h11: of the symmetric, positive definite matrix H [1/mg].
+        h11: of the symmetric, positive definite matrix H = J M^-1 J^T + R [1/mg].
         h12: likewise.
         h22: likewise.
     """
-    determinant = h11 * h22 - h12 * h12
-    p1, p2 = (h12 * w2 - h22 * w1) / determinant, (h12 * w1 - h11 * w2) / determinant
-    if p1 >= 0.0 and p2 >= 0.0:
-        return p1, p2
-    p1 = max(0.0, -w1 / h11)
-    if w2 + h12 * p1 >= 0.0:
-        return p1, 0.0
-    return 0.0, max(0.0, -w2 / h22)
+    inverse = 1.0 / (h11 * h22 - h12 * h12)
+    q1, q2 = p1 + (h12 * w2 - h22 * w1) * inverse, p2 + (h12 * w1 - h11 * w2) * inverse
+    if q1 >= 0.0 and q2 >= 0.0:
+        return q1, q2
+    q1 = max(0.0, p1 - (w1 - h12 * p2) / h11)
+    if w2 + h12 * (q1 - p1) - h22 * p2 >= 0.0:
+        return q1, 0.0
+    return 0.0, max(0.0, p2 - (w2 - h12 * p1) / h22)
+
+
+@register_jitable
+def velocity_change(
+    d1: float, d2: float, arm1: float, arm2: float, lever1: float, lever2: float, mass: float, inertia: float, radius: float
+) -> float:
+    """By how much two impulses at most change the velocity of a point of either body [mm/s].
+
+    Where both points nearly coincide, impulses may shift from one to the other within rounding; this does not count.
+
+    Args:
+        d1: change of the first row's impulse [mg mm/s].
+        d2: likewise of the second row.
+        arm1: of the first row, at the first body [mm].
+        arm2: likewise of the second row.
+        lever1: of the first row, at the second body [mm].
+        lever2: likewise of the second row.
+        mass: inverse, of a body that moves [1/mg].
+        inertia: likewise [1/(mg mm^2)].
+        radius: largest distance of a body's points from its centre [mm].
+    """
+    twist = max(abs(arm1 * d1 + arm2 * d2), abs(lever1 * d1 + lever2 * d2))
+    return mass * abs(d1 + d2) + inertia * radius * twist

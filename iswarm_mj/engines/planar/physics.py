@@ -11,7 +11,7 @@ from iswarm_mj.engines.planar.near_pairs import near_pairs
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.solver import solve
 
-_SKIN = 1.5
+SKIN = 1.5
 """Near pairs are those whose circumcircles are closer than this; they are found anew where others may have become so
 [mm]."""
 
@@ -78,8 +78,8 @@ def _take_steps(n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: 
     pairs, contacts = np.empty((0, 2), np.int64), np.empty(0, CONTACT)
     moved, n_contacts = np.inf, 0
     for _ in range(n_substeps):
-        if 2.0 * moved > _SKIN:
-            pairs, moved = near_pairs(poses, bodies.is_present, diameter + _SKIN, plane.edge), 0.0
+        if 2.0 * moved > SKIN:
+            pairs, moved = near_pairs(poses, bodies.is_present, diameter + SKIN, plane.edge), 0.0
             contacts = np.empty(len(pairs) + 4 * n_robots, CONTACT)
         n_contacts = find_contacts(pairs, poses, headings, velocities, bodies.is_present, plane, contacts)
         for contact in contacts[:n_contacts]:

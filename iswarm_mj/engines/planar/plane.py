@@ -34,7 +34,7 @@ class Plane(NamedTuple):
     between_robots: ContactLaw
     at_walls: ContactLaw
     tolerance: float = 1e-6
-    """Largest change of a velocity by an impulse in the last sweep of the contact solver."""
+    """Largest change of a velocity by a contact in the last sweep of the contact solver [mm/s]."""
     max_sweeps: int = 20_000
     """Sweeps after which the contact solver has failed."""
 

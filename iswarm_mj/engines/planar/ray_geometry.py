@@ -31,7 +31,9 @@ def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: flo
 def _between_sides(origin: float, along: float, half: float) -> tuple[float, float]:
     """Shares of a vector between which one of its coordinates is at most `half` in size."""
     if along == 0.0:
-        return (-math.inf, math.inf) if abs(origin) <= half else (math.inf, -math.inf)
+        if abs(origin) <= half:
+            return -math.inf, math.inf
+        return math.inf, -math.inf
     one, other = (-half - origin) / along, (half - origin) / along
     return min(one, other), max(one, other)
 
@@ -49,4 +51,6 @@ def meets_walls(x: float, y: float, vx: float, vy: float, edge: float) -> float:
     """
     if max(abs(x), abs(y)) > edge:
         return 0.0
-    return min(_between_sides(x, vx, edge)[1], _between_sides(y, vy, edge)[1])
+    _, leaves_x = _between_sides(x, vx, edge)
+    _, leaves_y = _between_sides(y, vy, edge)
+    return min(leaves_x, leaves_y)

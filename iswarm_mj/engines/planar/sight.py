@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.planar.compiled import cached, inlined
@@ -55,6 +56,14 @@ def darkness(n_worlds: int, n_robots: int) -> Sight:
     return Sight(links, np.zeros(shape, np.bool_))
 
 
+@register_jitable
+def search_radius(light: Light, plane: Plane) -> float:
+    """Distance from a receiver within which all robots are that send it light or block it [mm]."""
+    radius = math.sqrt(plane.half_x**2 + plane.half_y**2)
+    within = light.farthest + radius + light.optical_offset
+    return (1.0 + _SPARE) * max(within, light.wall_reach + 2.0 * radius)
+
+
 @cached
 def sense(
     worlds: np.ndarray,
@@ -81,9 +90,7 @@ def sense(
         light: optics.
         plane: robots and walls.
     """
-    radius = math.sqrt(plane.half_x**2 + plane.half_y**2)
-    within = light.farthest + radius + light.optical_offset
-    within = (1.0 + _SPARE) * max(within, light.wall_reach + 2.0 * radius)
+    within = search_radius(light, plane)
     for world in worlds:
         here, present = poses[world], is_present[world]
         cos, sin = np.empty(len(here)), np.empty(len(here))

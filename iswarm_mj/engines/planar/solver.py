@@ -1,16 +1,19 @@
 """The contact impulses of one world, by block Gauss-Seidel sweeps over its contacts with momentum."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled, inlined
-from iswarm_mj.engines.planar.contact_law import two_impulses
+from iswarm_mj.engines.planar.contact_law import two_impulses, velocity_change
 from iswarm_mj.engines.planar.islands import find_islands
 from iswarm_mj.engines.planar.plane import Plane
 
-_PLAIN_SWEEPS = 6  # before momentum; ordinary crowds end sooner
-_MOMENTUM = 0.9  # share of the latest change by which all impulses move on; above 0.94 jams converge more slowly
+PLAIN_SWEEPS = 6
+"""Sweeps before momentum; ordinary crowds end sooner."""
+MOMENTUM = 0.9
+"""Share of the latest change by which all impulses move on; above 0.94 jams converge more slowly."""
 
 
 @compiled
@@ -52,17 +55,17 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
         for k in members:
             contact = contacts[k]
             p1, p2 = _impulses(contact, velocities)
-            change = max(change, abs(p1 - contact.p1), abs(p2 - contact.p2))
+            change = max(change, _change(contact, p1, p2, plane))
             uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
             _set_impulses(contact, p1, p2, velocities, plane)
-        if change * plane.inverse_mass <= plane.tolerance:
+        if change <= plane.tolerance:
             return True
-        goes_on = _PLAIN_SWEEPS <= sweep <= plane.max_sweeps // 2 and uphill <= 0.0
+        goes_on = PLAIN_SWEEPS <= sweep <= plane.max_sweeps // 2 and uphill <= 0.0
         for k in members:
             contact = contacts[k]
             p1, p2 = contact.p1, contact.p2
             if goes_on:
-                ahead1, ahead2 = p1 + _MOMENTUM * (p1 - contact.before1), p2 + _MOMENTUM * (p2 - contact.before2)
+                ahead1, ahead2 = p1 + MOMENTUM * (p1 - contact.before1), p2 + MOMENTUM * (p2 - contact.before2)
                 _set_impulses(contact, ahead1, ahead2, velocities, plane)
             contact.before1, contact.before2 = p1, p2
     return False
@@ -74,14 +77,19 @@ def _impulses(contact: Any, velocities: np.ndarray) -> tuple[float, float]:
     first, second = velocities[contact.first], velocities[contact.second]
     along = contact.nx * (second[0] - first[0]) + contact.ny * (second[1] - first[1])
     p1, p2 = contact.p1, contact.p2
-    w1 = along + contact.lever1 * second[2] - contact.arm1 * first[2] + contact.offset1
-    w1 += (contact.regularisation1 - contact.h11) * p1
+    w1 = along + contact.lever1 * second[2] - contact.arm1 * first[2] + contact.offset1 + contact.regularisation1 * p1
     if contact.n_rows == 1:
-        return max(0.0, -w1 / contact.h11), 0.0
-    w2 = along + contact.lever2 * second[2] - contact.arm2 * first[2] + contact.offset2
-    w2 += (contact.regularisation2 - contact.h22) * p2 - contact.h12 * p1
-    w1 -= contact.h12 * p2
-    return two_impulses(w1, w2, contact.h11, contact.h12, contact.h22)
+        return max(0.0, p1 - w1 / contact.h11), 0.0
+    w2 = along + contact.lever2 * second[2] - contact.arm2 * first[2] + contact.offset2 + contact.regularisation2 * p2
+    return two_impulses(p1, p2, w1, w2, contact.h11, contact.h12, contact.h22)
+
+
+@inlined
+def _change(contact: Any, p1: float, p2: float, plane: Plane) -> float:
+    """By how much a velocity changes at most if the impulses are replaced."""
+    d1, d2, radius = p1 - contact.p1, p2 - contact.p2, math.sqrt(plane.half_x**2 + plane.half_y**2)
+    arms, mass, inertia = (contact.arm1, contact.arm2), plane.inverse_mass, plane.inverse_inertia
+    return velocity_change(d1, d2, *arms, contact.lever1, contact.lever2, mass, inertia, radius)
 
 
 @inlined

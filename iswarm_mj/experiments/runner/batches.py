@@ -1,18 +1,16 @@
-"""Jobs as worlds of MJX batches, on the devices of this machine."""
+"""Jobs as worlds of batches, on the devices of this machine."""
 
-import importlib.util
 from collections.abc import Generator, Sequence
 from typing import Any, Literal
-
-import jax
 
 from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
 from iswarm_mj.simulation.initial import free_cells
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, RunSettings
+from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.jax_setup import can_use_warp
 
 FIRST_CAPACITY = {"jax": 1.0, "warp": 4.0}
 """Initial size of the contact buffers, by implementation, relative to `engines.mjx.arena.contact_capacity`."""
@@ -27,17 +25,19 @@ _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
 def implementation() -> Literal["jax", "warp"]:
-    """MJX's implementation for batches: warp if JAX's first device is an NVIDIA GPU and Warp is installed, else jax."""
-    device = jax.devices()[0]
-    is_nvidia = device.platform == "gpu" and "nvidia" in device.device_kind.lower()
-    return "warp" if is_nvidia and importlib.util.find_spec("warp") else "jax"
+    """MJX's implementation for batches: warp where it can be used, else jax."""
+    return "warp" if can_use_warp() else "jax"
 
 
-def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, None]:
+def run_batches(jobs: Sequence[Job], planar: PlanarSettings | None = None) -> Generator[tuple[int, Outcome], None, None]:
     """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one batch.
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
     GPUs, the number of worlds. The same job may therefore end differently, but equally likely, in another batch.
+
+    Args:
+        jobs: the runs.
+        planar: settings of the engine planar; None for mjx.
 
     Raises:
         SimulationFault: a run could not go on.
@@ -48,7 +48,8 @@ def run_batches(jobs: Sequence[Job]) -> Generator[tuple[int, Outcome], None, Non
         alike.setdefault((job.config, job.steps, job.stop_at), []).append(index)
     for indices in alike.values():
         batch = [jobs[index] for index in indices]
-        for index, job, measures in zip(indices, batch, _measured(batch), strict=True):
+        found = _measured(batch) if planar is None else _measures(batch, _run(batch, planar))
+        for index, job, measures in zip(indices, batch, found, strict=True):
             yield index, outcome(job, measures, measures.finished_at or job.steps)
 
 
@@ -58,16 +59,21 @@ def _measured(jobs: Sequence[Job]) -> list[Measures]:
     contact_capacity = FIRST_CAPACITY[impl]
     while True:
         run = _run(jobs, MjxSettings(impl, contact_capacity=contact_capacity))
-        faults = [(job, fault) for job, fault in zip(jobs, run.fault_of_each, strict=True) if fault is not None]
-        if not faults:
-            return [run.measures(world) for world in range(len(jobs))]
-        if not all(fault.kind & _BUFFER_FULL for _, fault in faults) or 2 * contact_capacity > MAX_CAPACITY:
-            job, fault = faults[0]
-            raise fault_of(job, fault)
+        is_full = [bool(fault.kind & _BUFFER_FULL) for fault in run.faults]
+        if not is_full or not all(is_full) or 2 * contact_capacity > MAX_CAPACITY:
+            return _measures(jobs, run)
         contact_capacity *= 2
 
 
-def _run(jobs: Sequence[Job], engine: MjxSettings) -> Run:
+def _measures(jobs: Sequence[Job], run: Run) -> list[Measures]:
+    """Measures of jobs that were run as the worlds of one batch; the first fault is raised."""
+    for job, fault in zip(jobs, run.fault_of_each, strict=True):
+        if fault is not None:
+            raise fault_of(job, fault)
+    return [run.measures(world) for world in range(len(jobs))]
+
+
+def _run(jobs: Sequence[Job], engine: MjxSettings | PlanarSettings) -> Run:
     """Run the jobs as worlds of one batch until all have ended or a contact buffer is full.
 
     Batches share a compiled program if their largest swarms round up to the same multiple of `CAPACITY_STEP`.

@@ -16,6 +16,7 @@ from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, run_job
 from iswarm_mj.simulation.settings import FINE, EngineSettings, MujocoSettings, PlanarSettings
 from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.jax_setup import can_use_warp
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,10 @@ class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (faster on CPUs), or mjx (JAX, jobs of equal settings
-    are one batch of worlds in this process)."""
+    """Physics: mujoco (C, on CPUs), planar (many times faster), or mjx (JAX). Jobs of equal settings are one batch of
+    worlds in this process with mjx, and with planar on an NVIDIA GPU."""
     workers: Annotated[int, Within(0, 1024)] = 0
-    """Worker processes, not of mjx: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
+    """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
     refinement: Annotated[int, Within(1, 100)] = FINE
@@ -39,15 +40,25 @@ class Execution:
         check("backend", self.backend, "processes with `engine` mjx", self.engine != "mjx" or self.backend != "ray")
 
     @property
+    def in_batches(self) -> bool:
+        """Whether jobs are worlds of batches in this process."""
+        return self.engine == "mjx" or (self.engine == "planar" and self.backend == "processes" and can_use_warp())
+
+    @property
+    def planar(self) -> PlanarSettings:
+        """Settings of the engine planar."""
+        return PlanarSettings(1, self.refinement, impl="warp" if self.in_batches else "numba")
+
+    @property
     def on_cpu(self) -> EngineSettings:
-        """Settings of the engine of a worker, which has one thread; not of mjx."""
-        return PlanarSettings(1, self.refinement) if self.engine == "planar" else MujocoSettings(1)
+        """Settings of the engine of a worker, which has one thread; not of batches."""
+        return self.planar if self.engine == "planar" else MujocoSettings(1)
 
     @property
     def identity(self) -> dict[str, Any]:
         """Settings that identify an engine in files: empty for the default engine."""
         if self.engine != "mjx":
-            return {} if self.engine == "mujoco" else self.on_cpu.identity
+            return {} if self.engine == "mujoco" else self.planar.identity
         from iswarm_mj.experiments.runner.batches import implementation
 
         return {"engine": self.engine, "impl": implementation()}
@@ -63,10 +74,10 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
         SimulationFault: a run could not go on, or workers keep dying.
         UserError: Ray is not installed, or a job is not possible.
     """
-    if execution.engine == "mjx":
+    if execution.in_batches:
         from iswarm_mj.experiments.runner.batches import run_batches
 
-        return run_batches(jobs)
+        return run_batches(jobs, execution.planar if execution.engine == "planar" else None)
     numbered = sorted(enumerate(jobs), key=lambda item: -item[1].n_robots * item[1].steps)
     if execution.backend == "ray":
         from iswarm_mj.experiments.runner.ray_pool import run_on_ray

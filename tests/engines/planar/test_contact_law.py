@@ -54,7 +54,8 @@ def test_two_rows_are_solved_exactly():
     for _ in range(500):
         root, w = rng.normal(size=(2, 2)), rng.normal(size=2)
         matrix = root @ root.T + 0.01 * np.eye(2)
-        p = np.array(two_impulses(*w, matrix[0, 0], matrix[0, 1], matrix[1, 1]))
+        before = rng.exponential(size=2) * rng.integers(0, 2, size=2)
+        p = np.array(two_impulses(*before, *(w + matrix @ before), matrix[0, 0], matrix[0, 1], matrix[1, 1]))
         left = w + matrix @ p
         assert (p >= 0).all() and (left >= -1e-9).all()
         np.testing.assert_allclose(p * left, 0, atol=1e-9)

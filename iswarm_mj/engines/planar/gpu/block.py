@@ -1,0 +1,67 @@
+"""What the threads of a block do together: one block computes one world.
+
+On a CPU a block has a single thread, and none of this has anything to do.
+"""
+
+import warp as wp
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+__syncthreads();
+#endif
+""")
+def barrier():
+    """Wait for all threads of the block, which then see what the others wrote."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+asm volatile("bar.sync 1, %0;" ::"r"(n_threads) : "memory");
+#endif
+""")
+def barrier_of(n_threads: int):
+    """As `barrier`, for the first threads of the block, a multiple of 32."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+unsigned any;
+asm volatile("{ .reg .pred p, q; setp.ne.u32 p, %1, 0; bar.red.or.pred q, 1, %2, p; selp.u32 %0, 1, 0, q; }"
+             : "=r"(any) : "r"((unsigned)flag), "r"(n_threads) : "memory");
+return any != 0;
+#else
+return flag;
+#endif
+""")
+def any_of(flag: bool, n_threads: int) -> bool:
+    """Whether a flag is set in any of the first threads, a multiple of 32; a barrier for these, too."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+__shared__ long long part[32];
+long long sum = value;
+for (int step = 16; step > 0; step >>= 1) sum += __shfl_xor_sync(0xFFFFFFFFu, sum, step);
+if ((threadIdx.x & 31) == 0) part[threadIdx.x >> 5] = sum;
+asm volatile("bar.sync 1, %0;" ::"r"(n_threads) : "memory");
+sum = 0;
+for (int warp = 0; warp < n_threads >> 5; ++warp) sum += part[warp];
+asm volatile("bar.sync 1, %0;" ::"r"(n_threads) : "memory");
+return sum;
+#else
+return value;
+#endif
+""")
+def sum_of(value: wp.int64, n_threads: int) -> wp.int64:
+    """Sum over the first threads, in whole numbers so that their order does not matter; a barrier for these, too."""
+    ...
+
+
+@wp.func
+def threads_for(n: int) -> int:
+    """Number of threads of the block that share n tasks, a multiple of 32 on a GPU."""
+    return wp.min((n + 31) // 32 * 32, wp.block_dim())

@@ -1,0 +1,167 @@
+"""Contacts of one world: the touching pairs, with what the solver needs of each, as `planar.contacts` finds them."""
+
+import warp as wp
+
+from iswarm_mj.engines.planar.gpu.block import barrier
+from iswarm_mj.engines.planar.gpu.functions import ContactLaw, geometry, law
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Plane, Rows, World
+from iswarm_mj.utils.errors import FaultKind
+
+_TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
+_separation, _rectangle_contact, _wall_contact = (
+    geometry.separation,
+    geometry.rectangle_contact,
+    geometry.wall_contact,
+)
+_impedance, _regularisation, _offset = law.impedance, law.regularisation, law.offset
+
+
+@wp.func
+def find_contacts(w: World, plane: Plane, lane: int):
+    """List the pairs of bodies that touch, in any order."""
+    if lane == 0:
+        w.count[N_CONTACTS] = 0
+    barrier()
+    hx, hy = plane.half_x, plane.half_y
+    for k in range(lane, wp.min(w.count[N_NEAR], w.near.shape[0]), wp.block_dim()):
+        p, q = w.place[w.near[k][0]], w.place[w.near[k][1]]
+        dx, dy = q[0] - p[0], q[1] - p[1]
+        if dx * dx + dy * dy < 4.0 * (hx * hx + hy * hy):
+            gap, _ = _separation(dx, dy, p[2], p[3], q[2], q[3], hx, hy)
+            if gap < 0.0:
+                _append(w, w.near[k])
+    for i in range(lane, w.place.shape[0], wp.block_dim()):
+        if w.is_present[i]:
+            _find_walls(w, i, plane)
+    barrier()
+
+
+@wp.func
+def set_contacts(w: World, plane: Plane, lane: int):
+    """Compute the rows of all contacts from the velocities before the step."""
+    for k in range(lane, n_contacts(w), wp.block_dim()):
+        _set_contact(w, k, plane)
+    barrier()
+
+
+@wp.func
+def _find_walls(w: World, i: int, plane: Plane):
+    """Append the contacts of a robot with the walls."""
+    p = w.place[i]
+    c, s = wp.abs(p[2]), wp.abs(p[3])
+    reach = wp.max(plane.half_x * c + plane.half_y * s, plane.half_x * s + plane.half_y * c)
+    if wp.max(wp.abs(p[0]), wp.abs(p[1])) + reach > plane.edge:
+        for wall in range(4):
+            if _gap(p, wall, plane) < reach:
+                _append(w, wp.vec2i(w.place.shape[0] + wall, i))
+
+
+@wp.func
+def n_contacts(w: World) -> int:
+    """Number of contacts in the list."""
+    return wp.min(w.count[N_CONTACTS], w.pair.shape[0])
+
+
+@wp.func
+def _append(w: World, pair: wp.vec2i):
+    at = wp.atomic_add(w.count, N_CONTACTS, 1)
+    if at < w.pair.shape[0]:
+        w.found[at] = wp.vec3i(pair[0], pair[1], -1)
+    else:
+        wp.atomic_or(w.count, FAILURE, _TOO_MANY)
+
+
+@wp.func
+def _inward(wall: int) -> wp.vec2:
+    """Normal of the east, north, west and south wall."""
+    if wall == 0:
+        return wp.vec2(-1.0, 0.0)
+    if wall == 1:
+        return wp.vec2(0.0, -1.0)
+    if wall == 2:
+        return wp.vec2(1.0, 0.0)
+    return wp.vec2(0.0, 1.0)
+
+
+@wp.func
+def _gap(p: wp.vec4, wall: int, plane: Plane) -> float:
+    """Distance of a robot's centre from a wall."""
+    n = _inward(wall)
+    return plane.edge + n[0] * p[0] + n[1] * p[1]
+
+
+@wp.func
+def _set_contact(w: World, k: int, plane: Plane):
+    """Compute normal, arms, matrix and offsets of contact k."""
+    first, second, n_robots = w.pair[k][0], w.pair[k][1], w.place.shape[0]
+    q, hx, hy = w.place[second], plane.half_x, plane.half_y
+    n, arms, levers, gaps = wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2()
+    inverse = wp.vec2()
+    if first < n_robots:
+        p = w.place[first]
+        dx, dy = q[0] - p[0], q[1] - p[1]
+        nx, ny, x1, y1, d1, x2, y2, d2 = _rectangle_contact(dx, dy, p[2], p[3], q[2], q[3], hx, hy)
+        n, gaps = wp.vec2(nx, ny), wp.vec2(d1, d2)
+        arms = wp.vec2(x1 * ny - y1 * nx, x2 * ny - y2 * nx)
+        levers = wp.vec2((x1 - dx) * ny - (y1 - dy) * nx, (x2 - dx) * ny - (y2 - dy) * nx)
+        inverse = wp.vec2(plane.inverse_mass, plane.inverse_inertia)
+    else:
+        n = _inward(first - n_robots)
+        x1, y1, d1, x2, y2, d2 = _wall_contact(_gap(q, first - n_robots, plane), n[0], n[1], q[2], q[3], hx, hy)
+        levers, gaps = wp.vec2(x1 * n[1] - y1 * n[0], x2 * n[1] - y2 * n[0]), wp.vec2(d1, d2)
+    _set_rows(w, k, n, arms, levers, gaps, inverse, plane, _law(plane, first < n_robots))
+
+
+@wp.func
+def _law(plane: Plane, is_of_robots: bool) -> ContactLaw:
+    if is_of_robots:
+        return plane.between_robots
+    return plane.at_walls
+
+
+@wp.func
+def _set_rows(
+    w: World,
+    k: int,
+    n: wp.vec2,
+    arms: wp.vec2,
+    levers: wp.vec2,
+    distances: wp.vec2,
+    inverse: wp.vec2,
+    plane: Plane,
+    law: ContactLaw,
+):
+    """Store contact k, its touching rows first.
+
+    Args:
+        w: the world.
+        k: index of the contact.
+        n: normal.
+        arms: of both points.
+        levers: likewise.
+        distances: of the surfaces there [mm].
+        inverse: mass and inertia of the first body, inverted.
+        plane: robots and arena.
+        law: of the contact.
+    """
+    v1, v2 = w.velocity[wp.min(w.pair[k][0], w.place.shape[0])], w.velocity[w.pair[k][1]]
+    along = n[0] * (v2[0] - v1[0]) + n[1] * (v2[1] - v1[1])
+    mass = inverse[0] + plane.inverse_mass
+    arm, lever, offset, softness, own = wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2()
+    n_rows, n_points = int(0), int(2)
+    for row in range(n_points):  # at run time: unrolled, it would be the largest part of the program
+        if distances[row] < 0.0:
+            a, b, d = arms[row], levers[row], _impedance(distances[row], law)
+            soft = _regularisation(d, law.inverse_weight)
+            arm[n_rows] = a
+            lever[n_rows] = b
+            softness[n_rows] = soft
+            offset[n_rows] = _offset(d, distances[row], along + b * v2[2] - a * v1[2], law, plane.timestep)
+            own[n_rows] = mass + inverse[1] * a * a + plane.inverse_inertia * b * b + soft
+            n_rows += 1
+    coupling = mass + inverse[1] * arm[0] * arm[1] + plane.inverse_inertia * lever[0] * lever[1]
+    w.rows[k] = Rows(
+        n[0], n[1], arm[0], arm[1], lever[0], lever[1], offset[0], offset[1],
+        softness[0], softness[1], own[0], coupling, own[1], float(n_rows),
+    )  # fmt: skip
+    w.impulse[k] = wp.vec4(0.0, 0.0, 0.0, 0.0)

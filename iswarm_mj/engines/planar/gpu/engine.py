@@ -1,0 +1,174 @@
+"""The planar engine for NVIDIA GPUs: Warp's kernels inside a program compiled by JAX, all worlds at once."""
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import warp as wp
+from jaxtyping import Bool, Float
+
+from iswarm_mj.config import OpticsConfig
+from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.planar.gpu import physics, sight
+from iswarm_mj.engines.planar.gpu.cells import n_cells
+from iswarm_mj.engines.planar.physics import SKIN
+from iswarm_mj.engines.planar.plane import Plane, read_plane
+from iswarm_mj.engines.planar.reception import Light, read_light
+from iswarm_mj.engines.planar.sight import search_radius
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
+
+TOLERANCE = 1e-5
+"""Largest change of a velocity in the last sweep of the contact solver [mm/s]: 32-bit floats reach little less."""
+ROBOTS_PER_WARP = 300
+"""In a world, for each 32 threads of its block."""
+
+
+class Bodies(NamedTuple):
+    """Mechanical state of B worlds with N robots."""
+
+    poses: Float[Array, "B N 3"]
+    """x, y [mm] and yaw [rad], which is not wrapped."""
+    velocity: Float[Array, "B N 3"]
+    """[mm/s, mm/s, rad/s]"""
+    is_present: Bool[Array, "B N"]
+    """The others stay where they are, and touch and hide nothing."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class PlanarBatchEngine:
+    """`CompiledEngine` of B worlds at once.
+
+    Attributes:
+        plane: robots and arena.
+        light: optics.
+        robot: geometry.
+        on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
+    """
+
+    plane: Plane = field(metadata={"static": True})
+    light: Light = field(metadata={"static": True})
+    robot: Robot = field(metadata={"static": True})
+    on_gpu: bool = field(metadata={"static": True})
+
+    def mapping(self, platform: str) -> Mapping:
+        """See `CompiledEngine.mapping`."""
+        return "batch"
+
+    def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> Bodies:
+        """See `Engine.place`."""
+        return Bodies(jnp.asarray(poses, jnp.float32), jnp.zeros(poses.shape, jnp.float32), jnp.asarray(is_present))
+
+    def poses(self, bodies: Bodies) -> Float[Array, "B N 3"]:
+        """See `Engine.poses`."""
+        return bodies.poses
+
+    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
+        """See `Engine.sense`."""
+        n_worlds, n_robots = bodies.is_present.shape
+        is_present, plane = bodies.is_present & is_running[:, None], _numbers(self.plane)
+        n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
+        grid = n_cells(self.plane.edge, radius, n_robots)
+        place, end, robot, _ = self._kernel(sight.sort_robots, n_threads, 4)(
+            bodies.poses,
+            is_present,
+            plane,
+            launch_dims=n_worlds * n_threads,
+            output_dims=sight.cell_places(n_worlds, n_robots, grid, n_threads),
+        )
+        light, points = _numbers(self.light[:-2]), jnp.array([*self.light.leds, *self.light.receivers], jnp.float32)
+        near = self._kernel(sight.look_around, None, 3)(
+            *(place, end, robot, emits, is_present, plane, light, points, radius),
+            launch_dims=(n_worlds, n_robots),
+            output_dims=sight.near_places(n_worlds, n_robots),
+        )
+        sender, valid, led, bearing, distance, sees_wall = self._kernel(sight.find_light, None, 6)(
+            *(place, robot, is_present, plane, light, points, *near),
+            launch_dims=(n_worlds, n_robots, 4),
+            output_dims=sight.light_places(n_worlds, n_robots),
+        )
+        return Sight(Links(sender, valid, led, bearing, distance), sees_wall)
+
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
+        """See `Engine.move`."""
+        n_worlds, n_robots = bodies.is_present.shape
+        moved, fault = bodies, jnp.zeros(n_worlds, jnp.int32)
+        touching = jnp.zeros((n_worlds, n_robots, n_robots), bool)
+        for phase in phases:
+            targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
+            moved, touching, failure = self._take_steps(moved, targets, runs, phase.n_substeps * self.plane.refinement, touching)
+            fault = fault | failure
+        lost, robot = find_lost(moved.poses, bodies.is_present & is_running[:, None], self.plane.edge)
+        fault = fault | lost
+        stays = (fault != 0)[:, None, None]
+        poses, velocity = (jnp.where(stays, old, new) for new, old in zip(moved[:2], bodies[:2], strict=True))
+        return Motion(Bodies(poses, velocity, bodies.is_present), touching, fault, robot)
+
+    def _take_steps(
+        self, bodies: Bodies, targets: Array, runs: Array, n_substeps: int, touching: Array
+    ) -> tuple[Bodies, Array, Array]:
+        """Take physics steps; return bodies, pairs in contact, and bits of `FaultKind`."""
+        n_worlds, n_robots = bodies.is_present.shape
+        radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
+        n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
+        sizes = physics.places(n_worlds, n_robots, grid, n_threads)
+        touching, poses, velocity, failure, *_ = self._kernel(physics.take_steps, n_threads, len(sizes), "touching")(
+            bodies.poses,
+            bodies.velocity,
+            targets.astype(jnp.float32),
+            bodies.is_present,
+            runs,
+            _numbers(self.plane),
+            n_substeps,
+            touching,
+            launch_dims=n_worlds * n_threads,
+            output_dims=sizes,
+        )
+        return Bodies(poses, velocity, bodies.is_present), touching, failure
+
+    def _kernel(self, function: Callable, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
+        """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""
+        return _jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
+
+    def _threads(self, n_robots: int) -> int:
+        """Threads of a block, which computes a world: about as many as it has contacts; 1 on CPUs."""
+        return 32 * max(1, min(8, round(n_robots / ROBOTS_PER_WARP))) if self.on_gpu else 1
+
+
+def read_engine(arena: ArenaModel, optics: OpticsConfig, platform: str) -> PlanarBatchEngine:
+    """Read the model.
+
+    Args:
+        arena: compiled; any number of its robots stands for all.
+        optics: range, cones and mode.
+        platform: of the devices, as JAX calls it.
+
+    Raises:
+        UserError: the model has features that this engine does not simulate.
+    """
+    plane = read_plane(arena)._replace(tolerance=TOLERANCE)
+    return PlanarBatchEngine(plane, read_light(arena.robot, optics), arena.robot, platform != "cpu")
+
+
+@functools.cache
+def _jax_kernel(function: Callable, is_fast: bool, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
+    """As `PlanarBatchEngine._kernel`; `is_fast` has divisions, roots and sines rounded less exactly, as GPUs can."""
+    kernel = wp.kernel(function, enable_backward=False, module="unique", module_options={"fast_math": is_fast})
+    return wp.jax_kernel(kernel, num_outputs=n_outputs, in_out_argnames=list(in_out), block_dim=n_threads)
+
+
+def _numbers(parameters: tuple) -> Float[Array, "P"]:
+    """All numbers of nested tuples, one after the other."""
+
+    def flat(part: Any) -> list[float]:
+        return [n for piece in part for n in flat(piece)] if isinstance(part, tuple) else [float(part)]
+
+    return jnp.asarray(np.array(flat(parameters)), jnp.float32)

@@ -1,0 +1,42 @@
+"""The folder's functions of plain numbers, compiled by Warp as well.
+
+Contact law, geometry and optics are written once, as functions that take and return numbers. On CPUs numba compiles
+them, with 64-bit floats; on GPUs Warp does, with 32-bit floats.
+"""
+
+import typing
+from types import FunctionType, ModuleType, SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from iswarm_mj.engines.planar import contact_geometry, contact_law, ray_geometry, reception
+
+wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
+_NUMBERS = (float, int, bool)
+
+
+def in_warp(module: ModuleType) -> Any:
+    """Return a module's own functions of numbers as Warp's, which call each other, and their named tuples as structs."""
+    names, own = vars(module), {kind: kind for kind in _NUMBERS}
+    space = dict(names)  # what the functions find under the names that they use
+    for name, value in names.items():
+        if isinstance(value, type) and issubclass(value, tuple) and value.__module__ == module.__name__:
+            fields = typing.get_type_hints(value)
+            if set(fields.values()) <= set(_NUMBERS):
+                own[value] = wp.struct(type(name, (), {"__annotations__": fields, "__module__": __name__}))
+    for name, value in names.items():
+        if isinstance(value, FunctionType) and value.__module__ == module.__name__:
+            kinds = {key: own.get(kind) for key, kind in value.__annotations__.items() if key != "return"}
+            if None not in kinds.values():
+                copy = FunctionType(value.__code__, space, name)
+                copy.__annotations__ = kinds | {"return": value.__annotations__["return"]}
+                space[name] = own[value] = wp.func(copy)
+    return SimpleNamespace(**{original.__name__: compiled for original, compiled in own.items()})
+
+
+geometry = in_warp(contact_geometry)
+law = in_warp(contact_law)
+rays = in_warp(ray_geometry)
+light = in_warp(reception)
+ContactLaw = law.ContactLaw

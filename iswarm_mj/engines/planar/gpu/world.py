@@ -1,0 +1,121 @@
+"""One world in the memory of a GPU: what all threads of its block share."""
+
+import warp as wp
+
+from iswarm_mj.engines.planar.gpu.cells import Cells
+from iswarm_mj.engines.planar.gpu.functions import ContactLaw
+
+
+@wp.struct
+class Plane:
+    """Robots and arena, as `plane.Plane`. Units: mm, mg, s."""
+
+    half_x: float
+    half_y: float
+    inverse_mass: float
+    inverse_inertia: float
+    servo: wp.vec3
+    edge: float
+    timestep: float
+    between_robots: ContactLaw
+    at_walls: ContactLaw
+    tolerance: float
+    max_sweeps: int
+    radius: float
+    """Of a robot's circumcircle."""
+
+
+@wp.func
+def plane_of(values: wp.array(dtype=float)) -> Plane:
+    """Parameters from the numbers of a `plane.Plane`, one after the other."""
+    p = Plane()
+    p.half_x = values[0]
+    p.half_y = values[1]
+    p.inverse_mass = values[2]
+    p.inverse_inertia = values[3]
+    p.servo = wp.vec3(values[4], values[5], values[6])
+    p.edge = values[7]
+    p.timestep = values[8]
+    p.between_robots = _law_of(values, 10)
+    p.at_walls = _law_of(values, 18)
+    p.tolerance = values[26]
+    p.max_sweeps = int(values[27])
+    p.radius = wp.sqrt(p.half_x * p.half_x + p.half_y * p.half_y)
+    return p
+
+
+@wp.func
+def _law_of(values: wp.array(dtype=float), at: int) -> ContactLaw:
+    law = ContactLaw()
+    law.stiffness = values[at]
+    law.damping = values[at + 1]
+    law.min_impedance = values[at + 2]
+    law.max_impedance = values[at + 3]
+    law.width = values[at + 4]
+    law.midpoint = values[at + 5]
+    law.power = values[at + 6]
+    law.inverse_weight = values[at + 7]
+    return law
+
+
+Rows = wp.types.vector(length=14, dtype=wp.float32)
+"""Normal x and y, from the first body to the second; and of both rows in turn: arms, levers, offsets, regularisation R;
+h11, h12, h22 of J M^-1 J^T + R; and the number of rows."""
+
+
+@wp.struct
+class World:
+    """State of N robots, and lists with a limited number of places."""
+
+    place: wp.array(dtype=wp.vec4)
+    """(N,) x, y [mm], cosine and sine of the yaw."""
+    yaw: wp.array(dtype=float)
+    """(N,) [rad]"""
+    velocity: wp.array(dtype=wp.vec3)
+    """(N + 1,) [mm/s, mm/s, rad/s]; the last one is that of the walls, zero."""
+    is_present: wp.array(dtype=wp.bool)
+    """(N,)"""
+    cells: Cells
+    """The robots as they were when `near` was made."""
+    near: wp.array(dtype=wp.vec2i)
+    """(P,) pairs of robots near each other."""
+    found: wp.array(dtype=wp.vec3i)
+    """(C,) bodies of a contact: two robots, or N plus the number of a wall, and a robot; and its colour: contacts of the
+    same colour share no robot."""
+    pair: wp.array(dtype=wp.vec2i)
+    """(C,) bodies of the contacts, sorted by colour."""
+    end: wp.array(dtype=int)
+    """(32,) index in `pair` after the last contact of each colour."""
+    rows: wp.array(dtype=Rows)
+    """(C,) what the solver needs of a contact."""
+    impulse: wp.array(dtype=wp.vec4)
+    """(C,) impulses of both rows, now and as the latest sweep ended."""
+    used: wp.array(dtype=int)
+    """(N,) bits of the colours that a robot's contacts have."""
+    claim: wp.array(dtype=wp.int64)
+    """(N,) least key of a robot's contacts without colour."""
+    count: wp.array(dtype=int)
+    """(4,) of what the constants below say."""
+    farthest: wp.array(dtype=float)
+    """(1,) the longest way of a robot in a physics step [mm]."""
+
+
+N_NEAR = wp.constant(0)
+"""Index in `count`: near pairs."""
+N_CONTACTS = wp.constant(1)
+"""Likewise: contacts."""
+N_COLOURS = wp.constant(2)
+"""Likewise: colours of contacts."""
+FAILURE = wp.constant(3)
+"""Likewise: bits of `FaultKind`."""
+
+
+@wp.func
+def heading(yaw: float) -> wp.vec2:
+    """Cosine and sine of any yaw; less exact functions need a small one.
+
+    2 pi is taken away in two parts, of which the first has so few bits that its multiples are exact (Cody & Waite 1980).
+    """
+    turns = wp.round(yaw * 0.15915494)
+    small = (yaw - turns * 6.28125) - turns * 0.0019353072
+    return wp.vec2(wp.cos(small), wp.sin(small))
