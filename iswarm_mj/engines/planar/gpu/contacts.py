@@ -59,13 +59,13 @@ def _find_walls(w: World, i: int, plane: Plane):
 @wp.func
 def n_contacts(w: World) -> int:
     """Number of contacts in the list."""
-    return wp.min(w.count[N_CONTACTS], w.pair.shape[0])
+    return wp.min(w.count[N_CONTACTS], w.found.shape[0])
 
 
 @wp.func
 def _append(w: World, pair: wp.vec2i):
     at = wp.atomic_add(w.count, N_CONTACTS, 1)
-    if at < w.pair.shape[0]:
+    if at < w.found.shape[0]:
         w.found[at] = wp.vec3i(pair[0], pair[1], -1)
     else:
         wp.atomic_or(w.count, FAILURE, _TOO_MANY)

@@ -17,6 +17,7 @@ from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, find_lost
 from iswarm_mj.engines.planar.gpu import physics, sight
 from iswarm_mj.engines.planar.gpu.cells import n_cells
+from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.physics import SKIN
 from iswarm_mj.engines.planar.plane import Plane, read_plane
 from iswarm_mj.engines.planar.reception import Light, read_light
@@ -120,7 +121,8 @@ class PlanarBatchEngine:
         radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
         sizes = physics.places(n_worlds, n_robots, grid, n_threads)
-        touching, poses, velocity, failure, *_ = self._kernel(physics.take_steps, n_threads, len(sizes), "touching")(
+        n_shared = shared_bytes(n_robots) if self.on_gpu else 0
+        touching, poses, velocity, failure, *_ = self._kernel(physics.take_steps_in(n_shared), n_threads, len(sizes), "touching")(
             bodies.poses,
             bodies.velocity,
             targets.astype(jnp.float32),
@@ -128,6 +130,8 @@ class PlanarBatchEngine:
             runs,
             _numbers(self.plane),
             n_substeps,
+            grid,
+            *physics.rooms(n_robots),
             touching,
             launch_dims=n_worlds * n_threads,
             output_dims=sizes,

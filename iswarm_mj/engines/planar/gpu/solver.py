@@ -21,8 +21,8 @@ _two_impulses, _velocity_change = law.two_impulses, law.velocity_change
 @wp.func
 def solve(w: World, plane: Plane, lane: int):
     """Find the impulses of all contacts and add them to the velocities; threads that no colour needs do nothing."""
-    n_colours, largest = w.count[N_COLOURS], int(0)
-    if n_contacts(w) == 0:
+    n, n_colours, largest = n_contacts(w), w.count[N_COLOURS], int(0)
+    if n == 0:
         return
     for colour in range(n_colours):
         largest = wp.max(largest, w.end[colour] - begin_of(w, colour))
@@ -44,8 +44,8 @@ def solve(w: World, plane: Plane, lane: int):
         is_changing = any_of(change > plane.tolerance, n_lanes)
         if is_changing and may_go_on:
             may_go_on = sum_of(uphill, n_lanes) <= wp.int64(0)
-        if is_changing:
-            _go_on(w, n_colours, may_go_on, plane, lane, n_lanes)
+        if is_changing and sweep >= _PLAIN_SWEEPS - 1:
+            _go_on(w, n, may_go_on, lane, n_lanes)
     if is_changing and lane == 0:
         wp.atomic_or(w.count, FAILURE, _FAILED)
 
@@ -78,20 +78,20 @@ def _relax(w: World, k: int, plane: Plane) -> wp.vec2:
 
 
 @wp.func
-def _go_on(w: World, n_colours: int, goes_on: bool, plane: Plane, lane: int, n_lanes: int):
-    """End a sweep; if so asked, all impulses move on by a share of what they changed."""
-    for colour in range(n_colours):
-        for k in range(begin_of(w, colour) + lane, w.end[colour], n_lanes):
-            p = w.impulse[k]
-            d1, d2 = float(0.0), float(0.0)
-            if goes_on:
-                pair = w.pair[k]
-                v1, v2 = w.velocity[wp.min(pair[0], w.place.shape[0])], w.velocity[pair[1]]
-                d1, d2 = _MOMENTUM * (p[0] - p[2]), _MOMENTUM * (p[1] - p[3])
-                _push(w, pair, w.rows[k], v1, v2, d1, d2, plane)
-            w.impulse[k] = wp.vec4(p[0] + d1, p[1] + d2, p[0], p[1])
+def _go_on(w: World, n: int, goes_on: bool, lane: int, n_lanes: int):
+    """End a sweep; if so asked, all impulses move on by a share of what they changed, and so do the velocities."""
+    for k in range(lane, n, n_lanes):
+        p = w.impulse[k]
+        d1, d2 = float(0.0), float(0.0)
         if goes_on:
-            barrier_of(n_lanes)
+            d1, d2 = _MOMENTUM * (p[0] - p[2]), _MOMENTUM * (p[1] - p[3])
+        w.impulse[k] = wp.vec4(p[0] + d1, p[1] + d2, p[0], p[1])
+    for i in range(lane, w.before.shape[0], n_lanes):
+        v = w.velocity[i]
+        if goes_on:
+            w.velocity[i] = v + _MOMENTUM * (v - w.before[i])
+        w.before[i] = v
+    barrier_of(n_lanes)
 
 
 @wp.func

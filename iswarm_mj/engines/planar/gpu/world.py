@@ -73,12 +73,18 @@ class World:
     """(N,) [rad]"""
     velocity: wp.array(dtype=wp.vec3)
     """(N + 1,) [mm/s, mm/s, rad/s]; the last one is that of the walls, zero."""
+    before: wp.array(dtype=wp.vec3)
+    """(N,) likewise, as the latest sweep of the solver ended."""
     is_present: wp.array(dtype=wp.bool)
     """(N,)"""
     cells: Cells
     """The robots as they were when `near` was made."""
     near: wp.array(dtype=wp.vec2i)
     """(P,) pairs of robots near each other."""
+    few: wp.uint64
+    """Address where few contacts lie."""
+    many: wp.uint64
+    """Address where many contacts lie."""
     found: wp.array(dtype=wp.vec3i)
     """(C,) bodies of a contact: two robots, or N plus the number of a wall, and a robot; and its colour: contacts of the
     same colour share no robot."""
@@ -97,7 +103,7 @@ class World:
     count: wp.array(dtype=int)
     """(4,) of what the constants below say."""
     farthest: wp.array(dtype=float)
-    """(1,) the longest way of a robot in a physics step [mm]."""
+    """(1,) the longest way of a robot in a physics step, squared [mm^2]."""
 
 
 N_NEAR = wp.constant(0)
