@@ -22,7 +22,7 @@ class Bench(Swarm):
     warm_up: int = 20
     """Control steps before that."""
     chunk: int = 20
-    """Control steps that one call of a compiled program takes (--impl jax or warp); the first call compiles and warms up."""
+    """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
     record: bool = False
     """Record too, to a temporary file."""
 

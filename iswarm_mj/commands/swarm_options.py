@@ -48,8 +48,8 @@ class Swarm(ConfigOptions):
     worlds: Annotated[int, Within(1)] = 1
     """Number of independent worlds, simulated together."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, many times faster, on CPUs and
-    NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
+    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, many times faster, on CPUs
+    and NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
     impl: Literal["numba", "jax", "warp"] | None = None
     """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
     (everywhere, the default) or warp (NVIDIA GPUs)."""
@@ -62,7 +62,7 @@ class Swarm(ConfigOptions):
     devices: str = "all"
     """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
     hosts: bool = False
-    """Distribute the worlds of jax or warp over the processes of a job on several hosts; each uses its own `devices`."""
+    """Distribute the worlds of jax or warp over the processes of a job on several hosts, each with its `devices`."""
     hosts_timeout: Annotated[float, Within(1, 86_400, "s")] = 300.0
     """How long a process waits for the others at the start [s]."""
     threads: Annotated[int, Within(0, 1024)] = 0
@@ -102,7 +102,10 @@ class Swarm(ConfigOptions):
         return self.implementation in ("jax", "warp")
 
     def _check_engine(self) -> None:
-        known, changed = _IMPLEMENTATIONS[self.engine], {n for n in (*_ONLY, *_COMPILED_ONLY) if getattr(self, n) != getattr(Swarm, n)}
+        known, changed = (
+            _IMPLEMENTATIONS[self.engine],
+            {n for n in (*_ONLY, *_COMPILED_ONLY) if getattr(self, n) != getattr(Swarm, n)},
+        )
         constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
         check("impl", self.impl, constraint, self.impl in (None, *known))
         for name, engine in _ONLY.items():
@@ -170,7 +173,8 @@ class Swarm(ConfigOptions):
         own = tuple(devices(self.devices))
         if self.engine == "planar":
             return PlanarSettings(refinement=self.refinement, impl="warp", chunk=chunk, devices=own)
-        return MjxSettings(self.implementation, self.solver_iterations, self.contact_capacity, chunk, own)
+        impl = "warp" if self.impl == "warp" else "jax"
+        return MjxSettings(impl, self.solver_iterations, self.contact_capacity, chunk, own)
 
     def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """Return what must be the same in all processes of a job: the command, its flags and the versions."""

@@ -104,7 +104,7 @@ def _batch_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> Comp
     """The planar engine for programs of JAX; an optional package compiles it."""
     if importlib.util.find_spec("warp") is None:
         raise UserError("impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
-    from iswarm_mj.engines.planar.gpu.engine import read_engine
+    from iswarm_mj.engines.planar.batch_engine import read_engine
 
     return read_engine(arena, config.optics, platform)
 

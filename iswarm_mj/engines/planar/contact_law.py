@@ -108,7 +108,15 @@ def two_impulses(p1: float, p2: float, w1: float, w2: float, h11: float, h12: fl
 
 @register_jitable
 def velocity_change(
-    d1: float, d2: float, arm1: float, arm2: float, lever1: float, lever2: float, mass: float, inertia: float, radius: float
+    d1: float,
+    d2: float,
+    arm1: float,
+    arm2: float,
+    lever1: float,
+    lever2: float,
+    mass: float,
+    inertia: float,
+    radius: float,
 ) -> float:
     """By how much two impulses at most change the velocity of a point of either body [mm/s].
 

@@ -29,7 +29,9 @@ def implementation() -> Literal["jax", "warp"]:
     return "warp" if can_use_warp() else "jax"
 
 
-def run_batches(jobs: Sequence[Job], planar: PlanarSettings | None = None) -> Generator[tuple[int, Outcome], None, None]:
+def run_batches(
+    jobs: Sequence[Job], planar: PlanarSettings | None = None
+) -> Generator[tuple[int, Outcome], None, None]:
     """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one batch.
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on

@@ -1,0 +1,1 @@
+"""The planar engine's kernels for GPUs, in Warp."""

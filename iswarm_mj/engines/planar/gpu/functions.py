@@ -4,7 +4,9 @@ Contact law, geometry and optics are written once, as functions that take and re
 them, with 64-bit floats; on GPUs Warp does, with 32-bit floats.
 """
 
+import functools
 import typing
+from collections.abc import Callable
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -17,7 +19,7 @@ _NUMBERS = (float, int, bool)
 
 
 def in_warp(module: ModuleType) -> Any:
-    """Return a module's own functions of numbers as Warp's, which call each other, and their named tuples as structs."""
+    """Return a module's own functions of numbers as Warp's, which call each other; named tuples become structs."""
     names, own = vars(module), {kind: kind for kind in _NUMBERS}
     space = dict(names)  # what the functions find under the names that they use
     for name, value in names.items():
@@ -40,3 +42,18 @@ law = in_warp(contact_law)
 rays = in_warp(ray_geometry)
 light = in_warp(reception)
 ContactLaw = law.ContactLaw
+
+
+@functools.cache
+def jax_kernel(function: Callable, is_fast: bool, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
+    """Return a kernel as a function of JAX's arrays.
+
+    Args:
+        function: of the kernel.
+        is_fast: divisions, roots and sines are rounded less exactly, as GPUs can.
+        n_threads: of a block; None for Warp's choice.
+        n_outputs: number of outputs, those that are changed in place included.
+        in_out: names of the arguments that are changed in place.
+    """
+    kernel = wp.kernel(function, enable_backward=False, module="unique", module_options={"fast_math": is_fast})
+    return wp.jax_kernel(kernel, num_outputs=n_outputs, in_out_argnames=list(in_out), block_dim=n_threads)

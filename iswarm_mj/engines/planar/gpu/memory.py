@@ -1,7 +1,7 @@
 """Memory of a block: the arrays of its world, one after the other, the first of them in shared memory.
 
-The same layout exists twice: in the GPU's memory, which has room for everything, and in the block's shared memory, which
-is faster and has room for the beginning. Contacts lie in shared memory as long as there are few.
+The same layout exists twice: in the GPU's memory, which has room for everything, and in the block's shared memory,
+which is faster and has room for the beginning. Contacts lie in shared memory as long as there are few.
 """
 
 from typing import Any
@@ -15,7 +15,7 @@ _N_COUNTS, _MAX_COLOURS = wp.constant(4), wp.constant(MAX_COLOURS)
 FEW = 96
 """Contacts that shared memory has room for, beside robots."""
 _FEW = wp.constant(FEW)
-MOST_SHARED = 47 * 1024
+MOST_SHARED = 44 * 1024
 """Shared memory of a block at most, of the 48 kB that every NVIDIA GPU offers [B]."""
 
 

@@ -8,8 +8,8 @@ import warp as wp
 
 from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
-from iswarm_mj.engines.planar.gpu.contacts import find_contacts, n_contacts, set_contacts
 from iswarm_mj.engines.planar.gpu.colours import colour_contacts
+from iswarm_mj.engines.planar.gpu.contacts import find_contacts, n_contacts, set_contacts
 from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory, with_contacts
 from iswarm_mj.engines.planar.gpu.near_pairs import find_near_pairs
 from iswarm_mj.engines.planar.gpu.solver import solve

@@ -71,9 +71,7 @@ def _relax(w: World, k: int, plane: Plane) -> wp.vec2:
     d1, d2 = q1 - p[0], q2 - p[1]
     _push(w, pair, r, v1, v2, d1, d2, plane)
     w.impulse[k] = wp.vec4(q1, q2, p[2], p[3])
-    change = _velocity_change(
-        d1, d2, r[2], r[3], r[4], r[5], plane.inverse_mass, plane.inverse_inertia, plane.radius
-    )
+    change = _velocity_change(d1, d2, r[2], r[3], r[4], r[5], plane.inverse_mass, plane.inverse_inertia, plane.radius)
     return wp.vec2(change, -d1 * (q1 - p[2]) - d2 * (q2 - p[3]))
 
 

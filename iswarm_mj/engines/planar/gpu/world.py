@@ -86,8 +86,8 @@ class World:
     many: wp.uint64
     """Address where many contacts lie."""
     found: wp.array(dtype=wp.vec3i)
-    """(C,) bodies of a contact: two robots, or N plus the number of a wall, and a robot; and its colour: contacts of the
-    same colour share no robot."""
+    """(C,) bodies of a contact: two robots, or N plus the number of a wall, and a robot; and its colour: contacts of
+    the same colour share no robot."""
     pair: wp.array(dtype=wp.vec2i)
     """(C,) bodies of the contacts, sorted by colour."""
     end: wp.array(dtype=int)
@@ -120,7 +120,8 @@ FAILURE = wp.constant(3)
 def heading(yaw: float) -> wp.vec2:
     """Cosine and sine of any yaw; less exact functions need a small one.
 
-    2 pi is taken away in two parts, of which the first has so few bits that its multiples are exact (Cody & Waite 1980).
+    2 pi is taken away in two parts, of which the first has so few bits that its multiples are exact (Cody & Waite
+    1980).
     """
     turns = wp.round(yaw * 0.15915494)
     small = (yaw - turns * 6.28125) - turns * 0.0019353072

@@ -1,6 +1,5 @@
 """The planar engine for NVIDIA GPUs: Warp's kernels inside a program compiled by JAX, all worlds at once."""
 
-import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -9,7 +8,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import warp as wp
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config import OpticsConfig
@@ -17,6 +15,7 @@ from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, find_lost
 from iswarm_mj.engines.planar.gpu import physics, sight
 from iswarm_mj.engines.planar.gpu.cells import n_cells
+from iswarm_mj.engines.planar.gpu.functions import jax_kernel
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.physics import SKIN
 from iswarm_mj.engines.planar.plane import Plane, read_plane
@@ -105,7 +104,9 @@ class PlanarBatchEngine:
         touching = jnp.zeros((n_worlds, n_robots, n_robots), bool)
         for phase in phases:
             targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
-            moved, touching, failure = self._take_steps(moved, targets, runs, phase.n_substeps * self.plane.refinement, touching)
+            moved, touching, failure = self._take_steps(
+                moved, targets, runs, phase.n_substeps * self.plane.refinement, touching
+            )
             fault = fault | failure
         lost, robot = find_lost(moved.poses, bodies.is_present & is_running[:, None], self.plane.edge)
         fault = fault | lost
@@ -122,7 +123,9 @@ class PlanarBatchEngine:
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
         sizes = physics.places(n_worlds, n_robots, grid, n_threads)
         n_shared = shared_bytes(n_robots) if self.on_gpu else 0
-        touching, poses, velocity, failure, *_ = self._kernel(physics.take_steps_in(n_shared), n_threads, len(sizes), "touching")(
+        touching, poses, velocity, failure, *_ = self._kernel(
+            physics.take_steps_in(n_shared), n_threads, len(sizes), "touching"
+        )(
             bodies.poses,
             bodies.velocity,
             targets.astype(jnp.float32),
@@ -140,7 +143,7 @@ class PlanarBatchEngine:
 
     def _kernel(self, function: Callable, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
         """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""
-        return _jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
+        return jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
 
     def _threads(self, n_robots: int) -> int:
         """Threads of a block, which computes a world: about as many as it has contacts; 1 on CPUs."""
@@ -160,13 +163,6 @@ def read_engine(arena: ArenaModel, optics: OpticsConfig, platform: str) -> Plana
     """
     plane = read_plane(arena)._replace(tolerance=TOLERANCE)
     return PlanarBatchEngine(plane, read_light(arena.robot, optics), arena.robot, platform != "cpu")
-
-
-@functools.cache
-def _jax_kernel(function: Callable, is_fast: bool, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
-    """As `PlanarBatchEngine._kernel`; `is_fast` has divisions, roots and sines rounded less exactly, as GPUs can."""
-    kernel = wp.kernel(function, enable_backward=False, module="unique", module_options={"fast_math": is_fast})
-    return wp.jax_kernel(kernel, num_outputs=n_outputs, in_out_argnames=list(in_out), block_dim=n_threads)
 
 
 def _numbers(parameters: tuple) -> Float[Array, "P"]:
