@@ -27,7 +27,7 @@ from iswarm_mj.utils.robot import Robot
 
 TOLERANCE = 1e-5
 """Largest change of a velocity in the last sweep of the contact solver [mm/s]: 32-bit floats reach little less."""
-ROBOTS_PER_WARP = 300
+ROBOTS_PER_WARP = 140
 """In a world, for each 32 threads of its block."""
 
 

@@ -4,7 +4,7 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.functions import ContactLaw, geometry, law
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Plane, Rows, World
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Plane, Rows, World, contact_law
 from iswarm_mj.utils.errors import FaultKind
 
 _TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
@@ -109,14 +109,7 @@ def _set_contact(w: World, k: int, plane: Plane):
         n = _inward(first - n_robots)
         x1, y1, d1, x2, y2, d2 = _wall_contact(_gap(q, first - n_robots, plane), n[0], n[1], q[2], q[3], hx, hy)
         levers, gaps = wp.vec2(x1 * n[1] - y1 * n[0], x2 * n[1] - y2 * n[0]), wp.vec2(d1, d2)
-    _set_rows(w, k, n, arms, levers, gaps, inverse, plane, _law(plane, first < n_robots))
-
-
-@wp.func
-def _law(plane: Plane, is_of_robots: bool) -> ContactLaw:
-    if is_of_robots:
-        return plane.between_robots
-    return plane.at_walls
+    _set_rows(w, k, n, arms, levers, gaps, inverse, plane, contact_law(plane, first < n_robots))
 
 
 @wp.func

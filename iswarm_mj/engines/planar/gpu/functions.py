@@ -16,6 +16,7 @@ from iswarm_mj.engines.planar import contact_geometry, contact_law, ray_geometry
 
 wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
 _NUMBERS = (float, int, bool)
+_RESIDENT = 512  # threads of a multiprocessor at once, which leave 128 registers to each
 
 
 def in_warp(module: ModuleType) -> Any:
@@ -55,5 +56,7 @@ def jax_kernel(function: Callable, is_fast: bool, n_threads: int | None, n_outpu
         n_outputs: number of outputs, those that are changed in place included.
         in_out: names of the arguments that are changed in place.
     """
-    kernel = wp.kernel(function, enable_backward=False, module="unique", module_options={"fast_math": is_fast})
+    bounds = None if n_threads is None else (n_threads, max(1, _RESIDENT // n_threads))
+    options = {"fast_math": is_fast}
+    kernel = wp.kernel(function, enable_backward=False, module="unique", module_options=options, launch_bounds=bounds)
     return wp.jax_kernel(kernel, num_outputs=n_outputs, in_out_argnames=list(in_out), block_dim=n_threads)

@@ -17,12 +17,12 @@ class Plane:
     servo: wp.vec3
     edge: float
     timestep: float
-    between_robots: ContactLaw
-    at_walls: ContactLaw
     tolerance: float
     max_sweeps: int
     radius: float
     """Of a robot's circumcircle."""
+    values: wp.array(dtype=float)
+    """All numbers; the contact laws are read from it where they are needed, since registers are scarce."""
 
 
 @wp.func
@@ -36,8 +36,7 @@ def plane_of(values: wp.array(dtype=float)) -> Plane:
     p.servo = wp.vec3(values[4], values[5], values[6])
     p.edge = values[7]
     p.timestep = values[8]
-    p.between_robots = _law_of(values, 10)
-    p.at_walls = _law_of(values, 18)
+    p.values = values
     p.tolerance = values[26]
     p.max_sweeps = int(values[27])
     p.radius = wp.sqrt(p.half_x * p.half_x + p.half_y * p.half_y)
@@ -45,16 +44,17 @@ def plane_of(values: wp.array(dtype=float)) -> Plane:
 
 
 @wp.func
-def _law_of(values: wp.array(dtype=float), at: int) -> ContactLaw:
-    law = ContactLaw()
-    law.stiffness = values[at]
-    law.damping = values[at + 1]
-    law.min_impedance = values[at + 2]
-    law.max_impedance = values[at + 3]
-    law.width = values[at + 4]
-    law.midpoint = values[at + 5]
-    law.power = values[at + 6]
-    law.inverse_weight = values[at + 7]
+def contact_law(plane: Plane, is_of_robots: bool) -> ContactLaw:
+    """Law of the contacts between robots, or with walls."""
+    law, at = ContactLaw(), wp.where(is_of_robots, 10, 18)
+    law.stiffness = plane.values[at]
+    law.damping = plane.values[at + 1]
+    law.min_impedance = plane.values[at + 2]
+    law.max_impedance = plane.values[at + 3]
+    law.width = plane.values[at + 4]
+    law.midpoint = plane.values[at + 5]
+    law.power = plane.values[at + 6]
+    law.inverse_weight = plane.values[at + 7]
     return law
 
 
