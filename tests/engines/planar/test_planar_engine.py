@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_planar import crowd, moved, placed
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
@@ -21,25 +22,6 @@ def engine_of(config, n_threads=1, **changes):
     engine = PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), n_threads)
     engine.plane = engine.plane._replace(**changes)
     return engine
-
-
-def placed(engine, poses, present=None):
-    poses = np.asarray(poses, float)
-    return engine.place(poses, np.ones(poses.shape[:2], bool) if present is None else present)
-
-
-def moved(engine, bodies, velocity, n_substeps=10, running=None):
-    """Motion of all worlds, or those `running`, with servos set to `velocity`."""
-    velocity = np.broadcast_to(np.asarray(velocity, float), bodies.poses.shape)
-    running = np.ones(len(bodies.poses), bool) if running is None else np.asarray(running)
-    return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], running)
-
-
-def crowd(n_worlds, rng, n_robots=25):
-    """Robots on distinct cells, so near that they meet as soon as they move."""
-    cells = np.stack(np.meshgrid(*[(np.arange(7) - 3) * RD] * 2), -1).reshape(-1, 2)
-    xy = np.stack([cells[rng.permutation(49)[:n_robots]] for _ in range(n_worlds)])
-    return np.dstack([xy, rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))])
 
 
 class TestServo:

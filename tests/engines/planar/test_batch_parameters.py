@@ -1,0 +1,84 @@
+"""Kernels read their parameters from one row of numbers: each under its own name, whatever the tuples' order."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+import warp as wp
+
+from iswarm_mj.engines.planar.batch_engine import _numbers
+from iswarm_mj.engines.planar.contact_law import ContactLaw
+from iswarm_mj.engines.planar.gpu.functions import ContactLaw as LawInWarp
+from iswarm_mj.engines.planar.gpu.sight import Light as LightInWarp
+from iswarm_mj.engines.planar.gpu.world import Plane as PlaneInWarp
+from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.reception import Light
+
+CODE = """
+import warp as wp
+from iswarm_mj.engines.planar.gpu.sight import light_of
+from iswarm_mj.engines.planar.gpu.world import plane_of
+
+@wp.kernel(enable_backward=False)
+def of_plane(values: wp.array(dtype=float), out: wp.array(dtype=float)):
+    p = plane_of(values)
+    {plane}
+
+@wp.kernel(enable_backward=False)
+def of_light(values: wp.array(dtype=float), points: wp.array(dtype=wp.vec2), out: wp.array(dtype=float)):
+    p = light_of(values, points)
+    {light}
+"""
+LAWS = [f"{kind}.{name}" for kind in ("between_robots", "at_walls") for name in ContactLaw._fields]
+PLAIN = [name for name in Plane._fields if name not in ("servo", "refinement", "between_robots", "at_walls")]
+OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3)), *LAWS]
+OF_LIGHT = list(Light._fields[:-2])
+
+
+def stored(names):
+    return "\n    ".join(f"out[{k}] = float(p.{name})" for k, name in enumerate(names))
+
+
+@pytest.fixture(scope="module")
+def kernels(tmp_path_factory):
+    path = tmp_path_factory.mktemp("kernels") / "kernels_of_parameters.py"
+    path.write_text(CODE.format(plane=stored(OF_PLANE), light=stored(OF_LIGHT)))
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def distinct(kind, first):
+    """A tuple of numbers of which no two are equal."""
+    return kind(*(first + k for k in range(len(kind._fields))))
+
+
+def on_cpu(values, dtype):
+    return wp.array(np.asarray(values), dtype=dtype, device="cpu")
+
+
+def test_fields_are_those_of_the_tuples():
+    assert set(PlaneInWarp.vars) == {*Plane._fields} - {"refinement"} | {"radius"}
+    assert set(LawInWarp.vars) == {*ContactLaw._fields}
+    assert set(LightInWarp.vars) == {*Light._fields} - {"leds", "receivers"} | {"points"}
+
+
+def test_a_plane_is_read_by_name(kernels):
+    plane = distinct(Plane, 1)._replace(
+        servo=(101.0, 102.0, 103.0), between_robots=distinct(ContactLaw, 201), at_walls=distinct(ContactLaw, 301)
+    )
+    out = wp.zeros(len(OF_PLANE), dtype=float, device="cpu")
+    wp.launch(kernels.of_plane, 1, [on_cpu(_numbers(plane), float)], [out], device="cpu")
+    expected = [getattr(plane, name) for name in PLAIN] + [*plane.servo, *plane.between_robots, *plane.at_walls]
+    np.testing.assert_array_equal(out.numpy(), expected)
+
+
+@pytest.mark.parametrize("flags", [(True, False), (False, True)])
+def test_light_is_read_by_name(kernels, flags):
+    light = distinct(Light, 1)._replace(is_power=flags[0], needs_sight=flags[1])
+    out = wp.zeros(len(OF_LIGHT), dtype=float, device="cpu")
+    given = [on_cpu(_numbers(light[:-2]), float), on_cpu(np.zeros((8, 2), np.float32), wp.vec2)]
+    wp.launch(kernels.of_light, 1, given, [out], device="cpu")
+    np.testing.assert_array_equal(out.numpy(), [float(getattr(light, name)) for name in OF_LIGHT])

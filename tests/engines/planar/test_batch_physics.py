@@ -1,0 +1,186 @@
+"""Physics of the planar engine for batches, with 32-bit floats: against that for CPUs. Units: mm, s."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_planar import both_engines, crowd, moved, placed, rounded, same_bits
+
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.simulation.initial import place_robots
+from iswarm_mj.simulation.settings import FINE
+from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.strategy.controller import Command
+from iswarm_mj.utils.units import RD
+
+CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+EDGE = 7.5 * RD
+CLOSE = 0.02
+"""Of positions at the end of a control step: how far MJX's may be from those of MuJoCo in C."""
+
+
+def long_hulls(spec):
+    for geom in spec.geoms:
+        if geom.name.endswith("hull"):
+            geom.size[:2] = 1.3, 0.7
+
+
+@cache
+def engines(refinement=1, tune=None):
+    return both_engines(CONFIG, refinement, tune)
+
+
+def both_move(poses, velocity, *, refinement=1, tune=None, present=None, n_substeps=10, running=None):
+    """Motions of both engines from the same poses at rest."""
+    bodies = [placed(engine, rounded(poses), present) for engine in engines(refinement, tune)]
+    pairs = zip(engines(refinement, tune), bodies, strict=True)
+    return [moved(engine, one, rounded(velocity), n_substeps, running) for engine, one in pairs]
+
+
+def walled_crowd(n_worlds, rng, n_robots=25):
+    """A crowd in the corner of the arena, of which some touch the walls."""
+    poses = crowd(n_worlds, rng, n_robots)
+    poses[..., :2] += EDGE - 3 * RD - 1.2
+    return poses
+
+
+class TestCrowds:
+    @pytest.mark.parametrize("tune", [None, long_hulls], ids=["square", "long"])
+    @pytest.mark.parametrize("refinement", [1, FINE])
+    @pytest.mark.parametrize("place", [crowd, walled_crowd])
+    def test_they_end_where_those_of_the_other_engine_end(self, place, refinement, tune):
+        rng = np.random.default_rng(1)
+        start = place(3, rng)
+        velocity = rng.uniform(-1.4, 1.4, start.shape)
+        plain, batch = both_move(start, velocity, refinement=refinement, tune=tune)
+        assert not plain.fault.any() and not np.any(batch.fault)
+        np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 20)
+        np.testing.assert_array_equal(batch.touching, plain.touching)
+        assert plain.touching.sum() > 10 and np.abs(plain.bodies.poses - start - velocity).max() > 0.1
+
+    def test_velocities_pass_from_step_to_step(self):
+        rng = np.random.default_rng(2)
+        start = rounded(walled_crowd(2, rng))
+        bodies = [placed(engine, start) for engine in engines()]
+        for _ in range(5):
+            velocity = rounded(rng.uniform(-1.4, 1.4, (2, 25, 3)))
+            motions = [moved(engine, one, velocity) for engine, one in zip(engines(), bodies, strict=True)]
+            bodies = [motion.bodies for motion in motions]
+        np.testing.assert_allclose(bodies[1].poses, bodies[0].poses, atol=1e-3)
+        np.testing.assert_allclose(bodies[1].velocity, bodies[0].velocities, atol=1e-2)
+        np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
+
+    def test_a_jam(self):
+        """All robots walk to the centre and press upon each other there; each control step from the same poses."""
+        poses = place_robots(CONFIG.arena, 60, np.random.default_rng(3))[None]
+        inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
+        off = []
+        for step in range(25):
+            plain, batch = (
+                engine.move(placed(engine, rounded(poses)), [inward], np.ones(1, bool)) for engine in engines()
+            )
+            assert not np.any(batch.fault)
+            if step >= 15:
+                off.append(np.abs(batch.bodies.poses - plain.bodies.poses)[..., :2].max(axis=-1))
+                assert np.not_equal(batch.touching, plain.touching).sum() <= 1
+            poses = plain.bodies.poses
+        assert np.mean(np.array(off) < CLOSE) >= 0.99
+        assert plain.touching.sum() > 90
+
+
+class TestWhoMoves:
+    PRESENT = np.arange(30) < 25
+
+    def start(self):
+        """A crowd of 25 robots, and five that are absent, in the midst of it."""
+        poses = crowd(2, np.random.default_rng(4))
+        return np.concatenate([poses, poses[:, :5] + 0.5], axis=1), np.tile(self.PRESENT, (2, 1))
+
+    def test_absent_robots_leave_no_trace(self):
+        rng = np.random.default_rng(5)
+        start, present = self.start()
+        velocity = rng.uniform(-2, 2, start.shape)
+        plain, batch = both_move(start, velocity, present=present)
+        np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=1e-4)
+        np.testing.assert_array_equal(batch.touching, plain.touching)
+        np.testing.assert_array_equal(batch.bodies.poses[:, 25:], rounded(start[:, 25:]))
+        assert plain.touching.sum() > 5
+
+    def test_worlds_that_do_not_run_keep_their_bodies(self):
+        rng, (_, engine) = np.random.default_rng(6), engines()
+        start = crowd(3, rng)
+        velocity = rng.uniform(-1.4, 1.4, start.shape)
+        before = moved(engine, placed(engine, start), velocity).bodies
+        after = moved(engine, before, velocity, running=[True, False, True])
+        for old, new in zip(before, after.bodies, strict=True):
+            np.testing.assert_array_equal(new[1], old[1])
+        assert not after.touching[1].any() and after.touching[0].any()
+        all_run = moved(engine, before, velocity)
+        np.testing.assert_array_equal(after.bodies.poses[::2], all_run.bodies.poses[::2])
+
+    def test_servos_without_contacts(self):
+        """Closed form: one robot in its world; yaws of many turns round no worse than their own floats."""
+        _, engine = engines()
+        bodies = placed(engine, [[(0, 0, 0)], [(1, -2, 200.0)]])
+        motion = moved(engine, bodies, (1.0, -0.5, 0.3))
+        np.testing.assert_allclose(motion.bodies.poses, [[(1, -0.5, 0.3)], [(2, -2.5, 200.3)]], atol=1e-4)
+
+
+class TestPairsInContact:
+    def test_those_at_the_end_of_any_phase(self):
+        """Two robots meet in the first phase and part in the second; others the other way round; none in between."""
+        start = [[(-1.1, 0, 0), (1.1, 0, 0), (-1.1, 6, 0), (1.1, 6, 0), (-1.1, -6, 0), (1.1, -6, 0)]]
+        together = np.zeros((1, 6, 3))
+        together[0, :, 0] = [0.5, -0.5, -0.5, 0.5, -0.5, 0.5]
+        apart = np.zeros((1, 6, 3))
+        apart[0, :, 0] = [-0.5, 0.5, 1.4, -1.4, 0.0, 0.0]
+        phases = [Phase(10, lambda _: together), Phase(10, lambda _: apart)]
+        found = [engine.move(placed(engine, start), phases, np.ones(1, bool)) for engine in engines()]
+        for motion in found:
+            assert np.argwhere(np.asarray(motion.touching[0])).tolist() == [[0, 1], [2, 3]]
+
+    def test_in_whole_control_steps(self):
+        rng = np.random.default_rng(7)
+        poses = np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(2)])
+        total = 0
+        for _ in range(4):
+            command = Command(rng.uniform(-0.6, 0.6, (2, 60)), rng.uniform(0.0, np.sqrt(2), (2, 60)))
+            phases = drive_phases(CONFIG.drive, Command(*map(rounded, command)))
+            plain, batch = (
+                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool)) for engine in engines(FINE)
+            )
+            np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 10)
+            np.testing.assert_array_equal(batch.touching, plain.touching)
+            total, poses = total + plain.touching.sum(), plain.bodies.poses
+        assert total > 30
+
+
+class TestBits:
+    def start(self, rng):
+        start = walled_crowd(4, rng)
+        present = np.arange(25) < np.array([25, 18, 25, 11])[:, None]
+        return start, rng.uniform(-2, 2, start.shape), present
+
+    def test_repeats_are_the_same(self):
+        start, velocity, present = self.start(np.random.default_rng(8))
+        one, again = (both_move(start, velocity, present=present, refinement=FINE)[1] for _ in range(2))
+        assert same_bits(one, again) and one.touching.any(axis=(1, 2)).all()
+
+    def test_companions_do_not_matter(self):
+        start, velocity, present = self.start(np.random.default_rng(9))
+        together = both_move(start, velocity, present=present)[1]
+        for world in range(4):
+            alone = both_move(start[[world]], velocity[[world]], present=present[[world]])[1]
+            for mine, yours in zip((*alone.bodies, alone.touching), (*together.bodies, together.touching), strict=True):
+                assert same_bits(mine[0], yours[world])
+
+    def test_relabelled_robots_are_the_same_robots(self):
+        """Contacts are solved in another order, so but for what the solver leaves."""
+        rng = np.random.default_rng(10)
+        start, velocity, _ = self.start(rng)
+        new = rng.permutation(25)
+        before, after = both_move(start, velocity)[1], both_move(start[:, new], velocity[:, new])[1]
+        np.testing.assert_allclose(after.bodies.poses, before.bodies.poses[:, new], atol=1e-3)
+        either = np.asarray(before.touching | before.touching.transpose(0, 2, 1))[:, new][:, :, new]
+        np.testing.assert_array_equal(after.touching, np.triu(either))

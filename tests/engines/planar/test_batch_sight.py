@@ -1,0 +1,119 @@
+"""Sight of the planar engine for batches, with 32-bit floats: link by link that of the engine for CPUs. Units: mm."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_planar import both_engines, placed, rounded, same_bits
+from helpers_sensing import SHIFTED, crowd, place
+
+from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.planar.reception import read_light
+
+ARENA = ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24)
+ROBOT = read_robot()
+
+
+@cache
+def engines(optics, robot=ROBOT):
+    plain, batch = both_engines(SwarmConfig(arena=ARENA, optics=optics))
+    plain._light = read_light(robot, optics)
+    return plain, replace(batch, light=read_light(robot, optics))
+
+
+def seen(engine, poses, emits=None, present=None, running=None):
+    """What robots at (B, N, 3) see; all present and emitting, in worlds that run, if not said otherwise."""
+    emits = np.ones(poses.shape[:2], bool) if emits is None else emits
+    running = np.ones(len(poses), bool) if running is None else running
+    return engine.sense(placed(engine, rounded(poses), present), emits, running)
+
+
+def assert_same_sight(got, expected):
+    """All that is discrete equal; angles and distances within rounding."""
+    for name in ("sender", "valid", "led"):
+        np.testing.assert_array_equal(getattr(got.links, name), getattr(expected.links, name))
+    np.testing.assert_allclose(got.links.bearing, expected.links.bearing, atol=2e-5)
+    np.testing.assert_allclose(got.links.distance, expected.links.distance, atol=2e-5)
+    np.testing.assert_array_equal(got.sees_wall, expected.sees_wall)
+
+
+def bricks(rng, *densities):
+    """Crowds (B, 81, 3) in the north-west of the arena; some touch, some see walls, some stand beyond them."""
+    poses = np.stack([crowd(rng, density) for density in densities])
+    poses[..., :2] += rng.uniform(-0.2, 0.2, poses[..., :2].shape) + np.array([-11, 13])
+    return poses
+
+
+@pytest.mark.parametrize("line_of_sight", [True, False])
+@pytest.mark.parametrize("mode", ["sector", "power"])
+@pytest.mark.parametrize("robot", [ROBOT, SHIFTED], ids=["middle", "shifted"])
+def test_links_and_walls_are_those_of_the_other_engine(robot, mode, line_of_sight):
+    """Absent robots and dark ones included."""
+    rng, optics = np.random.default_rng(6), OpticsConfig(mode=mode, line_of_sight=line_of_sight)
+    poses = bricks(rng, 0.15, 0.4, 0.7)
+    emits, present = rng.random((2, *poses.shape[:2])) < np.array([0.8, 0.9])[:, None, None]
+    expected, got = (seen(engine, poses, emits, present) for engine in engines(optics, robot))
+    assert_same_sight(got, expected)
+    assert expected.links.valid.sum() > 100 and expected.sees_wall.sum() > 10
+    senders = [set(np.asarray(got.links.sender)[w][np.asarray(got.links.valid)[w]]) for w in range(3)]
+    assert all(emits[w, j] and present[w, j] for w in range(3) for j in senders[w])
+    assert not np.asarray(got.links.valid)[~present].any() and not np.asarray(got.sees_wall)[~present].any()
+
+
+@pytest.mark.parametrize("mode", ["sector", "power"])
+def test_absent_robots_leave_no_trace(mode):
+    """They hide nobody: the others see what they see without them."""
+    rng, (_, engine) = np.random.default_rng(7), engines(OpticsConfig(mode=mode))
+    poses = bricks(rng, 0.7, 0.5)
+    present = np.tile(np.arange(81) < 50, (2, 1))
+    everyone, few = seen(engine, poses, present=present), seen(engine, poses[:, :50])
+    for mine, yours in zip((*everyone.links, everyone.sees_wall), (*few.links, few.sees_wall), strict=True):
+        np.testing.assert_array_equal(mine[:, :50], yours)
+    assert np.asarray(seen(engine, poses).links.valid)[:, :50].sum() != np.asarray(few.links.valid).sum() > 50
+
+
+@pytest.mark.parametrize("mode", ["sector", "power"])
+@pytest.mark.parametrize("order", [(1, 2), (2, 1)])
+def test_of_equally_near_senders_the_first_is_heard(mode, order):
+    """Two senders that mirror each other at the receiver's axis; their headings have no rounding."""
+    rows = [(0, 0, 0), (6, 2, 0), (6, -2, 0)]
+    poses = place(rows[0], *(rows[k] for k in order))[None]
+    assert seen(engines(OpticsConfig(mode=mode))[1], poses).links.sender[0, 0, 0] == 1
+
+
+def test_a_third_robot_hides_the_sender():
+    poses = place((0, 0, 0), (8, 0, 180), (4, 0.3, 20))[None]
+    engine = engines(OpticsConfig())[1]
+    assert seen(engine, poses).links.sender[0, 0, 0] == 2
+    dark = seen(engine, poses, emits=np.array([[True, True, False]])).links
+    assert not dark.valid[0, 0, 0] and not dark.valid[0, 1, 0]
+    blind = engines(OpticsConfig(line_of_sight=False))[1]
+    assert seen(blind, poses, emits=np.array([[True, True, False]])).links.sender[0, 0, 0] == 1
+
+
+def test_robots_anywhere_are_seen():
+    """Also beyond the walls, and those whose pose is not a number see nothing and hide nothing."""
+    poses = np.array([[(0, 0, 0), (6, 0, np.pi), (80, 0, 0), (86, 0, np.pi), (np.nan, 0, 0), (3, np.nan, 0)]])
+    links = seen(engines(OpticsConfig())[1], poses).links
+    assert links.valid.sum() == 4 and not links.valid[0, 4:].any()
+    np.testing.assert_array_equal(links.sender[0, :4, 0], [1, 0, 3, 2])
+
+
+def test_repeats_and_companions_change_no_bit():
+    rng, (_, engine) = np.random.default_rng(8), engines(OpticsConfig(mode="power"))
+    poses = bricks(rng, 0.3, 0.5, 0.7)
+    emits, present = rng.random((2, *poses.shape[:2])) < 0.8
+    together = seen(engine, poses, emits, present)
+    assert same_bits(together, seen(engine, poses, emits, present))
+    halted = seen(engine, poses, emits, present, np.array([True, False, True]))
+    for world in range(3):
+        alone = seen(engine, poses[[world]], emits[[world]], present[[world]])
+        for mine, yours, third in zip(*(arrays_of(s) for s in (alone, together, halted)), strict=True):
+            assert same_bits(mine[0], yours[world])
+            assert world == 1 or same_bits(mine[0], third[world])
+
+
+def arrays_of(sight):
+    return (*sight.links, sight.sees_wall)

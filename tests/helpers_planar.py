@@ -1,0 +1,52 @@
+"""Both implementations of the planar engine on the same small crowds. Units: mm, s."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.utils.units import RD
+
+
+def crowd(n_worlds, rng, n_robots=25):
+    """Robots on distinct cells, so near that they meet as soon as they move."""
+    cells = np.stack(np.meshgrid(*[(np.arange(7) - 3) * RD] * 2), -1).reshape(-1, 2)
+    xy = np.stack([cells[rng.permutation(49)[:n_robots]] for _ in range(n_worlds)])
+    return np.dstack([xy, rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))])
+
+
+def placed(engine, poses, present=None):
+    """Bodies at rest at (B, N, 3), all present if not said otherwise."""
+    poses = np.asarray(poses, float)
+    return engine.place(poses, np.ones(poses.shape[:2], bool) if present is None else present)
+
+
+def moved(engine, bodies, velocity, n_substeps=10, running=None):
+    """Motion of all worlds, or those `running`, with servos set to `velocity`."""
+    velocity = np.broadcast_to(np.asarray(velocity, float), bodies.poses.shape)
+    running = np.ones(len(bodies.poses), bool) if running is None else np.asarray(running)
+    return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], running)
+
+
+def both_engines(config, refinement=1, tune=None, **changes):
+    """The engine for CPUs and the one for batches; `changes` replace numbers of their planes."""
+    from iswarm_mj.engines.planar.batch_engine import read_engine
+
+    arena = compile_arena(config, 1, np.zeros(0), refinement=refinement, tune=tune)
+    plain, batch = PlanarEngine(config, arena, 1), read_engine(arena, config.optics, "cpu")
+    plain.plane = plain.plane._replace(**changes)
+    return plain, replace(batch, plane=batch.plane._replace(**changes))
+
+
+def rounded(values):
+    """Numbers that 32-bit floats hold, as 64-bit floats."""
+    return np.asarray(values, np.float32).astype(float)
+
+
+def same_bits(one, other):
+    """Whether two trees of arrays hold the same bits."""
+    pairs = zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+    return all(np.asarray(a).tobytes() == np.asarray(b).tobytes() for a, b in pairs)
