@@ -21,6 +21,7 @@ from iswarm_mj.utils.jax_setup import without_shardy
 _WORLDS = "worlds"  # the axis of the mesh of devices
 _OWN, _SHARED = PartitionSpec(_WORLDS), PartitionSpec()
 _REPEATS = 5  # of each stage that is timed
+_UNROLLED = 4  # steps of a batch that a program takes without asking the host whether to go on
 
 
 class Shared(NamedTuple):
@@ -177,7 +178,9 @@ def _advance(
             """Those of the recorded worlds, where this device has them."""
             return values[jnp.clip(place, 0, n_rows - 1)]
 
-        def all_worlds(state: WorldState, step: jax.Array) -> tuple[WorldState, StepRecord | None]:
+        def all_worlds(carry: tuple[WorldState, jax.Array], _: None) -> tuple[Any, StepRecord | None]:
+            state, step = carry
+
             def take(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
                 return control_step(stepper, params, state, step, shared.last)
 
@@ -188,9 +191,10 @@ def _advance(
                     state, record = jax.vmap(take)(params, state)
                 case "in turn":
                     state, record = _in_turn(take, params, state, shared.n_worlds)
-            return state, jax.tree.map(keep, record)
+            return (state, step + 1), jax.tree.map(keep, record)
 
-        state, kept = jax.lax.scan(all_worlds, state, shared.first + jnp.arange(program.n_steps))
+        unroll = _UNROLLED if mapping == "batch" else 1
+        (state, _), kept = jax.lax.scan(all_worlds, (state, shared.first), None, program.n_steps, unroll=unroll)
         return state, jax.tree.map(lambda a: a[None], kept)
 
     spread = jax.shard_map(
