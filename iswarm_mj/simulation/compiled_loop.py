@@ -21,7 +21,7 @@ from iswarm_mj.utils.jax_setup import without_shardy
 _WORLDS = "worlds"  # the axis of the mesh of devices
 _OWN, _SHARED = PartitionSpec(_WORLDS), PartitionSpec()
 _REPEATS = 5  # of each stage that is timed
-_UNROLLED = 4  # steps of a batch that a program takes without asking the host whether to go on
+_UNROLLED = 2  # steps of a batch that a GPU takes without asking the host whether to go on
 
 
 class Shared(NamedTuple):
@@ -71,6 +71,7 @@ class CompiledLoop:
         world = np.arange(n_worlds)
         self._rows = world // self.worlds_per_device * rows + world % self.worlds_per_device
         self._n_rows = rows * len(devices)
+        self._is_full = self._n_rows == n_worlds
         self._params, self._state = self._placed(self._with_padding(params, state), _OWN)
         self._engine: CompiledEngine = self._placed(engine, _SHARED)
 
@@ -107,8 +108,9 @@ class CompiledLoop:
     def counts(self) -> Counts:
         """See `Loop.counts`."""
         s = self._state
-        found = Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault)
-        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)
+        found = Counts(None, s.collisions, s.is_finished, s.finished_at, s.fault)
+        balls = s.swarm.balls if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], s.swarm.balls)
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(balls=balls)
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
@@ -169,7 +171,8 @@ def _advance(
 
     def on_device(shared: Shared, params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
         engine, n_rows = shared.engine, len(params.goal)
-        mapping = engine.mapping(program.mesh.devices.flat[0].platform)
+        platform = program.mesh.devices.flat[0].platform
+        mapping = engine.mapping(platform)
         decisions = partial(decide_worlds if mapping == "batch" else decide, program.config, engine.robot)
         stepper = Stepper(engine, program.config, decisions, program.records)
         place = shared.recorded - jax.lax.axis_index(_WORLDS) * n_rows
@@ -193,7 +196,7 @@ def _advance(
                     state, record = _in_turn(take, params, state, shared.n_worlds)
             return (state, step + 1), jax.tree.map(keep, record)
 
-        unroll = _UNROLLED if mapping == "batch" else 1
+        unroll = _UNROLLED if mapping == "batch" and platform == "gpu" else 1
         (state, _), kept = jax.lax.scan(all_worlds, (state, shared.first), None, program.n_steps, unroll=unroll)
         return state, jax.tree.map(lambda a: a[None], kept)
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
-from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.decide import Decision, Situation, decide
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
@@ -22,7 +21,8 @@ from iswarm_mj.utils.robot import Robot
 class Counts(NamedTuple):
     """What a run looks at after each call, as NumPy arrays of B worlds."""
 
-    balls: Balls
+    balls: Any
+    """`Balls`; arrays of JAX where they need not leave a device until someone looks."""
     collisions: np.ndarray
     is_finished: np.ndarray
     finished_at: np.ndarray

@@ -9,6 +9,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import check_robots
 from iswarm_mj.simulation.metrics import Measures, measure
@@ -153,6 +154,13 @@ class Run:
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
+    @property
+    def _balls(self) -> Balls:
+        """The balls so far; they leave a device when they are asked for."""
+        if not isinstance(self._counts.balls.is_held, np.ndarray):
+            self._counts = self._counts._replace(balls=jax.tree.map(np.asarray, self._counts.balls))
+        return self._counts.balls
+
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
         faults = self.faults
@@ -165,7 +173,7 @@ class Run:
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""
-        return np.asarray(self._counts.balls.is_delivered).sum(axis=1)
+        return self._balls.is_delivered.sum(axis=1)
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far.
@@ -177,7 +185,7 @@ class Run:
             raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
-        return measure(counts.balls, world, int(counts.collisions[world]), finished_at)
+        return measure(self._balls, world, int(counts.collisions[world]), finished_at)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""
