@@ -1,18 +1,18 @@
 """Kernels read their parameters from one row of numbers: each under its own name, whatever the tuples' order."""
 
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import warp as wp
+from helpers_planar import both_engines, crowd, moved, placed, rounded
 
 from iswarm_mj.engines.planar.batch_engine import _numbers
 from iswarm_mj.engines.planar.contact_law import ContactLaw
-from iswarm_mj.engines.planar.gpu.functions import ContactLaw as LawInWarp
-from iswarm_mj.engines.planar.gpu.sight import Light as LightInWarp
-from iswarm_mj.engines.planar.gpu.world import Plane as PlaneInWarp
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.reception import Light
+from iswarm_mj.utils.units import RD
 
 CODE = """
 import warp as wp
@@ -29,9 +29,8 @@ def of_light(values: wp.array(dtype=float), points: wp.array(dtype=wp.vec2), out
     p = light_of(values, points)
     {light}
 """
-LAWS = [f"{kind}.{name}" for kind in ("between_robots", "at_walls") for name in ContactLaw._fields]
 PLAIN = [name for name in Plane._fields if name not in ("servo", "refinement", "between_robots", "at_walls")]
-OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3)), *LAWS]
+OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3))]
 OF_LIGHT = list(Light._fields[:-2])
 
 
@@ -59,19 +58,13 @@ def on_cpu(values, dtype):
     return wp.array(np.asarray(values), dtype=dtype, device="cpu")
 
 
-def test_fields_are_those_of_the_tuples():
-    assert set(PlaneInWarp.vars) == {*Plane._fields} - {"refinement"} | {"radius"}
-    assert set(LawInWarp.vars) == {*ContactLaw._fields}
-    assert set(LightInWarp.vars) == {*Light._fields} - {"leds", "receivers"} | {"points"}
-
-
 def test_a_plane_is_read_by_name(kernels):
     plane = distinct(Plane, 1)._replace(
         servo=(101.0, 102.0, 103.0), between_robots=distinct(ContactLaw, 201), at_walls=distinct(ContactLaw, 301)
     )
     out = wp.zeros(len(OF_PLANE), dtype=float, device="cpu")
     wp.launch(kernels.of_plane, 1, [on_cpu(_numbers(plane), float)], [out], device="cpu")
-    expected = [getattr(plane, name) for name in PLAIN] + [*plane.servo, *plane.between_robots, *plane.at_walls]
+    expected = [*(getattr(plane, name) for name in PLAIN), *plane.servo]
     np.testing.assert_array_equal(out.numpy(), expected)
 
 
@@ -82,3 +75,31 @@ def test_light_is_read_by_name(kernels, flags):
     given = [on_cpu(_numbers(light[:-2]), float), on_cpu(np.zeros((8, 2), np.float32), wp.vec2)]
     wp.launch(kernels.of_light, 1, given, [out], device="cpu")
     np.testing.assert_array_equal(out.numpy(), [float(getattr(light, name)) for name in OF_LIGHT])
+
+
+def softer(spec):
+    """Robots of another softness than walls: no number of one law is that of the other."""
+    for geom in spec.geoms:
+        if geom.name.endswith("hull"):
+            geom.solref, geom.solimp = [0.5, 1.3], [0.6, 0.97, 0.3, 0.3, 3.0]
+            geom.solmix = 3.0
+
+
+def test_contact_laws_of_robots_and_walls(small):
+    """Each number of both laws matters: the crowd moves as with the engine for CPUs, and not so with another number."""
+    engines = both_engines(small, tune=softer)
+    rng = np.random.default_rng(1)
+    start = crowd(2, rng)
+    start[1, :, :2] += engines[0].plane.edge - 3 * RD - 1.0
+    start, velocity = rounded(start), rounded(rng.uniform(-1.4, 1.4, start.shape))
+    plain, batch = (moved(engine, placed(engine, start), velocity, 20).bodies.poses for engine in engines)
+    np.testing.assert_allclose(batch, plain, atol=2e-5)
+    plane = engines[1].plane
+    assert not set(plane.between_robots) & set(plane.at_walls)
+    for kind in ("between_robots", "at_walls"):
+        for name in ContactLaw._fields:
+            law = getattr(plane, kind)
+            other = replace(
+                engines[1], plane=plane._replace(**{kind: law._replace(**{name: 0.9 * getattr(law, name)})})
+            )
+            assert np.abs(moved(other, placed(other, start), velocity, 20).bodies.poses - plain).max() > 1e-4, name
