@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, find_lost
-from iswarm_mj.engines.planar.gpu import physics, sight
+from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
 from iswarm_mj.engines.planar.gpu.functions import jax_kernel
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
@@ -77,18 +77,18 @@ class PlanarBatchEngine:
         is_present, plane = bodies.is_present & is_running[:, None], _numbers(self.plane)
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
         grid = n_cells(self.plane.edge, radius, n_robots)
-        place, end, robot, _ = self._kernel(sight.sort_robots, n_threads, 4)(
+        place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(
             bodies.poses,
             is_present,
             plane,
             launch_dims=n_worlds * n_threads,
-            output_dims=sight.cell_places(n_worlds, n_robots, grid, n_threads),
+            output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
         )
         light, points = _numbers(self.light[:-2]), jnp.array([*self.light.leds, *self.light.receivers], jnp.float32)
-        near = self._kernel(sight.look_around, None, 3)(
+        near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, light, points, radius),
             launch_dims=(n_worlds, n_robots),
-            output_dims=sight.near_places(n_worlds, n_robots),
+            output_dims=surroundings.near_places(n_worlds, n_robots),
         )
         sender, valid, led, bearing, distance, sees_wall = self._kernel(sight.find_light, None, 6)(
             *(place, robot, is_present, plane, light, points, *near),

@@ -16,7 +16,7 @@ from iswarm_mj.utils.units import RD
 
 CODE = """
 import warp as wp
-from iswarm_mj.engines.planar.gpu.sight import light_of
+from iswarm_mj.engines.planar.gpu.reception import light_of
 from iswarm_mj.engines.planar.gpu.world import plane_of
 
 @wp.kernel(enable_backward=False)

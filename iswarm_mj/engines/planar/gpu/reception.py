@@ -1,0 +1,89 @@
+"""Light from one robot at another, as `planar.reception`."""
+
+import warp as wp
+
+from iswarm_mj.engines.planar.gpu import functions
+
+_facing_side, _onto_side = functions.light.facing_side, functions.light.onto_side
+_sector_distance, _power_reception = functions.light.sector_distance, functions.light.power_reception
+
+
+@wp.struct
+class Light:
+    """Optics, as `reception.Light`."""
+
+    is_power: bool
+    needs_sight: bool
+    reach: float
+    farthest: float
+    photodiode_tan: float
+    led_tan: float
+    lobe_order: float
+    splay_cos: float
+    splay_sin: float
+    splay_tan: float
+    wall_reach: float
+    optical_offset: float
+    points: wp.array(dtype=wp.vec2)
+    """(8,) the LEDs, then where each side receives light."""
+
+
+@wp.func
+def light_of(values: wp.array(dtype=float), points: wp.array(dtype=wp.vec2)) -> Light:
+    """Optics from the numbers of a `reception.Light`, one after the other."""
+    light = Light()
+    light.is_power = values[0] != 0.0
+    light.needs_sight = values[1] != 0.0
+    light.reach = values[2]
+    light.farthest = values[3]
+    light.photodiode_tan = values[4]
+    light.led_tan = values[5]
+    light.lobe_order = values[6]
+    light.splay_cos = values[7]
+    light.splay_sin = values[8]
+    light.splay_tan = values[9]
+    light.wall_reach = values[10]
+    light.optical_offset = values[11]
+    light.points = points
+    return light
+
+
+@wp.struct
+class Reception:
+    """How a robot gets light from another one."""
+
+    side: int
+    led: int
+    effective: float
+    """Effective distance, infinite without light [mm]."""
+    turn: float
+    """Measured direction, from the side's normal [rad]."""
+
+
+@wp.func
+def receive(p: wp.vec4, q: wp.vec4, dx: float, dy: float, light: Light) -> Reception:
+    """How a robot at p gets light from one at q, (dx, dy) away."""
+    one = Reception()
+    ahead_r, left_r = p[2] * dx + p[3] * dy, p[2] * dy - p[3] * dx
+    ahead_s, left_s = -q[2] * dx - q[3] * dy, q[3] * dx - q[2] * dy
+    one.side = _facing_side(ahead_r, left_r)
+    one.led = _facing_side(ahead_s, left_s)
+    one.turn = 0.0
+    if light.is_power:
+        along_r, across_r = _onto_side(ahead_r, left_r, one.side)
+        along_s, across_s = _onto_side(ahead_s, left_s, one.led)
+        receiver, emitter = light.points[4 + one.side], light.points[one.led]
+        out_r, aside_r = _onto_side(receiver[0], receiver[1], one.side)
+        out_s, aside_s = _onto_side(emitter[0], emitter[1], one.led)
+        turn, effective = _power_reception(
+            along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
+            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach,
+        )  # fmt: skip
+        one.turn = turn
+        one.effective = effective
+    else:  # only sizes count: the side faces along the larger component
+        a, b, c, d = wp.abs(ahead_r), wp.abs(left_r), wp.abs(ahead_s), wp.abs(left_s)
+        one.effective = _sector_distance(
+            wp.max(a, b), wp.min(a, b), wp.max(c, d), wp.min(c, d), light.photodiode_tan, light.led_tan, light.reach
+        )
+    return one

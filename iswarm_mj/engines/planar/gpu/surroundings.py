@@ -1,0 +1,109 @@
+"""Robots near each robot, in many worlds on a GPU."""
+
+from typing import Any
+
+import warp as wp
+
+from iswarm_mj.engines.planar.gpu.block import barrier
+from iswarm_mj.engines.planar.gpu.cells import Cells, around, fill
+from iswarm_mj.engines.planar.gpu.reception import light_of, receive
+from iswarm_mj.engines.planar.gpu.world import heading, plane_of
+
+
+def sort_robots(
+    poses: wp.array2d(dtype=wp.vec3),
+    is_present: wp.array2d(dtype=wp.bool),
+    plane_values: wp.array(dtype=float),
+    place: wp.array2d(dtype=wp.vec4),
+    end: wp.array3d(dtype=int),
+    robot: wp.array2d(dtype=int),
+    total: wp.array2d(dtype=int),
+):
+    """Sort the robots of B worlds into cells, one block each.
+
+    Args:
+        poses: (B, N) x, y [mm] and yaw [rad].
+        is_present: (B, N) the others are in no cell.
+        plane_values: see `world.plane_of`.
+        place: (B, N) output, x, y [mm], cosine and sine of the yaw.
+        end: (B, G, G) output, as the next two: see `cells.Cells`.
+        robot: (B, N) likewise.
+        total: (B, threads) likewise.
+    """
+    world, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
+    for i in range(lane, poses.shape[1], wp.block_dim()):
+        p = poses[world, i]
+        h = heading(p[2])
+        place[world, i] = wp.vec4(p[0], p[1], h[0], h[1])
+    barrier()
+    cells = Cells()
+    cells.end = end[world]
+    cells.robot = robot[world]
+    cells.total = total[world]
+    cells.edge = plane_of(plane_values).edge
+    fill(cells, place[world], is_present[world], lane)
+
+
+def look_around(
+    place: wp.array2d(dtype=wp.vec4),
+    end: wp.array3d(dtype=int),
+    robot: wp.array2d(dtype=int),
+    emits: wp.array2d(dtype=wp.bool),
+    is_present: wp.array2d(dtype=wp.bool),
+    plane_values: wp.array(dtype=float),
+    light_values: wp.array(dtype=float),
+    points: wp.array(dtype=wp.vec2),
+    within: float,
+    n_near: wp.array2d(dtype=int),
+    near: wp.array3d(dtype=int),
+    effective: wp.array3d(dtype=float),
+):
+    """List the robots near each robot, and how it gets their light, one thread for each robot.
+
+    Args:
+        place: (B, N) of `sort_robots`.
+        end: (B, G, G) likewise.
+        robot: (B, N) likewise.
+        emits: (B, N) which robots send light.
+        is_present: (B, N) the others neither send nor receive nor block light.
+        plane_values: see `world.plane_of`.
+        light_values: see `light_of`.
+        points: (8,) the LEDs, then where each side receives light [mm].
+        within: distance of the robots that are listed [mm].
+        n_near: (B, N) output, length of the list of each place in `robot`.
+        near: (B, N, N) output, of each entry and place: four times the robot's index, plus the side that it faces.
+        effective: (B, N, N) output, effective distance, infinite without light [mm].
+    """
+    world, slot = wp.tid()
+    i, n = robot[world, slot], int(0)  # threads side by side have robots side by side, with as much to do
+    if is_present[world, i]:
+        light, p = light_of(light_values, points), place[world, i]
+        cells = Cells()
+        cells.end = end[world]
+        cells.edge = plane_of(plane_values).edge
+        for up in range(-1, 2):
+            span = around(p, cells, up)
+            for at in range(span[0], span[1]):
+                j = robot[world, at]
+                q = place[world, j]
+                dx, dy = q[0] - p[0], q[1] - p[1]
+                squared = dx * dx + dy * dy
+                if j != i and squared <= within * within:
+                    one = receive(p, q, dx, dy, light)
+                    is_lit = emits[world, j] and squared <= light.farthest * light.farthest
+                    near[world, n, slot] = 4 * j + one.side
+                    effective[world, n, slot] = wp.where(is_lit, one.effective, wp.inf)
+                    n += 1
+    n_near[world, slot] = n
+
+
+def cell_places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> dict[str, Any]:
+    """Sizes of the outputs of `sort_robots`."""
+    robots = n_worlds, n_robots
+    return {"place": robots, "end": (n_worlds, n_cells, n_cells), "robot": robots, "total": (n_worlds, n_threads + 1)}
+
+
+def near_places(n_worlds: int, n_robots: int) -> dict[str, Any]:
+    """Sizes of the outputs of `look_around`."""
+    pairs = n_worlds, max(1, n_robots - 1), n_robots
+    return {"n_near": (n_worlds, n_robots), "near": pairs, "effective": pairs}
