@@ -10,6 +10,7 @@ from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.initial import place_robots
 from iswarm_mj.simulation.run import Run
@@ -22,17 +23,35 @@ CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, d
 EDGE = 7.5 * 2 * np.sqrt(2)
 
 
+BOTH = pytest.mark.parametrize("impl", ["numba", "warp"])
+ROUNDING = 1e-3
+"""What positions may differ more with 32-bit floats, a twentieth of what is allowed to MJX [mm]."""
+
+
 @cache
-def engines(n_worlds, n_robots, config=CONFIG):
+def engines(n_worlds, n_robots, config=CONFIG, impl="numba"):
     """MuJoCo in C and the planar engine."""
     arena = compile_arena(config, n_robots, np.zeros(0))
-    return MujocoEngine(config, arena, n_worlds, 1, n_robots), PlanarEngine(config, arena, 1)
+    planar = PlanarEngine(config, arena, 1) if impl == "numba" else read_engine(arena, config.optics, "cpu")
+    return MujocoEngine(config, arena, n_worlds, 1, n_robots), planar
 
 
-def both_placed(poses):
+def both_placed(poses, impl="numba"):
     """Engines and bodies of robots at rest at (B, N, 3)."""
     present = np.ones(poses.shape[:2], bool)
-    return [(engine, engine.place(poses, present)) for engine in engines(*poses.shape[:2])]
+    return [(engine, engine.place(poses, present)) for engine in engines(*poses.shape[:2], impl=impl)]
+
+
+def assert_same_ends(here, in_c, tolerance, impl):
+    """Of robots at (B, N, 3); with 32-bit floats all but 1 %, whose contacts begin or not by less than their rounding.
+
+    Such pairs part from MuJoCo's by 0.1 mm with 64-bit floats, too, if they start 1e-6 mm from there.
+    """
+    off = np.abs(here.bodies.poses - in_c.bodies.poses).max(axis=-1)
+    if impl == "numba":
+        assert off.max() <= tolerance
+    else:
+        assert np.mean(off <= tolerance + ROUNDING) >= 0.99 and off.max() < 0.2
 
 
 def both_move(pairs, phases):
@@ -70,16 +89,17 @@ def commands(rng, shape):
     return Command(rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, np.sqrt(2), shape))
 
 
-def test_crowds_end_their_control_steps_where_mujoco_ends():
+@BOTH
+def test_crowds_end_their_control_steps_where_mujoco_ends(impl):
     """States that MuJoCo reaches in eight control steps, and one more by both engines, from rest."""
     rng = np.random.default_rng(1)
     poses = np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(6)])
     n_touching = 0
     for _ in range(9):
         phases = drive_phases(CONFIG.drive, commands(rng, poses.shape[:2]))
-        in_c, here = both_move(both_placed(poses), phases)
-        assert not in_c.fault.any() and not here.fault.any()
-        np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, atol=2e-5)
+        in_c, here = both_move(both_placed(poses, impl), phases)
+        assert not in_c.fault.any() and not np.any(here.fault)
+        assert_same_ends(here, in_c, 2e-5, impl)
         np.testing.assert_array_equal(here.touching, in_c.touching)
         n_touching += here.touching.sum()
         poses = in_c.bodies.poses
@@ -97,15 +117,16 @@ def test_crowds_stay_together_over_control_steps():
     np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
 
 
-def test_jams_end_where_mujoco_ends():
+@BOTH
+def test_jams_end_where_mujoco_ends(impl):
     """All robots walk to the centre and press upon each other there."""
     rng = np.random.default_rng(3)
     poses = place_robots(CONFIG.arena, 60, rng)[None]
-    inward = Phase(10, lambda poses: -poses * [1, 1, 0] / np.maximum(np.hypot(*poses[..., :2].T).T[..., None], 0.5))
+    inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
     for step in range(25):
-        in_c, here = both_move(both_placed(poses), [inward])
+        in_c, here = both_move(both_placed(poses, impl), [inward])
         if step >= 15:
-            np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, atol=1e-4)
+            assert_same_ends(here, in_c, 1e-4, impl)
             np.testing.assert_array_equal(here.touching, in_c.touching)
         poses = in_c.bodies.poses
     assert here.touching.sum() > 90
@@ -123,9 +144,10 @@ def test_runs_begin_alike(small):
     assert in_c.collisions.sum() > 10
 
 
+@BOTH
 @pytest.mark.parametrize("density", [0.2, 0.5, 0.8])
 @pytest.mark.parametrize("mode", ["sector", "power"])
-def test_links_and_walls_are_those_of_mujoco(mode, density):
+def test_links_and_walls_are_those_of_mujoco(mode, density, impl):
     rng = np.random.default_rng(4)
     config = SwarmConfig(arena=CONFIG.arena, optics=OpticsConfig(mode=mode))
     poses = np.stack([bricks(rng, density) for _ in range(4)])
@@ -133,10 +155,14 @@ def test_links_and_walls_are_those_of_mujoco(mode, density):
     inside = np.abs(poses[..., :2]).max(axis=-1) < EDGE - 1
     emits, running = rng.random(inside.shape) < 0.9, np.ones(4, bool)
     in_c, here = (
-        engine.sense(engine.place(poses, inside), emits, running) for engine in engines(*inside.shape, config)
+        engine.sense(engine.place(poses, inside), emits, running) for engine in engines(*inside.shape, config, impl)
     )
     np.testing.assert_array_equal(here.links.valid, in_c.links.valid)
     for values, expected in zip(here.links, in_c.links, strict=True):
-        np.testing.assert_array_equal(values[in_c.links.valid], expected[in_c.links.valid])
+        values, expected = np.asarray(values)[in_c.links.valid], expected[in_c.links.valid]
+        if impl == "numba" or expected.dtype != np.float32:
+            np.testing.assert_array_equal(values, expected)
+        else:
+            np.testing.assert_allclose(values, expected, atol=2e-5)
     np.testing.assert_array_equal(here.sees_wall, in_c.sees_wall)
     assert in_c.links.valid.sum() > 100 and in_c.sees_wall.sum() > 10

@@ -1,6 +1,8 @@
 """The command `iswarm`: what it accepts, what it refuses and how, and how fast it answers."""
 
+import importlib.util
 import json
+import os
 import re
 import subprocess
 import sys
@@ -13,6 +15,8 @@ from helpers_rrd import read
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands import main as cli
+from iswarm_mj.commands import swarm_options
+from iswarm_mj.commands.swarm_options import Swarm
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.simulation import worlds as simulation_worlds
@@ -161,19 +165,35 @@ class TestRefusals:
 
     @pytest.mark.parametrize("command", ["clean", "bench"])
     @pytest.mark.parametrize(
-        "flag",
+        ("flag", "engine", "says"),
         [
-            "--impl warp",
-            "--solver-iterations 20",
-            "--contact-capacity 2",
-            "--devices 1",
-            "--hosts",
-            "--hosts-timeout 9",
+            ("--solver-iterations 20", "mujoco", "--engine must be mjx with --solver-iterations (got 'mujoco')"),
+            ("--contact-capacity 2", "planar", "--engine must be mjx with --contact-capacity (got 'planar')"),
+            *(
+                (flag, engine, f"--engine must be mjx, or planar with --impl warp, with {name} (got '{engine}')")
+                for flag, name in (
+                    ("--devices 1", "--devices"),
+                    ("--hosts", "--hosts"),
+                    ("--hosts-timeout 9", "--hosts-timeout"),
+                )
+                for engine in ("mujoco", "planar")
+            ),
+            ("--impl warp", "mujoco", "--impl must be left out with --engine mujoco (got 'warp')"),
+            ("--impl jax", "planar", "--impl must be numba or warp with --engine planar (got 'jax')"),
+            ("--impl numba", "mjx", "--impl must be jax or warp with --engine mjx (got 'numba')"),
+            ("--impl numba --devices 1", "planar", "--engine must be mjx, or planar with --impl warp, with --devices"),
         ],
     )
-    def test_flags_of_mjx_without_it(self, capfd, here, command, flag):
-        error = refused(capfd, here, command, *SMALL, *flag.split())
-        assert error.startswith(f"iswarm: --engine must be mjx with {flag.split()[0]} (got 'mujoco')")
+    def test_flags_of_other_engines(self, capfd, here, command, flag, engine, says):
+        error = refused(capfd, here, command, *SMALL, "--engine", engine, *flag.split())
+        assert error.startswith(f"iswarm: {says}")
+
+    @pytest.mark.parametrize("engine", ["planar", "mjx"])
+    def test_warp_that_is_not_installed(self, capfd, here, monkeypatch, engine):
+        found = importlib.util.find_spec
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "warp" else found(name, *a))
+        error = refused(capfd, here, "clean", *SMALL, "--engine", engine, "--impl", "warp")
+        assert error == "iswarm: --impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.\n"
 
     def test_the_flag_of_planar_without_it(self, capfd, here):
         error = refused(capfd, here, "clean", *SMALL, "--refinement", "2")
@@ -330,6 +350,36 @@ def test_bench_prints_one_line(capfd, here):
     stages = sum(content[f"{stage}_ms"] for stage in ("sense", "policy", "physics"))
     assert 0 < stages < 2 * content["ms_per_step"]
     assert list(here.iterdir()) == []
+
+
+class TestPlanarInBatches:
+    FLAGS = ("--engine", "planar", "--impl", "warp", "--worlds", 2)
+
+    def test_clean(self, capfd):
+        assert code_of("clean", *SMALL, *self.FLAGS, "--steps", 20, "--seed", 3) == 0
+        content = result()
+        assert (content["engine"], content["impl"], content["refinement"]) == ("planar", "warp", 10)
+        assert content["steps"] == 20 and min(content["collisions"]) > 0 and content["faults"] == []
+        assert "30 in 2 world(s), seed 3" in capfd.readouterr().out
+        with np.load("runs/clean/trajectory.npz") as file:
+            assert len(file["step"]) == 21 and np.isfinite(file["pose"]).all()
+
+    def test_bench_prints_one_line_alone_while_kernels_are_compiled(self, here):
+        flags = [*self.FLAGS, "--refinement=2", "--steps=2", "--warm-up=1"]
+        command = [sys.executable, "-m", "iswarm_mj", "bench", *SMALL, *map(str, flags)]
+        env = os.environ | {"WARP_CACHE_PATH": str(here / "cache")}
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
+        content = json.loads(done.stdout)
+        assert done.stdout.count("\n") == 1 and any((here / "cache").iterdir())
+        assert (content["engine"], content["impl"], content["refinement"]) == ("planar", "warp", 2)
+        assert len(content["devices"]) == 1 and content["n_worlds"] == 2
+
+    @pytest.mark.parametrize(("has_gpu", "impl"), [(True, "warp"), (False, "numba")])
+    def test_is_the_default_where_there_is_a_gpu(self, monkeypatch, has_gpu, impl):
+        monkeypatch.setattr(swarm_options, "can_use_warp", lambda: has_gpu)
+        assert Swarm(engine="planar").implementation == impl
+        assert Swarm(engine="planar", impl="numba").implementation == "numba"
+        assert Swarm(engine="mujoco").implementation is None and Swarm(engine="mjx").implementation == "jax"
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,12 @@ from types import SimpleNamespace
 import jax
 import pytest
 
-from iswarm_mj.experiments.runner import batches, worker
+from iswarm_mj.experiments.runner import batches, pool, worker
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
 from iswarm_mj.simulation.metrics import Measures
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
@@ -372,6 +374,33 @@ class TestMjx:
         tried[0].needed = 0
         found = outcomes_of([Job(small, Genome(), n_robots, 0) for n_robots in sizes], MJX)
         assert [outcome.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
+
+
+class TestPlanarInBatches:
+    def test_where_there_is_a_gpu(self, monkeypatch):
+        with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")
+        assert not with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10}
+        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        assert with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10, "impl": "warp"}
+        assert not spread.in_batches and spread.on_cpu == PlanarSettings(1)
+        assert not Execution().in_batches
+
+    def test_jobs_end_as_alone(self, small, monkeypatch):
+        """Jobs of two lengths and of different numbers of robots, some of them dead, as two batches."""
+        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        given = [(12, 1, 20, 0.0), (10, 2, 20, 0.5), (12, 3, 10, 0.0)]
+        jobs = [Job(small, Genome(), n, seed, steps=steps, failed_fraction=dead) for n, seed, steps, dead in given]
+        begun = []
+
+        def run(*arguments, **parts):
+            begun.append(len(parts["worlds"]))
+            return Run(*arguments, **parts)
+
+        monkeypatch.setattr(batches, "Run", run)
+        batched = outcomes_of(jobs, Execution("planar"))
+        assert begun == [2, 1]
+        assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
+        assert sum(o.picked for o in batched) > 3
 
 
 @pytest.mark.slow
