@@ -28,6 +28,7 @@ CHECKED = [
         "engines.mjx.sight",
         "engines.mujoco.engine",
         "engines.mujoco.sight",
+        "engines.planar.batch_engine",
         "engines.planar.engine",
         "simulation.decide",
         "simulation.initial",

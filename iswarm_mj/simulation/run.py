@@ -29,8 +29,8 @@ from iswarm_mj.utils.profiling import Stopwatch
 class Run:
     """B worlds that advance together until each is finished or faulty, or the time is up.
 
-    A fault ends its world alone, and `faults` names it. Only Warp's contact buffers are shared: if they are full, all
-    worlds of the device end.
+    A fault ends its world alone, and `faults` names it. Only the contact buffers of MJX with Warp are shared: if
+    they are full, all worlds of the device end.
 
     Attributes:
         config: what all worlds share.
@@ -136,7 +136,7 @@ class Run:
         return self._counts.is_finished | (self._counts.fault.bits != 0)
 
     def advance(self) -> StepRecord | None:
-        """Take the next control steps: one on the host, a chunk with MJX.
+        """Take the next control steps: one on the host, a chunk in compiled programs.
 
         Returns:
             Record of the T steps of the W recorded worlds, NumPy arrays (T, W, ...); None if no world is recorded.

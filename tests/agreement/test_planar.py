@@ -43,7 +43,7 @@ def both_placed(poses, impl="numba"):
 
 
 def assert_same_ends(here, in_c, tolerance, impl):
-    """Of robots at (B, N, 3); with 32-bit floats all but 1 %, whose contacts begin or not by less than their rounding.
+    """Of robots at (B, N, 3); with 32-bit floats all but 1 %, at whose contacts rounding decides between branches.
 
     Such pairs part from MuJoCo's by 0.1 mm with 64-bit floats, too, if they start 1e-6 mm from there.
     """
