@@ -42,8 +42,15 @@ def first_step(record):
 
 
 def engine_of(run):
-    """The engine on which a run's worlds are."""
-    return run._loop._engine._engine
+    """The engine of the first world, and of those of the same share."""
+    return place_of(run, 0)[0]
+
+
+def place_of(run, world):
+    """The engine of a world on the host, and the world's place in it."""
+    parts, shares = run._loop._parts, run._loop._shares
+    share = next(index for index, part in enumerate(parts) if part.start <= world < part.stop)
+    return shares[share].engine._engine, world - parts[share].start
 
 
 def poses_of(run):
@@ -79,12 +86,12 @@ def check_balls(run, record):
 
 def spoil(run, step, world, robot, value=1e3):
     """Put a robot of a world at x = `value` in the middle of a control step, counted from 1."""
-    engine, steps = engine_of(run), iter(range(1, 10**6))
+    (engine, place), steps = place_of(run, world), iter(range(1, 10**6))
     move = engine.move
 
     def move_and_spoil(*arguments):
         if next(steps) == step:
-            engine._qpos[world, engine._arena.qpos[robot, 0]] = value
+            engine._qpos[place, engine._arena.qpos[robot, 0]] = value
         return move(*arguments)
 
     engine.move = move_and_spoil

@@ -12,8 +12,8 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine
-from iswarm_mj.simulation.decide import Situation, decide
-from iswarm_mj.simulation.loop import Counts, decide_worlds
+from iswarm_mj.simulation.decide import Situation, decide, decide_worlds
+from iswarm_mj.simulation.loop import Counts
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step, drive_phases, limited
 from iswarm_mj.utils.jax_setup import without_shardy

@@ -1,5 +1,6 @@
 """What the robots of one world decide in a control step: communicate, grip, observe, act. Pure JAX."""
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -92,6 +93,16 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     decided = SwarmState(memory, balls, is_alive)
     kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
     return Decision(kept, command, said.priority & is_alive)
+
+
+@partial(jax.jit, static_argnames=("config", "robot"))
+def decide_worlds(
+    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation
+) -> Decision:
+    """`decide` for B worlds at once, all at the same step."""
+    of_one = partial(decide, config, robot)
+    steps = jnp.broadcast_to(situation.step, situation.is_running.shape)
+    return jax.vmap(of_one)(params, swarm, situation._replace(step=steps))
 
 
 def _grip(

@@ -1,21 +1,22 @@
 """How control steps follow each other: what a run needs of it, and the loop on the host."""
 
-from collections.abc import Sequence
-from functools import partial
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+import os
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
-from iswarm_mj.simulation.decide import Decision, Situation, decide
-from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.step import Stepper, control_step
-from iswarm_mj.utils.arrays import Array
+from iswarm_mj.engines.base import Engine
+from iswarm_mj.simulation.share import Share, is_key, rows, shares_of
+from iswarm_mj.simulation.state import Fault, StepRecord, WorldParams, WorldState
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import Robot
+
+Tree = TypeVar("Tree")
 
 
 class Counts(NamedTuple):
@@ -63,73 +64,101 @@ class Loop(Protocol):
 
 
 class HostLoop:
-    """Control steps one by one, with an engine that acts on B worlds at once; the robots' decisions are compiled."""
+    """Control steps one by one: threads carry shares of the worlds through a step, and meet at its end."""
 
-    def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
-        self._engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
+    def __init__(
+        self,
+        make_engine: Callable[[int, int], Engine],
+        config: SwarmConfig,
+        params: WorldParams,
+        start: tuple[np.ndarray, WorldState],
+        n_threads: int,
+        watch: Stopwatch,
+    ):
+        """Place the worlds.
+
+        Args:
+            make_engine: makes an engine for a number of worlds and of threads.
+            config: what all worlds share.
+            params: of B worlds.
+            start: poses (B, N, 3) x, y [mm] and yaw [rad], and the state but for the bodies.
+            n_threads: threads, 0 for one a core.
+            watch: takes the times of the stages.
+        """
+        n_threads = n_threads or len(os.sched_getaffinity(0))
         self.devices: list[Any] = []
-        cpu = jax.devices("cpu")[0]
-        self._goal, self._is_present = params.goal, params.is_present
-        self._params: WorldParams = jax.device_put(params, cpu)
-        self._state = state._replace(swarm=jax.device_put(state.swarm, cpu))
+        self._watch, self._parts = watch, shares_of(len(params.goal))
+        self._n_workers = min(n_threads, len(self._parts))
+        self._pool = ThreadPoolExecutor(self._n_workers - 1) if self._n_workers > 1 else None
+        self._shares: list[Share] = []
+        self._is_compiled = False
+        for part in self._parts:
+            own, (poses, state) = rows(params, part), rows(start, part)
+            engine = make_engine(len(poses), n_threads // self._n_workers)
+            state = state._replace(bodies=engine.place(poses, own.is_present))
+            self._shares.append(Share(engine, config, own, state, watch))
 
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
         """Take one control step, see `Loop.advance`."""
-        params = self._params._replace(goal=self._goal, is_present=self._is_present)
-        stepper = Stepper(self._engine, self._config, self._decide, bool(recorded))
-        self._state, record = control_step(stepper, params, self._state, np.int32(first), np.int32(last))
-        if record is None:
+        of_share = [[world for world in recorded if part.start <= world < part.stop] for part in self._parts]
+        found: list[StepRecord | None] = [None] * len(self._shares)
+
+        def advance(index: int) -> None:
+            part = self._parts[index]
+            found[index] = self._shares[index].advance(first, last, [w - part.start for w in of_share[index]])
+
+        self._each(advance)
+        if not recorded:
             return 1, None
-        rows = list(recorded)
-        return 1, jax.tree.map(lambda a: np.asarray(a)[rows][None], record)
+        order = [world for worlds in of_share for world in worlds]
+        places = [order.index(world) for world in recorded]
+        record = _joined([record for record in found if record is not None])
+        return 1, jax.tree.map(lambda a: a[places][None], record)
 
     def counts(self) -> Counts:
         """See `Loop.counts`."""
-        s = self._state
-        found = Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault)
-        return jax.tree.map(np.asarray, found)
+        states = [share.state for share in self._shares]
+        return _joined([Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault) for s in states])
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
-        return self._params, self._state._replace(swarm=jax.tree.map(np.asarray, self._state.swarm))
+        params, state = _joined([(share.params, share.state) for share in self._shares])
+        return params, state
 
     def stage_times(self) -> dict[str, float]:
-        """See `Loop.stage_times`; of all steps so far."""
-        laps = self._watch.laps
-        return {stage: float(np.median(laps[stage])) for stage in ("sense", "policy", "physics") if laps[stage]}
+        """See `Loop.stage_times`; of all steps so far, by the clock if all threads have as much to do."""
+        laps, turns = self._watch.laps, len(self._shares) / self._n_workers
+        return {stage: turns * float(np.median(laps[stage])) for stage in ("sense", "policy", "physics") if laps[stage]}
 
-    def _decide(self, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
-        with self._watch("policy"):
-            situation = situation._replace(poses=situation.poses.astype(np.float32))
-            decision = decide_worlds(self._config, self._engine.robot, self._params, swarm, situation)
-            command, has_priority = jax.tree.map(np.asarray, (decision.command, decision.has_priority))
-        return Decision(decision.swarm, command, has_priority)
+    def _each(self, work: Callable[[int], None]) -> None:
+        """Do something for each share, by its index, in as many threads as there are."""
+        left = deque(range(len(self._shares)))
+
+        def go_on() -> None:
+            while left:
+                try:
+                    index = left.popleft()
+                except IndexError:  # another thread took the last one
+                    return
+                work(index)
+
+        others = []
+        if self._pool is not None and self._is_compiled:  # else several threads would compile one program
+            others = [self._pool.submit(go_on) for _ in range(self._n_workers - 1)]
+        try:
+            go_on()
+        finally:
+            for other in others:
+                other.result()
+        self._is_compiled = True
 
 
-@partial(jax.jit, static_argnames=("config", "robot"))
-def decide_worlds(
-    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation
-) -> Decision:
-    """`decide` for B worlds at once, all at the same step."""
-    of_one = partial(decide, config, robot)
-    steps = jnp.broadcast_to(situation.step, situation.is_running.shape)
-    return jax.vmap(of_one)(params, swarm, situation._replace(step=steps))
+def _joined(parts: Sequence[Tree]) -> Tree:
+    """Of shares of worlds one after the other, as NumPy arrays but for random keys."""
 
+    def join(*values: Any) -> Any:
+        if is_key(values[0]):
+            return jnp.concatenate(values)
+        return np.asarray(values[0]) if len(values) == 1 else np.concatenate(values)
 
-class TimedEngine:
-    """An engine on the host, with the time that it takes."""
-
-    def __init__(self, engine: Engine, watch: Stopwatch):
-        self._engine, self._watch = engine, watch
-        self.place, self.poses = engine.place, engine.poses
-        self.robot = engine.robot
-
-    def sense(self, bodies: Any, emits: Array, is_running: Array) -> Sight:
-        """See `Engine.sense`."""
-        with self._watch("sense"):
-            return self._engine.sense(bodies, emits, is_running)
-
-    def move(self, bodies: Any, phases: Sequence[Phase], is_running: Array) -> Motion:
-        """See `Engine.move`."""
-        with self._watch("physics"):
-            return self._engine.move(bodies, phases, is_running)
+    return jax.tree.map(join, *parts)

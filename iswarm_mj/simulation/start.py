@@ -11,7 +11,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel, compile_arena, read_robot
-from iswarm_mj.engines.base import CompiledEngine
+from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
@@ -70,9 +70,11 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     match plan.engine:
         case MujocoSettings(threads):
             arena = compile_arena(config, n_robots, np.zeros(0), robot_file=plan.robot_file)
-            engine = MujocoEngine(config, arena, len(worlds), threads, capacity)
-            state = state._replace(bodies=engine.place(poses, params.is_present))
-            return HostLoop(engine, config, params, state, watch), start
+
+            def in_c(n_worlds: int, n_threads: int) -> Engine:
+                return MujocoEngine(config, arena, n_worlds, n_threads, capacity)
+
+            return HostLoop(in_c, config, params, (poses, state), threads, watch), start
         case PlanarSettings() as planar:
             one = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file, refinement=planar.refinement)
             if planar.impl == "warp":  # one robot stands for all, here and below
@@ -80,9 +82,11 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
                 engine = _batch_engine(one, config, devices[0].platform)
                 state = state._replace(bodies=engine.place(poses, params.is_present))
                 return CompiledLoop(engine, config, params, state, planar.chunk, devices), start
-            engine = PlanarEngine(config, one, planar.threads)
-            state = state._replace(bodies=engine.place(poses, params.is_present))
-            return HostLoop(engine, config, params, state, watch), start
+
+            def in_plane(n_worlds: int, n_threads: int) -> Engine:
+                return PlanarEngine(config, one, n_threads)
+
+            return HostLoop(in_plane, config, params, (poses, state), planar.threads, watch), start
         case MjxSettings() as mjx:
             # Here, since importing MJX takes seconds, which the other engines need not wait for.
             from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity

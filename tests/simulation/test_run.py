@@ -8,14 +8,13 @@ import numpy as np
 import platformdirs
 import pytest
 from helpers_mjx import compilations
-from helpers_runs import N, check_balls, end_of, engine_of, first_step, poses_of, records, run_of
+from helpers_runs import N, check_balls, end_of, engine_of, first_step, place_of, poses_of, records, run_of
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.decide import Situation
-from iswarm_mj.simulation.loop import decide_worlds
+from iswarm_mj.simulation.decide import Situation, decide_worlds
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -290,7 +289,7 @@ KEEP_FROM = "jax_persistent_cache_min_compile_time_secs"
 def test_the_noise_of_two_steps_differs(small):
     run = run_of(small, steps=3)
     run.advance()
-    params, state, running = run._loop._params, run._loop._state, np.ones(1, bool)
+    (params, state), running = run.arrays(), np.ones(1, bool)
     sight = engine_of(run).sense(state.bodies, state.swarm.is_alive, running)
     poses = state.bodies.poses.astype(np.float32)
 
@@ -307,10 +306,11 @@ def test_the_noise_of_two_steps_differs(small):
 
 def test_overlaps_stay_shallow_in_a_crowd(small):
     run = run_of(small, n_robots=CROWD, n_worlds=3, steps=15)
-    engine, deepest = engine_of(run), 0.0
+    deepest = 0.0
     for _ in records(run):
         for world in range(3):
-            contact = engine._batch.get_data(world, engine._scratch).contact
+            engine, place = place_of(run, world)
+            contact = engine._batch.get_data(place, engine._scratch).contact
             deepest = max(deepest, -contact.dist.min(initial=0.0))
     assert 0.05 < deepest < 0.75  # one step's approach of two robots at full speed is 0.47 mm
 

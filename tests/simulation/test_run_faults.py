@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_runs import N, end_of, engine_of, poses_of, records, run_of, scripted
+from helpers_runs import N, end_of, place_of, poses_of, records, run_of, scripted
 
 from iswarm_mj.engines.base import find_lost
 from iswarm_mj.simulation.worlds import World
@@ -60,8 +60,8 @@ class TestFaults:
         run = run_of(small, n_worlds=3, steps=5, stop_at=self.GOAL)
         run.advance()
         run.advance()
-        engine = engine_of(run)
-        engine._qpos[2, engine._arena.qpos[[4, 7], column]] = value
+        engine, place = place_of(run, 2)
+        engine._qpos[place, engine._arena.qpos[[4, 7], column]] = value
         return run
 
     def check_others(self, run, others, small):

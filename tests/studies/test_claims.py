@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_runs import engine_of
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.simulation.initial import robots_for
@@ -81,7 +82,7 @@ def test_wrong_messages_that_pass_the_parity_slow_the_swarm_down(evolved):
 def test_contacts_of_a_whole_run():
     """How deep robots run into each other, and how many collisions two readings in ten physics steps find."""
     run = Run(PAPER, PRESETS["type1"], RunSettings(280, 160, seed=1), MujocoSettings(threads=1))
-    engine = run._loop._engine._engine
+    engine = engine_of(run)
     step, depths, every = engine._step, [], 0
     touched, before = np.zeros((2, 1, 280, 280), bool)
 

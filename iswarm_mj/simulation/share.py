@@ -1,0 +1,100 @@
+"""A share of a run's worlds on the host: one thread carries it through a control step, from light to counts."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
+from iswarm_mj.simulation.decide import Decision, Situation, decide_worlds
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.step import Stepper, control_step
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.profiling import Stopwatch
+
+WORLDS = 4
+"""Of a share at most: with fewer, the time that each call of a program takes, whatever the number of worlds, shows."""
+
+
+def shares_of(n_worlds: int) -> list[slice]:
+    """Worlds of each share, as equal in number as possible, and of two shares at least where there are two worlds.
+
+    They do not depend on the number of threads, since programs for other numbers of worlds may round otherwise.
+    """
+    n_shares = max(-(-n_worlds // WORLDS), min(n_worlds, 2))
+    edges = [n_worlds * share // n_shares for share in range(n_shares + 1)]
+    return [slice(first, last) for first, last in pairwise(edges)]
+
+
+class Share:
+    """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled."""
+
+    def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
+        cpu = jax.devices("cpu")[0]
+        self.engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
+        self._goal, self._is_present = params.goal, params.is_present
+        self.params: WorldParams = jax.device_put(params, cpu)
+        self.state = state._replace(swarm=jax.device_put(state.swarm, cpu))
+
+    def advance(self, step: int, last: int, recorded: Sequence[int]) -> StepRecord | None:
+        """Take a control step.
+
+        Args:
+            step: its number, from 0.
+            last: number of steps of the run.
+            recorded: W worlds, counted from the first of the share.
+
+        Returns:
+            Their record (W, ...) as NumPy arrays; None where no world is recorded.
+        """
+        params = self.params._replace(goal=self._goal, is_present=self._is_present)
+        stepper = Stepper(self.engine, self._config, self._decide, bool(recorded))
+        self.state, record = control_step(stepper, params, self.state, np.int32(step), np.int32(last))
+        return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], record)
+
+    def _decide(self, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
+        with self._watch("policy"):
+            situation = situation._replace(poses=situation.poses.astype(np.float32))
+            decision = decide_worlds(self._config, self.engine.robot, self.params, swarm, situation)
+            command, has_priority = jax.tree.map(np.asarray, (decision.command, decision.has_priority))
+        return Decision(decision.swarm, command, has_priority)
+
+
+def rows(tree: Any, worlds: slice) -> Any:
+    """Those of some worlds, as NumPy arrays but for random keys; JAX would compile a program for each shape."""
+
+    def of(values: Array) -> Array:
+        if is_key(values):
+            data = jnp.asarray(np.asarray(jax.random.key_data(values))[worlds])
+            return jax.random.wrap_key_data(data, impl=jax.random.key_impl(values))
+        return np.asarray(values)[worlds]
+
+    return jax.tree.map(of, tree)
+
+
+def is_key(values: Array) -> bool:
+    """Whether an array holds random keys, which are no numbers."""
+    return isinstance(values, jax.Array) and jnp.issubdtype(values.dtype, jax.dtypes.prng_key)
+
+
+class TimedEngine:
+    """An engine on the host, with the time that it takes."""
+
+    def __init__(self, engine: Engine, watch: Stopwatch):
+        self._engine, self._watch = engine, watch
+        self.place, self.poses = engine.place, engine.poses
+        self.robot = engine.robot
+
+    def sense(self, bodies: Any, emits: Array, is_running: Array) -> Sight:
+        """See `Engine.sense`."""
+        with self._watch("sense"):
+            return self._engine.sense(bodies, emits, is_running)
+
+    def move(self, bodies: Any, phases: Sequence[Phase], is_running: Array) -> Motion:
+        """See `Engine.move`."""
+        with self._watch("physics"):
+            return self._engine.move(bodies, phases, is_running)

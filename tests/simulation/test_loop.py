@@ -1,0 +1,82 @@
+"""The loop on the host: shares of the worlds, and as many threads as there are."""
+
+import threading
+
+import jax
+import numpy as np
+import pytest
+from helpers_runs import N, end_of, poses_of
+
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.share import WORLDS, Share, shares_of
+from iswarm_mj.strategy.genome import PRESETS
+
+
+def run_in(config, engine, n_worlds=9, steps=20, record_worlds=()):
+    settings = RunSettings(N, steps, n_worlds=n_worlds, record_worlds=record_worlds)
+    return Run(config, PRESETS["type1"], settings, engine)
+
+
+class TestShares:
+    @pytest.mark.parametrize("n_worlds", range(1, 70))
+    def test_have_each_world_once_and_hardly_differ_in_size(self, n_worlds):
+        sizes = [part.stop - part.start for part in shares_of(n_worlds)]
+        assert [w for part in shares_of(n_worlds) for w in range(n_worlds)[part]] == list(range(n_worlds))
+        assert max(sizes) <= WORLDS and max(sizes) - min(sizes) <= 1
+        assert len(sizes) >= min(n_worlds, 2)
+
+    def test_two_threads_take_as_many_of_eight_worlds(self):
+        assert shares_of(8) == [slice(0, 4), slice(4, 8)]
+
+
+@pytest.mark.parametrize("settings", [MujocoSettings, PlanarSettings])
+def test_threads_do_not_matter(small, settings):
+    """Not in the last bit; nine worlds are three shares, so one of two threads takes two of them."""
+    one, *others = (run_in(small, settings(threads)) for threads in (1, 2, 3, 7))
+    poses, measures = end_of(one)
+    assert np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
+    for other in others:
+        np.testing.assert_array_equal(end_of(other)[0], poses)
+        assert [other.measures(w) for w in range(9)] == measures
+        jax.tree.map(np.testing.assert_array_equal, other.arrays()[1], one.arrays()[1])
+
+
+def test_records_are_of_the_worlds_asked_for(small):
+    """In their order, whatever shares they are in."""
+    picked = (7, 0, 4, 3)
+    everything, some = (run_in(small, PlanarSettings(2), 8, 5, rows) for rows in (tuple(range(8)), picked))
+    while not some.is_over:
+        every, found = everything.advance(), some.advance()
+        jax.tree.map(lambda all_, of: np.testing.assert_array_equal(all_[:, list(picked)], of), every, found)
+    np.testing.assert_array_equal(found.poses[-1], poses_of(some)[list(picked)])
+
+
+def test_two_threads_work_at_a_time(small, monkeypatch):
+    """Each of two shares waits for the other one, which would be for ever on one thread."""
+    run, advance = run_in(small, PlanarSettings(2), 8), Share.advance
+    run.advance()  # compiles, one share after the other
+    meeting = threading.Barrier(2, timeout=60)
+
+    def meet(*arguments):
+        meeting.wait()
+        return advance(*arguments)
+
+    monkeypatch.setattr(Share, "advance", meet)
+    run.advance()
+    assert run.step == 2
+
+
+def test_what_fails_in_a_thread_fails_the_step(small, monkeypatch):
+    run, advance = run_in(small, PlanarSettings(2), 8), Share.advance
+    run.advance()
+    last = run._loop._shares[-1]
+
+    def fail(share, *arguments):
+        if share is last:
+            raise OSError("no more")
+        return advance(share, *arguments)
+
+    monkeypatch.setattr(Share, "advance", fail)
+    with pytest.raises(OSError, match="no more"):
+        run.advance()
