@@ -61,7 +61,7 @@ _FACTS = {
     FaultKind.SOLVER_FAILED: "the contact solver failed",
 }
 _REMEDIES = {
-    FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS: "increase `contact_capacity`",
+    FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS: "use fewer robots, or with mjx increase `contact_capacity`",
     FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.SOLVER_FAILED: (
         "increase `drive.walk_substeps` and `drive.turn_substeps`, or use fewer robots"
     ),

@@ -21,7 +21,10 @@ from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, User
         (ConfigError("p_vector_forget", 2, "between 0 and 1"), "--p-vector-forget must be between 0 and 1 (got 2)"),
         (ConfigError("operators.elite", 2, "below `steps`"), "--operators.elite must be below --steps (got 2)"),
         (ConfigError("worlds", 2, "1", "use `jax.pmap`"), "--worlds must be 1 (got 2); use `jax.pmap`"),
-        (SimulationFault(kind=FaultKind.TOO_MANY_CONTACTS), "contact buffer full; increase --contact-capacity"),
+        (
+            SimulationFault(kind=FaultKind.TOO_MANY_CONTACTS),
+            "contact buffer full; use fewer robots, or with mjx increase --contact-capacity",
+        ),
         (UserError("file x: size must be 3"), "file x: size must be 3"),
     ],
 )

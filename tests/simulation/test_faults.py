@@ -53,7 +53,7 @@ def test_only_faults_of_robots_name_one(kind):
 
 def test_all_that_is_full_is_named():
     one, other = faults_of([FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS, FaultKind.TOO_MANY_PAIRS])
-    remedy = "increase `contact_capacity`"
+    remedy = "use fewer robots, or with mjx increase `contact_capacity`"
     assert str(one) == f"step 3, world 0: buffer of robot pairs full and contact buffer full; {remedy}"
     assert summary([one, other]) == f"{one}; step 3, world 1: buffer of robot pairs full; {remedy}"
 

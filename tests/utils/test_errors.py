@@ -35,11 +35,12 @@ SUBSTEPS = "increase `drive.walk_substeps` and `drive.turn_substeps`, or use few
         ),
         (
             {"step": 1, "world": 0, "kind": FaultKind.TOO_MANY_CONTACTS},
-            "step 1, world 0: contact buffer full; increase `contact_capacity`",
+            "step 1, world 0: contact buffer full; use fewer robots, or with mjx increase `contact_capacity`",
         ),
         (
             {"step": 1, "kind": 3, "detail": "2 worlds more"},
-            "step 1: buffer of robot pairs full and contact buffer full; increase `contact_capacity`; 2 worlds more",
+            "step 1: buffer of robot pairs full and contact buffer full; use fewer robots, or with mjx increase "
+            "`contact_capacity`; 2 worlds more",
         ),
         (
             {"world": 2, "robots": range(12), "kind": FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE},

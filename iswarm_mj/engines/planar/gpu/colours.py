@@ -4,7 +4,7 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import any_of, barrier, barrier_of, threads_for
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, World
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, N_CONTACTS, World
 from iswarm_mj.utils.errors import FaultKind
 
 MAX_COLOURS = 31
@@ -37,9 +37,12 @@ def colour_contacts(w: World, lane: int):
                     is_left = not _takes_colour(w, k, round) or is_left
             is_open = any_of(is_left, n_lanes)
             round += 1
-        if is_open:
-            wp.atomic_or(w.count, FAILURE, _TOO_MANY)
-        _sort(w, n, lane, n_lanes)
+        if is_open:  # a heap of robots, which is not solved
+            if lane == 0:
+                wp.atomic_or(w.count, FAILURE, _TOO_MANY)
+                w.count[N_CONTACTS] = 0
+        else:
+            _sort(w, n, lane, n_lanes)
     barrier()
 
 
