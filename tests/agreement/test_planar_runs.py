@@ -1,0 +1,59 @@
+"""Whole runs of the planar engine against those of MuJoCo in C, as samples of one distribution.
+
+`pytest -m slow tests/agreement/test_planar_runs.py -s` prints means and p. The rule was fixed before the runs: they
+agree if p is above 0.01 in each of three Kolmogorov-Smirnov tests.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import ks_2samp
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.strategy.genome import PRESETS
+
+pytestmark = pytest.mark.slow
+N_WORLDS, GOAL, EARLY, STEPS = 24, 66, 150, 800
+ENGINES = {
+    "numba": PlanarSettings(refinement=1),
+    "warp": PlanarSettings(impl="warp", refinement=1),
+    "numba, finer time step": PlanarSettings(),
+    "C": MujocoSettings(),
+}
+
+
+@cache
+def outcomes(engine, preset, seed):
+    """Samples of N_WORLDS runs until GOAL deliveries."""
+    config, genome = SwarmConfig(), PRESETS[preset]
+    n_robots = robots_for(config.arena, genome.density_of_robots)
+    settings = RunSettings(n_robots, STEPS, seed, N_WORLDS, stop_at=GOAL, record_worlds=())
+    run, early = Run(config, genome, settings, ENGINES[engine]), None
+    while not run.is_over:
+        run.advance()
+        if early is None and run.step >= EARLY:
+            early = run.delivered()
+    run.raise_faults()
+    measures = [run.measures(world) for world in range(N_WORLDS)]
+    return {
+        "finishing time": [m.finished_at or STEPS for m in measures],
+        f"deliveries after {EARLY} steps": early,
+        "collisions": [m.collisions for m in measures],
+    }
+
+
+@pytest.mark.parametrize("preset", ["type1", "type2"])
+@pytest.mark.parametrize("engine", ["numba", "warp", "numba, finer time step"])
+def test_runs_are_distributed_as_those_of_mujoco(engine, preset):
+    """The worlds of other seeds than in C, so that the samples are independent."""
+    if engine == "warp":
+        pytest.importorskip("warp")
+    ours, theirs = outcomes(engine, preset, 100), outcomes("C", preset, 200)
+    found = {what: float(ks_2samp(ours[what], theirs[what]).pvalue) for what in ours}
+    for what, p in found.items():
+        print(f"{preset}, {engine}: {what} {np.mean(ours[what]):.1f}, in C {np.mean(theirs[what]):.1f}, p = {p:.2g}")
+    assert min(found.values()) > 0.01
