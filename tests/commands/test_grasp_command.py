@@ -234,7 +234,8 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
     "flags, message",
     [
         ("--what lunch", "--what must be swarm"),
-        ("--impl x", "('jax', 'warp')"),
+        ("--impl x", "('numba', 'jax', 'warp')"),
+        ("--impl numba", "--impl must be jax or warp (got 'numba')"),
         ("--robots 5", "--what must be swarm with --robots (got 'grasp')"),
         ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),
         ("--fraction-scouts 0.3", "--what must be swarm with --fraction-scouts (got 'grasp')"),
