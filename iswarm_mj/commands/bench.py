@@ -51,7 +51,7 @@ class Bench(Swarm):
         for name in changed(self):
             check("what", self.what, f"swarm with `{name}`", name in _OF_GRASP)
         check("engine", self.engine, "mujoco or mjx with `what` grasp", self.engine in ("mujoco", "mjx"))
-        check("impl", self.impl, "jax or warp", self.impl in (None, "jax", "warp"))
+        check("impl", self.impl, "jax or warp", self.impl in ("default", "jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
         from iswarm_mj.utils.jax_setup import configure_jax
@@ -59,4 +59,4 @@ class Bench(Swarm):
 
         if self.engine == "mjx":
             configure_jax()
-        speed(self.engine, self.impl or "jax", self.worlds if self.worlds > 1 else 100, self.seed)
+        speed(self.engine, "warp" if self.impl == "warp" else "jax", self.worlds if self.worlds > 1 else 100, self.seed)

@@ -50,7 +50,7 @@ class Swarm(ConfigOptions):
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
     """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, many times faster, on CPUs
     and NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
-    impl: Literal["numba", "jax", "warp"] | None = None
+    impl: Literal["default", "numba", "jax", "warp"] = "default"
     """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
     (everywhere, the default) or warp (NVIDIA GPUs)."""
     solver_iterations: int = 100
@@ -90,7 +90,9 @@ class Swarm(ConfigOptions):
     @property
     def implementation(self) -> str | None:
         """The implementation of the engine that is used; None where there is only one."""
-        if self.impl is not None or self.engine == "mujoco":
+        if self.engine == "mujoco":
+            return None
+        if self.impl != "default":
             return self.impl
         if self.engine == "mjx":
             return "jax"
@@ -107,7 +109,7 @@ class Swarm(ConfigOptions):
             {n for n in (*_ONLY, *_COMPILED_ONLY) if getattr(self, n) != getattr(Swarm, n)},
         )
         constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
-        check("impl", self.impl, constraint, self.impl in (None, *known))
+        check("impl", self.impl, constraint, self.impl in ("default", *known))
         for name, engine in _ONLY.items():
             check("engine", self.engine, f"{engine} with `{name}`", self.engine == engine or name not in changed)
         for name in _COMPILED_ONLY:

@@ -234,7 +234,7 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
     "flags, message",
     [
         ("--what lunch", "--what must be swarm"),
-        ("--impl x", "('numba', 'jax', 'warp')"),
+        ("--impl x", "Expected one of ('default'"),
         ("--impl numba", "--impl must be jax or warp (got 'numba')"),
         ("--robots 5", "--what must be swarm with --robots (got 'grasp')"),
         ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),
