@@ -16,8 +16,9 @@ from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.profiling import Stopwatch
 
-WORLDS = 4
-"""Of a share at most: with fewer, the time that each call of a program takes, whatever the number of worlds, shows."""
+WORLDS = 16
+"""Of a share at most. In many small ones the time that each call of a program takes shows: 32 worlds on one thread take
+20 % longer in shares of 4, 2 % in shares of 16."""
 
 
 def shares_of(n_worlds: int) -> list[slice]:
