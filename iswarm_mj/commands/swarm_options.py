@@ -104,10 +104,8 @@ class Swarm(ConfigOptions):
         return self.implementation in ("jax", "warp")
 
     def _check_engine(self) -> None:
-        known, changed = (
-            _IMPLEMENTATIONS[self.engine],
-            {n for n in (*_ONLY, *_COMPILED_ONLY) if getattr(self, n) != getattr(Swarm, n)},
-        )
+        known = _IMPLEMENTATIONS[self.engine]
+        changed = {name for name in (*_ONLY, *_COMPILED_ONLY) if getattr(self, name) != getattr(Swarm, name)}
         constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
         check("impl", self.impl, constraint, self.impl in ("default", *known))
         for name, engine in _ONLY.items():

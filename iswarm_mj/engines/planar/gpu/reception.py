@@ -81,9 +81,8 @@ def receive(p: wp.vec4, q: wp.vec4, dx: float, dy: float, light: Light) -> Recep
         )  # fmt: skip
         one.turn = turn
         one.effective = effective
-    else:  # only sizes count: the side faces along the larger component
-        a, b, c, d = wp.abs(ahead_r), wp.abs(left_r), wp.abs(ahead_s), wp.abs(left_s)
+    else:
         one.effective = _sector_distance(
-            wp.max(a, b), wp.min(a, b), wp.max(c, d), wp.min(c, d), light.photodiode_tan, light.led_tan, light.reach
+            ahead_r, left_r, ahead_s, left_s, light.photodiode_tan, light.led_tan, light.reach
         )
     return one
