@@ -15,6 +15,7 @@ from types import SimpleNamespace
 
 import jax
 import pytest
+from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
 from iswarm_mj.experiments.runner import batches, pool, worker
 from iswarm_mj.experiments.runner.jobs import Job, run_job
@@ -169,6 +170,18 @@ class TestProcesses:
             with closing(run_jobs(stubs, TWO)) as finished:
                 assert next(finished) == (1, 1)
         assert outcomes_of(stubs) == SEEDS
+
+    @pytest.mark.filterwarnings("error")
+    def test_closing_it_while_a_job_is_handed_over_is_silent(self, stubs, monkeypatch):
+        stop = _ExecutorManagerThread.flag_executor_shutting_down
+
+        def stop_with_a_job(self):
+            self.work_ids_queue.put(-1)
+            stop(self)
+
+        monkeypatch.setattr(_ExecutorManagerThread, "flag_executor_shutting_down", stop_with_a_job)
+        with closing(run_jobs(stubs, TWO)) as finished:
+            next(finished)
 
 
 def test_programs_read_half_written_are_silent_in_workers(monkeypatch):

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 import warnings
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -116,10 +117,18 @@ def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int, engine:
 
 @contextmanager
 def _closing(finished: NumberedOutcomes) -> Generator[NumberedOutcomes, None, None]:
-    """Close an iterator of joblib at the end, without its warning that not all results were consumed."""
+    """Close an iterator of joblib at the end, without its warning that not all results were consumed.
+
+    Loky's thread ends with a KeyError if it has just accepted a job while its workers are stopped: no loss by then.
+    """
     try:
         yield finished
     finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            finished.close()
+        hook = threading.excepthook
+        threading.excepthook = lambda error: None if error.exc_type is KeyError else hook(error)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                finished.close()
+        finally:
+            threading.excepthook = hook
