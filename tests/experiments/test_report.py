@@ -2,6 +2,7 @@
 
 import base64
 import re
+from collections import Counter
 from dataclasses import asdict, replace
 from html.parser import HTMLParser
 
@@ -12,7 +13,7 @@ from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_o
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, KINDS, NOT_RUN
 from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.render import data_uri
 from iswarm_mj.experiments.report.reproduction import command
@@ -188,9 +189,25 @@ class TestReport:
         for finding in findings:
             assert finding.claim in text and finding.paper in text and finding.ours in text
             assert f"| {finding.claim} | {finding.source} |" in markdown
+            assert finding.kind in KINDS and f"| {finding.kind} |" in markdown
         assert text.count("does not hold") >= sum(f.verdict == FAILS for f in findings)
         assert {f.verdict for f in sections[3].findings} == {HOLDS}
         assert {f.verdict for f in sections[5].findings} == {NOT_RUN}
+
+    def test_verdicts_are_counted_by_kind(self, written):
+        """Each cell of the summary is the number of the statements of its verdict and kind."""
+        findings = [finding for section in written[0] for finding in section.findings]
+        head, _, *lines = re.search(r"(\| Verdict \|(?:.*\n)+?)\n", written[1].with_suffix(".md").read_text())[
+            1
+        ].splitlines()
+        kinds = [cell.strip() for cell in head.strip("| ").split("|")][1:-1]
+        assert set(kinds) == {finding.kind for finding in findings} == set(KINDS)
+        told = {}
+        for line in lines:
+            verdict, *numbers, total = (cell.strip("* ") for cell in line.strip("|").split("|"))
+            assert sum(map(int, numbers)) == int(total)
+            told |= {(verdict, kind): int(number) for kind, number in zip(kinds, numbers, strict=True) if number != "0"}
+        assert told == Counter((finding.verdict or "not judged", finding.kind) for finding in findings)
 
     def test_figures_of_the_markdown_are_there(self, written):
         out = written[1]

@@ -1,4 +1,4 @@
-"""Findings on statements: the paper's value, ours, the statistics, and whether the statement holds."""
+"""Findings on statements: the paper's value, ours, the statistics, whether the statement holds, and what that tells."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,6 +9,17 @@ from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, smal
 HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
 ALPHA = 0.01
 """Level of the tests."""
+
+PREDICTED, FITTED, CONSTRUCTED = "predicted", "fitted", "by construction"
+SLIP, NOT_COMPARABLE = "the paper's slip", "not comparable"
+KINDS = {
+    PREDICTED: "follows from the model's rules; no value was set with the statement in view",
+    FITTED: "a value was set so that it holds, or was selected by the measure that it is about",
+    CONSTRUCTED: "put in, or algebra: it could not have come out otherwise",
+    SLIP: "on the paper's own arithmetic, or on an equation of it outside of the range for which it is stated",
+    NOT_COMPARABLE: "what is measured here is not what the paper measured, or depends on the computer",
+}
+"""What a verdict on a statement is worth: the kinds and their meanings."""
 
 Row = Mapping[str, Any]
 Rows = Sequence[Row]
@@ -22,6 +33,8 @@ class Finding(NamedTuple):
     """Place in the paper, or a note that the paper does not say so."""
     paper: str
     """The paper's value."""
+    kind: str
+    """What the verdict is about, one of `KINDS`."""
     ours: str
     """Our value; empty without results."""
     statistics: str
@@ -36,6 +49,8 @@ class Claim(NamedTuple):
     text: str
     source: str
     paper: str
+    kind: str
+    """What a verdict on it is about, one of `KINDS`."""
 
     def found(self, ours: str, statistics: str, verdict: str | bool) -> Finding:
         """Return the finding; the verdict may be a Boolean."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj import __version__
+from iswarm_mj.experiments.analysis.findings import KINDS
 from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.render import render
 from iswarm_mj.experiments.report.results import Results, collect
@@ -21,7 +22,7 @@ INTRODUCTION = (
     "stands beside it. The paper's figures are described, not shown.",
     "The swarm is simulated with rigid bodies; the paper's own simulator was another one. Tests are two-sided at a "
     "level of 0.01, intervals are at 95 %. A verdict tells whether the statement holds in this simulation, not whether "
-    "the paper is right.",
+    "the paper is right; its kind tells what that is worth.",
 )
 
 
@@ -56,11 +57,16 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
 
 def content_of(sections: Sequence[Section], results: Results) -> dict[str, Any]:
     """Values of the names in the templates."""
-    tally = Counter(finding.verdict for section in sections for finding in section.findings)
+    findings = [finding for section in sections for finding in section.findings]
+    tally = Counter(finding.verdict for finding in findings)
+    kinds = [kind for kind in KINDS if any(finding.kind == kind for finding in findings)]
+    by_kind = Counter((finding.verdict, finding.kind) for finding in findings)
     return {
         "title": TITLE,
         "introduction": INTRODUCTION,
         "tally": tally,
+        "kinds": {kind: KINDS[kind] for kind in kinds},
+        "by_kind": {verdict: [by_kind[verdict, kind] for kind in kinds] for verdict in tally},
         "tally_text": ", ".join(f"{verdict or 'not judged'}: {count}" for verdict, count in tally.items()),
         "sections": sections,
         "rules": (*assumptions.RULES, *assumptions.operators()),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import Claim, Finding, Rows, number
+from iswarm_mj.experiments.analysis.findings import PREDICTED, Claim, Finding, Rows, number
 from iswarm_mj.experiments.analysis.measures import (
     CARRIAGE,
     COLLISIONS,
@@ -34,23 +34,38 @@ CLEAN = (0.1, 0.2)
 
 LOWEST = {
     TIME: Claim(
-        "Swarms of density 0.1 to 0.15 finish in the shortest time", "section 4.6.2, Fig. 17(a)", "0.1 to 0.15"
+        "Swarms of density 0.1 to 0.15 finish in the shortest time",
+        "section 4.6.2, Fig. 17(a)",
+        "0.1 to 0.15",
+        PREDICTED,
     ),
     COLLISIONS: Claim(
-        "Swarms of density 0.1 to 0.15 have the fewest collisions per robot", "section 4.6.2, Fig. 17(c)", "0.1 to 0.15"
+        "Swarms of density 0.1 to 0.15 have the fewest collisions per robot",
+        "section 4.6.2, Fig. 17(c)",
+        "0.1 to 0.15",
+        PREDICTED,
     ),
     CARRIAGE: Claim(
-        "Swarms of density 0.1 to 0.15 have the shortest mean carriage", "section 4.6.2, Fig. 17(d)", "0.1 to 0.15"
+        "Swarms of density 0.1 to 0.15 have the shortest mean carriage",
+        "section 4.6.2, Fig. 17(d)",
+        "0.1 to 0.15",
+        PREDICTED,
     ),
 }
-CLEANS = Claim("Swarms of density 0.1 to 0.2 clean the whole arena", "section 4.6.2, Fig. 17(b)", "0.1 to 0.2")
+CLEANS = Claim(
+    "Swarms of density 0.1 to 0.2 clean the whole arena", "section 4.6.2, Fig. 17(b)", "0.1 to 0.2", PREDICTED
+)
 SPARSE = Claim(
-    "Swarms of density 0.05 do not clean the whole arena", "section 4.6.2, Fig. 17(b)", "0.05 is outside of 0.1 to 0.2"
+    "Swarms of density 0.05 do not clean the whole arena",
+    "section 4.6.2, Fig. 17(b)",
+    "0.05 is outside of 0.1 to 0.2",
+    PREDICTED,
 )
 DENSE = Claim(
     "Swarms of density above 0.2 do not clean the whole arena",
     "section 4.6.2, Fig. 17(b)",
     "0.25 to 0.4 are outside of 0.1 to 0.2",
+    PREDICTED,
 )
 
 

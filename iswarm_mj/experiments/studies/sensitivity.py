@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.experiments.analysis.findings import ALPHA, Claim, Finding, Rows, number
+from iswarm_mj.experiments.analysis.findings import ALPHA, PREDICTED, Claim, Finding, Rows, number
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
 from iswarm_mj.experiments.analysis.plots import Effect, draw_forest
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, holm, interval, mean
@@ -61,9 +61,9 @@ A run's seed follows from its place here: what is added comes last.
 """
 
 REACHES = Claim(
-    "The goal is reached with each other choice and each other noise", "not in the paper", "one setting only"
+    "The goal is reached with each other choice and each other noise", "not in the paper", "one setting only", PREDICTED
 )
-CHANGES = Claim("Choices that change the time to the goal", "not in the paper", "one setting only")
+CHANGES = Claim("Choices that change the time to the goal", "not in the paper", "one setting only", PREDICTED)
 
 
 def varied(config: SwarmConfig, name: str, value: Any) -> SwarmConfig:

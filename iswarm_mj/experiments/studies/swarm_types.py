@@ -12,6 +12,8 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.findings import (
     ALPHA,
+    FITTED,
+    PREDICTED,
     UNDECIDED,
     Claim,
     Finding,
@@ -43,10 +45,17 @@ NEAR = 3.5
 EQUAL = 0.1
 """Fitness is equivalent if the difference, with its interval, is less than this share of it."""
 
-CLEAN = Claim("Both types clean the whole arena within 800 steps", "Table 2, section 4.6", "fitness above 2860: yes")
-FITNESS = Claim("Both types have equivalent fitness", "Table 2, Fig. 16", "7771 (type 1) and 7766 (type 2) points")
+CLEAN = Claim(
+    "Both types clean the whole arena within 800 steps", "Table 2, section 4.6", "fitness above 2860: yes", PREDICTED
+)
+FITNESS = Claim(
+    "Both types have equivalent fitness", "Table 2, Fig. 16", "7771 (type 1) and 7766 (type 2) points", PREDICTED
+)
 GATHER = Claim(
-    "Empty robots gather around the dust areas more in type 2 than in type 1", "Fig. 16", "more intensive in type 2"
+    "Empty robots gather around the dust areas more in type 2 than in type 1",
+    "Fig. 16",
+    "more intensive in type 2",
+    PREDICTED,
 )
 
 
@@ -156,7 +165,8 @@ def _gathering(one: Rows, two: Rows) -> Finding:
 def _better(name: str, runs: Rows, other: Rows) -> Finding:
     """Whether another preset is fitter than one of the paper's types."""
     rival = other[0]["type"]
-    claim = Claim(f"The preset {name} is fitter than {rival}", "not in the paper", "-")
+    # Fitted: an evolution selected it by this fitness, in this simulator, if not with these seeds.
+    claim = Claim(f"The preset {name} is fitter than {rival}", "not in the paper", "-", FITTED)
     first, second = ([row["fitness"] for row in group] for group in (runs, other))
     result = compare(first, second)
     ours = f"mean {number(float(np.mean(first)), 4)} against {number(float(np.mean(second)), 4)} points"

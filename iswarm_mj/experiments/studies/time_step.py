@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.findings import ALPHA, UNDECIDED, Claim, Finding, Rows, number, span
+from iswarm_mj.experiments.analysis.findings import (
+    ALPHA,
+    CONSTRUCTED,
+    FITTED,
+    NOT_COMPARABLE,
+    PREDICTED,
+    UNDECIDED,
+    Claim,
+    Finding,
+    Rows,
+    number,
+    span,
+)
 from iswarm_mj.experiments.analysis.measures import (
     CARRIAGE,
     COLLISIONS,
@@ -42,7 +54,7 @@ NEGLIGIBLE = 0.1
 """Overlap that does not matter: a twentieth of a robot [mm]."""
 
 SAME = {
-    measure: Claim(f"The {name} does not depend on the physics time step", "not in the paper", "not studied")
+    measure: Claim(f"The {name} does not depend on the physics time step", "not in the paper", "not studied", PREDICTED)
     for measure, name in {
         TIME: "time to the goal",
         DUST: "number of delivered balls",
@@ -50,9 +62,12 @@ SAME = {
         CARRIAGE: "mean carriage",
     }.items()
 }
-REFUSED = Claim("Numbers of physics steps a second that are refused", "not in the paper", "not studied")
-OVERLAP = Claim("At 100 physics steps a second robots overlap by at most 0.1 mm", "not in the paper", "not studied")
-COST = Claim("Time of a control step in the planar engine", "not in the paper", "not studied")
+REFUSED = Claim("Numbers of physics steps a second that are refused", "not in the paper", "not studied", CONSTRUCTED)
+# The planar engine's default refinement was set by this.
+OVERLAP = Claim(
+    "At 100 physics steps a second robots overlap by at most 0.1 mm", "not in the paper", "not studied", FITTED
+)
+COST = Claim("Time of a control step in the planar engine", "not in the paper", "not studied", NOT_COMPARABLE)
 
 
 def drive_of(drive: DriveConfig, rate: int) -> DriveConfig:
