@@ -85,6 +85,16 @@ class TestMutation:
         share = (mutants / self.MIDDLE - 1)[:, REAL]
         np.testing.assert_allclose(np.abs(share).max(axis=0), 0.05, rtol=0.01)
 
+    @pytest.mark.parametrize("mutation, turned", [("flip", 0.5), ("redraw", 0.25), ("keep", 0.0)])
+    def test_what_it_does_to_booleans(self, mutation, turned):
+        """From either value alike, each by itself; real values mutate as ever."""
+        operators = replace(PAPER, independent_rate=0.0, boolean_mutation=mutation)
+        for value in (0.0, 1.0):
+            start = np.where(IS_BOOLEAN, value, self.MIDDLE)
+            changed = self.mutants(operators, start) != start
+            assert near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, turned) and near(changed.sum(axis=0)[REAL], DRAWS, 0.5)
+            assert turned == 0 or abs(np.corrcoef(changed[:, IS_BOOLEAN].T) - np.eye(3)).max() < 0.04
+
     def test_independent_mutation(self):
         """One value in twenty is drawn anew from its range; half of such Booleans change."""
         mutants = self.mutants(replace(PAPER, dependent_rate=0.0))
@@ -199,17 +209,31 @@ def test_a_seed_tells_all():
     assert {i.origin for i in generations(5)[0]} == {"random"}
 
 
-def test_booleans_turn_over_as_often_as_in_the_paper():
+def two_levels(operators, seed):
+    """1200 genomes of an evolution in which those that use hop counts are several times as fit."""
+    generator, found = rng(seed), []
+    population = [i.genome for i in random_population(operators, 10, generator)]
+    for _ in range(120):
+        found += population
+        fitness = [7000 if genome.use_hop_count else 1500 for genome in population]
+        population = [i.genome for i in next_generation(operators, population, fitness, generator)]
+    return found
+
+
+@pytest.mark.parametrize("mutation, least, most", [("flip", 464, 504), ("redraw", 268, 308), ("keep", 25, 45)])
+def test_only_flips_make_as_many_swarms_without_hop_counts_as_in_the_paper(mutation, least, most):
     """484 of its 1200 swarms did not use hop counts, though those who did were several times as fit."""
-    counts = []
-    for generator in map(rng, range(20)):
-        population, without = [i.genome for i in random_population(PAPER, 10, generator)], 0
-        for _ in range(120):
-            without += sum(not genome.use_hop_count for genome in population)
-            fitness = [7000 if genome.use_hop_count else 1500 for genome in population]
-            population = [i.genome for i in next_generation(PAPER, population, fitness, generator)]
-        counts.append(without)
-    assert abs(np.mean(counts) - 484) < 20
+    operators = replace(PAPER, boolean_mutation=mutation)
+    counts = [sum(not genome.use_hop_count for genome in two_levels(operators, seed)) for seed in range(10)]
+    assert least < np.mean(counts) < most
+
+
+def test_the_spread_of_values_does_not_tell_which_span_is_meant():
+    spread = [
+        np.median([np.std([g.fraction_scouts for g in two_levels(operators, seed)]) for seed in range(10)])
+        for operators in (PAPER, replace(PAPER, relative_span=True))
+    ]
+    assert abs(spread[0] - spread[1]) < 0.02 and min(spread) > 0.12  # the paper's 0.12 and 0.13
 
 
 @pytest.mark.parametrize(
@@ -218,6 +242,7 @@ def test_booleans_turn_over_as_often_as_in_the_paper():
         ({"elite": -1}, r"operators\.elite must be a whole number at least 0 \(got -1\)"),
         ({"span": 1.5}, r"operators\.span must be .*\(got 1\.5\)"),
         ({"dependent_rate": float("nan")}, r"operators\.dependent_rate must be .*\(got nan\)"),
+        ({"boolean_mutation": "turn"}, r"operators\.boolean_mutation must be flip or redraw or keep \(got 'turn'\)"),
         ({"density_min": 0.0}, r"operators\.density_min must be above 0.*\(got 0\.0\)"),
         ({"density_min": 0.4}, r"operators\.density_max must be at least `operators.density_min` \(got 0\.3304\)"),
     ],
