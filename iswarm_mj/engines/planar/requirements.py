@@ -10,6 +10,7 @@ from iswarm_mj.utils.errors import UserError
 
 _JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
 _NEEDED = ("CONSTRAINT", "CONTACT", "REFSAFE", "DAMPER")  # features that must not be disabled
+_UNKNOWN = ("OVERRIDE", "DIAGEXACT", "IPC", "SLEEP")  # those that must not be enabled
 _INWARD = np.array([[-1, 0, 0], [0, -1, 0], [1, 0, 0], [0, 1, 0]])
 
 
@@ -29,10 +30,11 @@ def check_model(arena: ArenaModel) -> None:
 def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     model, option = arena.model, arena.model.opt
     disabled = {n for n in _NEEDED if option.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")}
+    enabled = {n for n in _UNKNOWN if option.enableflags & getattr(mujoco.mjtEnableBit, f"mjENBL_{n}")}
     yield "the Euler integrator", option.integrator == mujoco.mjtIntegrator.mjINT_EULER
     yield "explicit damping, with eulerdamp disabled", bool(option.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     yield f"the feature {', '.join(disabled).lower()} to be enabled", not disabled
-    yield "no override of contact parameters", not option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
+    yield f"the feature {', '.join(enabled).lower()} to be disabled", not enabled
     yield (
         "no density, viscosity or horizontal gravity",
         not any([option.density, option.viscosity, *option.gravity[:2]]),
@@ -53,15 +55,22 @@ def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
         "joints along x, along y and about z through the centre",
         bool(np.allclose(model.jnt_axis[joints], np.eye(3)) and not model.jnt_pos[joints].any()),
     )
+    springs, stops = (model.jnt_stiffness, model.jnt_stiffnesspoly), (model.jnt_limited, model.dof_frictionloss)
     yield (
         "joints without stiffness, limits and friction",
-        not any(part[joints].any() for part in (model.jnt_stiffness, model.jnt_limited, model.dof_frictionloss)),
+        not any(part[joints].any() for part in (*springs, *stops)),
     )
+    yield "damping in proportion to speed", not model.dof_dampingpoly[joints].any()
+    yield "joints that are zero where a robot stands in its file, without ref", not model.qpos0[joints].any()
     yield (
         "robots that stand upright along the arena's axes",
         bool(
             (model.body_quat[arena.body] == [1, 0, 0, 0]).all() and (model.geom_quat[arena.hull] == [1, 0, 0, 0]).all()
         ),
+    )
+    yield (
+        "robots with all mass in one body",
+        bool(np.allclose(model.body_subtreemass[arena.body], model.body_mass[arena.body])),
     )
     yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body, :2].any()
     yield "robots of one mass and inertia", bool(np.allclose(dofs, dofs[0]) and np.isclose(dofs[0, 0], dofs[0, 1]))
@@ -78,6 +87,7 @@ def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     yield "hulls around the robots' centres", not model.geom_pos[hulls].any()
     yield "contacts without friction, condim 1", bool((model.geom_condim[solid] == 1).all())
     yield "contacts without margin and gap", not (model.geom_margin[solid].any() or model.geom_gap[solid].any())
+    yield "contacts without adhesion", not model.geom_adhesion[solid].any()
     yield "a positive solref, time constant and damping ratio", bool((model.geom_solref[solid] > 0).all())
     for same in (hulls, arena.walls):
         for name in ("size", "solref", "solimp", "solmix", "priority"):

@@ -1,0 +1,86 @@
+"""The planar engine against MuJoCo in C on crowds of real cleaning runs, in the middle of their control steps' motion.
+
+`pytest -m slow tests/agreement/test_planar_crowds.py -s` prints what was found.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import jax
+import numpy as np
+import pytest
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar import batch_engine, physics
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.strategy.genome import PRESETS
+
+pytestmark = pytest.mark.slow
+AT_STEPS, N_WORLDS, ALLOWED = (50, 100, 150, 200, 250, 300), 2, 0.02
+CONFIG = SwarmConfig()
+GENOME = replace(PRESETS["type1"], use_hop_count=False)
+"""Swarms that have not delivered all balls by step 300."""
+
+
+@cache
+def crowds(n_robots):
+    """Bodies, set points of the servos, and where MuJoCo ends, of B control steps from N_WORLDS runs in C.
+
+    Returns:
+        Poses and velocities (B, N, 3) before, phases' set points for each control step, poses after (B, N, 3) and pairs
+        in contact (B, N, N).
+    """
+    found, step = [], {}
+    in_c = MujocoEngine.move
+
+    def watched(engine, bodies, phases, running):
+        step[id(engine)] = now = step.get(id(engine), 0) + 1
+        poses, velocities = bodies.poses.copy(), engine._qvel[:, engine._arena.qpos]
+        motion = in_c(engine, bodies, phases, running)
+        if now in AT_STEPS:
+            assert running.all() and not motion.fault.any()
+            found.append((poses, velocities, phases, motion.bodies.poses, motion.touching))
+        return motion
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MujocoEngine, "move", watched)
+        settings = RunSettings(n_robots, max(AT_STEPS), seed=11, n_worlds=N_WORLDS, record_worlds=())
+        run = Run(CONFIG, GENOME, settings, MujocoSettings(1))
+        while not run.is_over:
+            run.advance()
+    assert sum(len(crowd[0]) for crowd in found) == len(AT_STEPS) * N_WORLDS
+    return found
+
+
+def moved(impl, poses, velocities, phases):
+    """Motion of these bodies in the planar engine, at MuJoCo's time step."""
+    arena, present = compile_arena(CONFIG, 1, np.zeros(0)), np.ones(poses.shape[:2], bool)
+    if impl == "numba":
+        engine, bodies = (
+            PlanarEngine(CONFIG, arena, 1),
+            physics.Bodies(poses, velocities, present, np.zeros(len(poses))),
+        )
+    else:
+        engine = batch_engine.read_engine(arena, CONFIG.optics, "cpu")
+        bodies = engine.place(poses, present)._replace(velocity=np.asarray(velocities, np.float32))
+    return jax.tree.map(np.asarray, engine.move(bodies, phases, np.ones(len(poses), bool)))
+
+
+@pytest.mark.parametrize("impl", ["numba", "warp"])
+@pytest.mark.parametrize("n_robots", [283, 785])
+def test_crowds_of_runs_end_where_mujoco_ends(n_robots, impl):
+    if impl == "warp":
+        pytest.importorskip("warp")
+    farthest, n_touching = 0.0, []
+    for poses, velocities, phases, ends, touching in crowds(n_robots):
+        here = moved(impl, poses, velocities, phases)
+        assert not here.fault.any()
+        farthest = max(farthest, np.abs(here.bodies.poses - ends).max())
+        np.testing.assert_array_equal(here.touching, touching)
+        n_touching += touching.sum(axis=(1, 2)).tolist()
+    print(f"{n_robots} robots, {impl}: {farthest:.1e} mm or rad, touching pairs {n_touching}")
+    assert farthest <= ALLOWED and min(n_touching) > 10
