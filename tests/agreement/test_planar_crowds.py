@@ -1,4 +1,4 @@
-"""The planar engine against MuJoCo in C on crowds of real cleaning runs, in the middle of their control steps' motion.
+"""The planar engine, at MuJoCo's time step, against MuJoCo in C: one control step of crowds of cleaning runs.
 
 `pytest -m slow tests/agreement/test_planar_crowds.py -s` prints what was found.
 """
