@@ -30,13 +30,13 @@ def search_rows(generations=120, population=10, learns=True, seed=0):
     return rows
 
 
-def grasp_rows(grasp=25.0, release=42.0, slope=0.0):
-    """Made-up trials: 5 radii, 3 humidities, 5 repeats."""
+def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10):
+    """Made-up trials: 5 radii, 3 humidities."""
     rng = np.random.default_rng(0)
     rows = []
     for radius in np.linspace(15e-6, 25e-6, 5):
         for rh in (10.0, 30.0, 50.0):
-            for repeat in range(5):
+            for repeat in range(repeats):
                 common = {
                     "radius": float(radius),
                     "relative_humidity": rh,

@@ -12,6 +12,7 @@ from iswarm_mj.experiments.analysis.statistics import (
     difference,
     holm,
     interval,
+    lowest,
     mean,
     median,
     rank_correlation,
@@ -97,6 +98,31 @@ class TestIntervals:
         """(p + z^2/2n +- z sqrt(p (1 - p) / n + z^2 / 4 n^2)) / (1 + z^2 / n), by hand."""
         found = share(count, total)
         assert tuple(found) == (count / total, pytest.approx(low, abs=1e-4), pytest.approx(high, abs=1e-4))
+
+    def test_exact_intervals(self):
+        """Of 6 of 6 the low end is where 6 successes have a probability of 2.5 %; of a half it contains one half."""
+        assert tuple(share(6, 6, "exact")) == pytest.approx((1.0, 0.025 ** (1 / 6), 1.0))
+        assert tuple(share(0, 6, "exact")) == pytest.approx((0.0, 0.0, 1 - 0.025 ** (1 / 6)))
+        found = share(3, 6, "exact")
+        assert found.low + found.high == pytest.approx(1) and found.low < share(3, 6).low
+
+
+class TestLowest:
+    def test_of_two_values_each_by_hand(self):
+        """Means of (0, 2) are 0, 1, 2 in 1/4, 1/2, 1/4 of the resamples; 1 is lowest in 1/4 and half of 1/2."""
+        found = lowest([[0.0, 2.0], [1.0]], mean)
+        assert found == pytest.approx([0.5, 0.5], abs=0.015) and found.sum() == pytest.approx(1)
+
+    def test_of_a_shift_it_is_the_normal_distributions(self):
+        """The difference of two means of 50 values has a standard error of 0.2: it is below zero with Phi(-d / 0.2)."""
+        rng = np.random.default_rng(6)
+        a, b = ((x - x.mean()) / x.std() for x in rng.normal(size=(2, 50)))
+        found = lowest([a, b + 0.2], mean)
+        assert found[1] == pytest.approx(0.1587, abs=0.02)
+
+    def test_groups_far_apart_and_groups_that_are_equal(self):
+        assert lowest([[5.0, 6.0], [1.0, 2.0], [9.0]]).tolist() == [0, 1, 0]
+        assert lowest([[3.0] * 4, [3.0] * 5]).tolist() == [0.5, 0.5]
 
 
 class TestLines:

@@ -1,11 +1,13 @@
 """The study of the physics time step: which runs it is made of, what it observes, and what it finds in made-up rows."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome, run_job
 from iswarm_mj.experiments.studies import time_step
@@ -42,7 +44,7 @@ def test_nothing_that_changes():
     assert [finding.verdict for finding in same] == [HOLDS] * 4 and overlap.verdict == HOLDS
     assert "type1, 10: 0.6, 20: 0.3, 50: 0.12, 100: 0.06" in overlap.ours
     assert "100: 3 ms" in cost.ours and "2: drive.walk_substeps must be at least 6" in refused.ours
-    assert "differing: none" in same[0].statistics and "6 comparisons, n = 24 + 24" in same[0].statistics
+    assert "6 comparisons, n = 24 + 24: type1 at 10: 0 (" in same[0].statistics and ", p = 1 (1)" in same[0].statistics
     assert same[0].ours.startswith("type1 (96 of 96 runs reached the goal), 10: 162 (")
 
 
@@ -50,7 +52,14 @@ def test_what_changes_is_named():
     rows = made_rows(lambda rate: 20 / rate, collisions=lambda rate: 2800 + 3000 * (rate == 10))
     time, _, collisions, *_, overlap, _, _ = time_step.findings(rows)
     assert (time.verdict, collisions.verdict, overlap.verdict) == (HOLDS, FAILS, FAILS)
-    assert "differing: type1 at 10, type2 at 10;" in collisions.statistics
+    found = re.search(r"type1 at 10: (\S+) \(.*?\), p = (\S+) \((\S+)\), type1 at 20: 0 \(", collisions.statistics)
+    assert float(found[1]) == pytest.approx(3000 / 280, rel=0.01) and float(found[2]) < float(found[3]) < 0.01
+
+
+def test_what_only_may_have_changed_is_open():
+    """Five runs of each scatter too much for an equivalence within 10 %, though their medians are the same."""
+    rows = [row for row in made_rows(lambda rate: 6 / rate, time=lambda rate: 80) if row["repeat"] % 5 == 0]
+    assert time_step.findings(rows)[0].verdict == UNDECIDED
 
 
 def test_without_the_finest_steps_the_overlap_is_open():

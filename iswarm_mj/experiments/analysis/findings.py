@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, smallest_p
 
 HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
+TOO_FEW = "too few runs to judge"
 ALPHA = 0.01
-"""Level of the tests."""
+"""Level below which a p-value is named; verdicts follow from intervals."""
 
 PREDICTED, FITTED, CONSTRUCTED = "predicted", "fitted", "by construction"
 SLIP, NOT_COMPARABLE = "the paper's slip", "not comparable"
@@ -40,7 +41,7 @@ class Finding(NamedTuple):
     statistics: str
     """Test, sample sizes, intervals, and the rule for the verdict."""
     verdict: str
-    """One of HOLDS, FAILS, UNDECIDED and NOT_RUN; empty for a number that is reported without a verdict."""
+    """One of HOLDS, FAILS, UNDECIDED, TOO_FEW and NOT_RUN; empty for a number that is reported without a verdict."""
 
 
 class Claim(NamedTuple):
@@ -64,11 +65,22 @@ class Claim(NamedTuple):
 
 
 def verdict_of(comparison: Comparison, is_larger: bool) -> str:
-    """HOLDS if the first group's values are larger (smaller, if not `is_larger`) at the level `ALPHA`."""
+    """Whether the first group's median is larger (smaller, if not `is_larger`), by the interval of the difference.
+
+    HOLDS if the interval lies above zero, FAILS if nothing of it does, so that no difference at all counts as none;
+    TOO_FEW if the groups are too small for any test to reach `ALPHA`.
+    """
     if smallest_p(comparison.n_first, comparison.n_second) >= ALPHA:
-        return UNDECIDED
-    right = comparison.superiority > 0.5 if is_larger else comparison.superiority < 0.5
-    return HOLDS if right and comparison.p < ALPHA else FAILS
+        return TOO_FEW
+    ends = comparison.difference.low, comparison.difference.high
+    low, high = ends if is_larger else (-ends[1], -ends[0])
+    return HOLDS if low > 0 else FAILS if high <= 0 else UNDECIDED
+
+
+def rule_of(is_larger: bool) -> str:
+    """The rule of `verdict_of` in words."""
+    side = "above" if is_larger else "below"
+    return f"holds if the interval lies {side} zero, does not if nothing of it does"
 
 
 def number(value: float, digits: int = 3) -> str:

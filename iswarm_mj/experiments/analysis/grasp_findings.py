@@ -23,16 +23,19 @@ from iswarm_mj.experiments.analysis.findings import (
     in_words,
     number,
     percent,
+    rule_of,
     span,
     verdict_of,
 )
-from iswarm_mj.experiments.analysis.statistics import compare, interval, share, slope
+from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, interval, mean, share, slope
+from iswarm_mj.experiments.analysis.verdicts import all_of, always, enough, within
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_TOOL_OBJECT, detachment_voltage
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
 from iswarm_mj.utils.arrays import Array
 
 FLAT = 0.2
-"""A voltage does not depend on the radius if its slope is less than this [V/um]."""
+"""A voltage does not depend on the radius if its slope is less than this, a fifth of the paper's band from its least to
+its largest ball [V/um]."""
 _UM = 1e6
 _WHERE = "section 3.2.3"
 
@@ -92,16 +95,17 @@ def _without_contact(rows: Rows) -> Finding:
     limit = min(row["limit_voltage"] for row in rows)
     gaps = ", ".join(f"{gap * _UM:g}" for gap in sorted({row["gap"] for row in rows}))
     ours = f"{len(low)} of {len(rows)} lifted below 50 V, at gaps of {gaps} µm"
-    tested = f"{percent(share(len(low), len(rows)))}; tried up to {limit:g} V; holds if none"
-    return PURE.found(ours, tested, UNDECIDED if limit < PAPER_NO_CONTACT else not low)
+    tested = f"{_exact(len(low), len(rows))}; tried up to {limit:g} V; {_rule('none is')}"
+    verdict = always(len(rows) - len(low), len(rows))
+    return PURE.found(ours, tested, UNDECIDED if limit < PAPER_NO_CONTACT else verdict)
 
 
 def _always(rows: Rows) -> Finding:
     if not rows:
         return ALWAYS.not_run()
     lifted, limit = len(voltages(rows)), max(row["limit_voltage"] for row in rows)
-    tested = f"{percent(share(lifted, len(rows)))}, up to {limit:g} V, all humidities; holds if all"
-    return ALWAYS.found(f"{lifted} of {len(rows)}", tested, lifted == len(rows))
+    tested = f"{_exact(lifted, len(rows))}, up to {limit:g} V, all humidities; {_rule('all are')}"
+    return ALWAYS.found(f"{lifted} of {len(rows)}", tested, always(lifted, len(rows)))
 
 
 def _within(claim: Claim, rows: Rows, band: Sequence[float]) -> Finding:
@@ -109,7 +113,8 @@ def _within(claim: Claim, rows: Rows, band: Sequence[float]) -> Finding:
     found = voltages(rows)
     if not len(found):
         return claim.not_run()
-    means = [voltages(group).mean() for group in _by_radius(rows) if len(voltages(group))]
+    groups = [sample for group in _by_radius(rows) if len(sample := voltages(group))]
+    means = [float(sample.mean()) for sample in groups]
     inside = int(((found >= band[0]) & (found <= band[1])).sum())
     ends = np.quantile(found, [0.025, 0.975])
     ours = (
@@ -117,10 +122,11 @@ def _within(claim: Claim, rows: Rows, band: Sequence[float]) -> Finding:
         f"trials {ends[0]:.1f} to {ends[1]:.1f} V"
     )
     tested = (
-        f"n = {len(found)} trials at {len(means)} radii, {percent(share(inside, len(found)))} within; holds if all "
-        "means at a radius, which the paper plots, lie within; the model is fitted to this range"
+        f"n = {len(found)} trials at {len(means)} radii, {percent(share(inside, len(found)))} within; holds if the "
+        "intervals of all means at a radius, which the paper plots, lie within, does not if one lies outside; the "
+        "model is fitted to this range"
     )
-    return claim.found(ours, tested, bool(min(means) >= band[0] and max(means) <= band[1]))
+    return claim.found(ours, tested, all_of(enough(within(interval(g), *band), len(g)) for g in groups))
 
 
 def _flat(claim: Claim, rows: Rows) -> Finding:
@@ -130,10 +136,11 @@ def _flat(claim: Claim, rows: Rows) -> Finding:
         return claim.not_run()
     radii = [radius for radius, _ in pairs]
     tested = (
-        f"least squares, n = {len(pairs)} trials from {min(radii):g} to {max(radii):g} µm at 10 % RH; holds if it "
-        f"is within ±{FLAT} V/µm; both forces are proportional to the radius"
+        f"least squares, n = {len(pairs)} trials from {min(radii):g} to {max(radii):g} µm at 10 % RH; equivalence "
+        f"test: holds if the interval is within ±{FLAT} V/µm, does not if it lies outside; both forces are "
+        "proportional to the radius"
     )
-    return claim.found(f"slope {span(found, 'V/µm', 2)}", tested, bool(abs(found.estimate) < FLAT))
+    return claim.found(f"slope {span(found, 'V/µm', 2)}", tested, enough(within(found, -FLAT, FLAT), len(pairs)))
 
 
 def _humidity(dry: Rows, rows: Rows) -> list[Finding]:
@@ -147,7 +154,7 @@ def _humidity(dry: Rows, rows: Rows) -> list[Finding]:
             continue
         result = compare(wet, less)
         ours = f"mean {wet.mean():.1f} V against {less.mean():.1f} V"
-        rule = "holds if p < 0.01; the rise of adhesion with humidity is put in, after its ref. 54"
+        rule = f"{rule_of(True)}; the rise of adhesion with humidity is put in, after its ref. 54"
         tested = f"{in_words(result, 'V')}; {rule}"
         found.append(claim.found(ours, tested, verdict_of(result, True)))
     return found
@@ -161,10 +168,10 @@ def _reliable(rows: Rows) -> Finding:
     spread = float(found.std(ddof=1) / found.mean()) if len(found) > 1 else 0.0
     ours = f"{len(found)} of {len(rows)} released, {landed} landed; coefficient of variation {100 * spread:.1f} %"
     tested = (
-        f"{percent(share(landed, len(rows)))}; holds if all landed and stayed; the spread is fitted, and the model's "
-        "contact is critically damped, so that a ball stays"
+        f"{_exact(landed, len(rows))}; {_rule('all landed and stayed')}; the spread is fitted, and the model's contact "
+        "is critically damped, so that a ball stays"
     )
-    return RELIABLE.found(ours, tested, landed == len(rows))
+    return RELIABLE.found(ours, tested, always(landed, len(rows)))
 
 
 def _below_theory(rows: Rows) -> Finding:
@@ -174,19 +181,25 @@ def _below_theory(rows: Rows) -> Finding:
     law = float(detachment_voltage(WORK_TOOL_OBJECT, RELEASE_GAP))
     tested = (
         f"n = {len(found)}; 70 V is 100 V / sqrt(2), half the adhesion of that seen in air, and not Eq. 3, which "
-        f"with the work of adhesion fitted here gives {law:.1f} V; holds if all are below"
+        f"with the work of adhesion fitted here gives {law:.1f} V; holds if the interval of the mean lies below, does "
+        "not if it lies above"
     )
-    return THEORY.found(f"{found.min():.1f} to {found.max():.1f} V", tested, bool(found.max() < 70.0))
+    middle = interval(found)
+    ours = f"mean {span(middle, 'V')}, {found.min():.1f} to {found.max():.1f} V"
+    return THEORY.found(ours, tested, enough(within(middle, high=70.0), len(found)))
 
 
 def _alike(dry: Rows, let_go: Rows) -> Finding:
     lift, drop = voltages(dry), voltages(let_go)
     if not len(lift) or not len(drop):
         return ALIKE.not_run()
-    ratio = float(drop.mean() / lift.mean())
-    ours = f"release {drop.mean():.1f} V, grasp {lift.mean():.1f} V on average, ratio {ratio:.2f}"
-    tested = f"n = {len(drop)} and {len(lift)}; both are fitted to the paper's ranges; holds if within a factor of 2"
-    return ALIKE.found(ours, tested, bool(0.5 < ratio < 2))
+    ratio = Interval(*map(float, np.exp(difference(np.log(drop), np.log(lift), mean))))
+    ours = f"release {drop.mean():.1f} V, grasp {lift.mean():.1f} V on average, ratio of geometric means {span(ratio)}"
+    tested = (
+        f"n = {len(drop)} and {len(lift)}; both are fitted to the paper's ranges; equivalence test: holds if the "
+        "interval lies within a factor of 2, does not if it lies outside"
+    )
+    return ALIKE.found(ours, tested, enough(within(ratio, 0.5, 2.0), len(drop), len(lift)))
 
 
 def _melting(rows: Rows) -> Finding:
@@ -198,6 +211,14 @@ def _melting(rows: Rows) -> Finding:
     return MELTS.found(
         f"{len(reached)} of {len(rows)} rows melted; highest voltage {number(float(highest))} V", tested, ""
     )
+
+
+def _exact(count: int, total: int) -> str:
+    return f"{percent(share(count, total, 'exact'))}, exact"
+
+
+def _rule(what: str) -> str:
+    return f"holds if {what}, in so many trials that the interval is no wider than 10 %, does not otherwise"
 
 
 def _by_radius(rows: Rows) -> list[list[Row]]:

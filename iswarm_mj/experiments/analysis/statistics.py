@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Real
@@ -93,9 +93,9 @@ def smallest_p(n_first: int, n_second: int) -> float:
     return min(1.0, 2.0 / math.comb(n_first + n_second, n_first)) if n_first and n_second else 1.0
 
 
-def share(count: int, total: int) -> Interval:
-    """Share of a total with Wilson's interval."""
-    ends = stats.binomtest(count, total).proportion_ci(LEVEL, method="wilson")
+def share(count: int, total: int, method: Literal["wilson", "exact"] = "wilson") -> Interval:
+    """Share of a total with Wilson's interval, or with Clopper and Pearson's, never too narrow for few runs."""
+    ends = stats.binomtest(count, total).proportion_ci(LEVEL, method=method)
     return Interval(count / total, float(ends.low), float(ends.high))
 
 
@@ -136,6 +136,22 @@ def holm(p_values: Sequence[float]) -> list[float]:
         most = max(most, min(1.0, (len(p_values) - rank) * p_values[index]))
         adjusted[index] = most
     return adjusted
+
+
+def lowest(samples: Sequence[Values], statistic: Statistic = median) -> Float[Array, "G"]:
+    """How often each of several groups has the lowest statistic, as shares of bootstrap resamples of all groups.
+
+    Groups that share the lowest value share the resample. The random numbers are always the same.
+
+    Args:
+        samples: of G groups, each at least one value.
+        statistic: of an array along `axis`.
+    """
+    rng = np.random.default_rng(0)
+    arrays = [np.asarray(values, float) for values in samples]
+    found = np.array([statistic(rng.choice(values, (RESAMPLES, len(values))), axis=-1) for values in arrays])
+    is_lowest = found == found.min(axis=0)
+    return (is_lowest / is_lowest.sum(axis=0)).mean(axis=1)
 
 
 def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:

@@ -20,9 +20,10 @@ INTRODUCTION = (
     "intelligence issues in a swarm microrobotic platform, Robotics and Autonomous Systems 54 (2006) 789-804, with the "
     f"paper's value, ours by iswarm-mj {__version__}, the statistics, and whether it holds here by the rule that "
     "stands beside it. The paper's figures are described, not shown.",
-    "The swarm is simulated with rigid bodies; the paper's own simulator was another one. Tests are two-sided at a "
-    "level of 0.01, intervals are at 95 %. A verdict tells whether the statement holds in this simulation, not whether "
-    "the paper is right; its kind tells what that is worth.",
+    "The swarm is simulated with rigid bodies; the paper's own simulator was another one. Intervals are at 95 %, and "
+    "they decide: that two quantities are equal holds only if the interval of their difference lies within a margin. "
+    "p-values are two-sided. A verdict tells whether the statement holds in this simulation, not whether the paper is "
+    "right; its kind tells what that is worth.",
 )
 
 

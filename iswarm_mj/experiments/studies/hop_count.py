@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from iswarm_mj.experiments.analysis.findings import PREDICTED, Claim, Finding, Rows, in_words, verdict_of
+from iswarm_mj.experiments.analysis.findings import PREDICTED, Claim, Finding, Rows, in_words, rule_of, verdict_of
 from iswarm_mj.experiments.analysis.measures import (
     CARRIAGE,
     COLLISIONS,
@@ -60,7 +60,9 @@ def findings(rows: Rows) -> list[Finding]:
             ours += f"; {counts[0]} runs reached {rows[0]['goal']} balls with, {counts[1]} without"
         result = in_words(comparison := compare(there, absent), measure.unit)
         found.append(
-            claim.found(ours, f"{result}; holds if p < 0.01", verdict_of(comparison, measure.is_better_larger))
+            claim.found(
+                ours, f"{result}; {rule_of(measure.is_better_larger)}", verdict_of(comparison, measure.is_better_larger)
+            )
         )
     return found
 

@@ -1,13 +1,24 @@
 """Robustness of the swarm to failed robots: dead ones that stand in the way, and ones that are not there at all."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, span
+from iswarm_mj.experiments.analysis.findings import (
+    NOT_COMPARABLE,
+    PREDICTED,
+    Claim,
+    Finding,
+    Rows,
+    number,
+    span,
+    verdict_of,
+)
 from iswarm_mj.experiments.analysis.measures import CARRIAGE, COLLISIONS, TIME, finished, select, values
 from iswarm_mj.experiments.analysis.plots import Quantity, draw_curves
-from iswarm_mj.experiments.analysis.statistics import compare
+from iswarm_mj.experiments.analysis.statistics import compare, holm
+from iswarm_mj.experiments.analysis.verdicts import all_of, mostly
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.simulation.initial import robots_for
@@ -45,23 +56,39 @@ def findings(rows: Rows) -> list[Finding]:
     fractions = sorted({row["fraction"] for row in dead})
     if len(fractions) < 2:
         return [ROBUST.not_run(), COST.not_run()]
-    parts, holds = [], True
+    parts, verdicts = [], []
     for fraction in fractions:
         runs = select(dead, fraction=fraction)
         middle = number(float(np.median(values(runs, TIME))))
         parts.append(f"{100 * fraction:.0f} %: {finished(runs)} of {len(runs)} runs, median {middle} steps")
-        holds &= 2 * finished(runs) >= len(runs)
-    goal, limit = dead[0]["goal"], dead[0]["max_steps"]
-    rule = f"goal of {goal} balls within {limit} steps; holds if at least half of the runs at each share reach it"
-    found = [ROBUST.found("; ".join(parts), rule, holds)]
-    most = fractions[-1]
-    with_bodies, without = (values(select(rows, kind=kind, fraction=most), TIME) for kind in (DEAD, ABSENT))
-    if not len(without):
-        return [*found, COST.not_run()]
-    result = compare(with_bodies, without)
-    ours = f"at {100 * most:.0f} %, difference of the medians {span(result.difference, 'steps')}"
-    tested = f"Mann-Whitney U = {number(result.u)}, p = {number(result.p, 2)}, n = {result.n_first} + {result.n_second}"
-    return [*found, COST.found(ours, tested, "")]
+        verdicts.append(mostly(finished(runs), len(runs)))
+    rule = (
+        f"goal of {dead[0]['goal']} balls within {dead[0]['max_steps']} steps; holds if the exact 95 % interval of the "
+        "share of runs that reach it lies above one half at each share of dead robots, does not if one lies below"
+    )
+    return [ROBUST.found("; ".join(parts), rule, all_of(verdicts)), _cost(rows, fractions[1:])]
+
+
+def _cost(rows: Rows, fractions: Sequence[float]) -> Finding:
+    """The time that dead robots cost beyond that of absent ones, at each share."""
+    pairs = {f: [values(select(rows, kind=kind, fraction=f), TIME) for kind in (DEAD, ABSENT)] for f in fractions}
+    found = {fraction: compare(*pair) for fraction, pair in pairs.items() if all(map(len, pair))}
+    if not found:
+        return COST.not_run()
+    adjusted = holm([result.p for result in found.values()])
+    ours = "; ".join(
+        f"{100 * fraction:.0f} %: {span(result.difference, 'steps')}" for fraction, result in found.items()
+    )
+    raw = ", ".join(
+        f"{number(result.p, 2)} ({number(p, 2)})" for result, p in zip(found.values(), adjusted, strict=True)
+    )
+    first = next(iter(found.values()))
+    tested = (
+        f"differences of the medians; Mann-Whitney p = {raw}, in brackets adjusted by Holm for {len(found)} shares, "
+        f"n = {first.n_first} + {first.n_second} each; holds if all intervals lie above zero, does not if nothing of "
+        "one does"
+    )
+    return COST.found(ours, tested, all_of(verdict_of(result, True) for result in found.values()))
 
 
 def draw(rows: Rows, out: Path) -> list[Path]:

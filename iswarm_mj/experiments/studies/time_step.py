@@ -4,23 +4,22 @@ import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import (
-    ALPHA,
     CONSTRUCTED,
+    FAILS,
     FITTED,
+    HOLDS,
     NOT_COMPARABLE,
     PREDICTED,
-    UNDECIDED,
     Claim,
     Finding,
     Rows,
     number,
-    span,
 )
 from iswarm_mj.experiments.analysis.measures import (
     CARRIAGE,
@@ -33,7 +32,8 @@ from iswarm_mj.experiments.analysis.measures import (
     values,
 )
 from iswarm_mj.experiments.analysis.plots import Quantity, draw_curves
-from iswarm_mj.experiments.analysis.statistics import compare, holm, interval, median, smallest_p
+from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, compare, holm, interval, median
+from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, within
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.simulation.initial import robots_for
@@ -161,32 +161,53 @@ def draw(rows: Rows, out: Path) -> list[Path]:
     return [draw_curves(lines, rate, (TIME, COLLISIONS, CARRIAGE), out / "time_step")]
 
 
+class _Pair(NamedTuple):
+    """A number of physics steps compared with the finest, in one type."""
+
+    name: str
+    rate: int
+    comparison: Comparison
+    margin: float
+    """Difference of the medians that counts as none."""
+
+
 def _same(rows: Rows, measure: Measure, claim: Claim) -> Finding:
-    """Whether a measure differs between any time step and the finest, in either type."""
-    compared, parts = [], []
+    """Whether a measure is equivalent at each time step and the finest, in both types."""
+    pairs, parts = [], []
     for name in TYPES:
         mine = select(rows, type=name)
-        rates = sorted({row["rate"] for row in mine})
-        samples = {rate: values(select(mine, rate=rate), measure) for rate in rates}
-        finest = rates[-1]
-        middles = {rate: interval(sample, median) for rate, sample in samples.items() if len(sample)}
+        samples = {rate: values(select(mine, rate=rate), measure) for rate in _rates(mine)}
+        samples = {rate: sample for rate, sample in samples.items() if len(sample)}
+        if len(samples) < 2:
+            continue
+        middles = {rate: interval(sample, median) for rate, sample in samples.items()}
         texts = [f"{rate}: {number(m.estimate)} ({number(m.low)} to {number(m.high)})" for rate, m in middles.items()]
         reached = f"{finished(mine)} of {len(mine)} runs reached the goal"
         parts.append(f"{name} ({reached}), " + ", ".join(texts))
-        compared += [(name, rate, compare(samples[rate], samples[finest])) for rate in rates[:-1]]
-    if not compared:
+        *coarser, finest = samples
+        margin = EQUAL * middles[finest].estimate
+        pairs += [_Pair(name, rate, compare(samples[rate], samples[finest]), margin) for rate in coarser]
+    if not pairs:
         return claim.not_run()
-    adjusted = holm([comparison.p for *_, comparison in compared])
-    (name, rate, strongest), p = min(zip(compared, adjusted, strict=True), key=lambda item: item[1])
-    differing = [f"{kind} at {rate}" for (kind, rate, _), q in zip(compared, adjusted, strict=True) if q < ALPHA]
-    tested = (
-        f"medians by physics steps a second with 95 % intervals; Mann-Whitney against the finest, p adjusted by Holm "
-        f"for {len(compared)} comparisons, n = {strongest.n_first} + {strongest.n_second}; smallest p = "
-        f"{number(p, 2)}, {name} at {rate}: {span(strongest.difference, measure.unit)}; "
-        f"differing: {', '.join(differing) or 'none'}; holds if none does at p < {ALPHA:g}"
+    adjusted = holm([pair.comparison.p for pair in pairs])
+    told = ", ".join(
+        f"{pair.name} at {pair.rate}: {_signed(pair.comparison.difference)}, p = {number(pair.comparison.p, 2)} "
+        f"({number(p, 2)})"
+        for pair, p in zip(pairs, adjusted, strict=True)
     )
-    few = len(compared) * smallest_p(strongest.n_first, strongest.n_second) >= ALPHA
-    return claim.found(f"{'; '.join(parts)} {measure.unit}", tested, UNDECIDED if few else not differing)
+    first = pairs[0].comparison
+    tested = (
+        f"medians by physics steps a second with 95 % intervals; difference from the finest, Mann-Whitney p and, in "
+        f"brackets, adjusted by Holm for {len(pairs)} comparisons, n = {first.n_first} + {first.n_second}: {told}; "
+        f"equivalence test: holds if all intervals lie within {100 * EQUAL:.0f} % of the finest's median, does not if "
+        "one lies outside"
+    )
+    verdicts = [
+        enough(within(c.difference, -pair.margin, pair.margin), c.n_first, c.n_second)
+        for pair in pairs
+        for c in [pair.comparison]
+    ]
+    return claim.found(f"{'; '.join(parts)} {measure.unit}", tested, all_of(verdicts))
 
 
 def _overlap(rows: Rows) -> Finding:
@@ -195,7 +216,8 @@ def _overlap(rows: Rows) -> Finding:
     if not finest:
         return OVERLAP.not_run()
     rule = f"{_observed(rows, 'largest')}; holds if at most {NEGLIGIBLE:g} mm"
-    return OVERLAP.found(_by_rate(rows, "overlap", max, "mm"), rule, max(finest) <= NEGLIGIBLE)
+    verdict = HOLDS if max(finest) <= NEGLIGIBLE else FAILS
+    return OVERLAP.found(_by_rate(rows, "overlap", max, "mm"), rule, enough(verdict, len(finest)))
 
 
 def _by_rate(rows: Rows, column: str, statistic: Any, unit: str) -> str:
@@ -206,6 +228,10 @@ def _by_rate(rows: Rows, column: str, statistic: Any, unit: str) -> str:
         found = {rate: statistic([row[column] for row in select(mine, rate=rate)]) for rate in _rates(mine)}
         parts.append(f"{name}, " + ", ".join(f"{rate}: {number(float(value))}" for rate, value in found.items()))
     return f"{'; '.join(parts)} {unit}"
+
+
+def _signed(value: Interval) -> str:
+    return f"{number(value.estimate)} ({number(value.low)} to {number(value.high)})"
 
 
 def _rates(rows: Rows) -> list[int]:
