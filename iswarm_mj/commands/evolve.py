@@ -20,6 +20,8 @@ class Evolve(ManyRunsOptions):
     """Control steps of a run at most."""
     evaluations: int = 1
     """Runs of each swarm in each generation; its fitness is their mean."""
+    replicates: int = 1
+    """Independent repetitions of the search, each with its own seed; a generation of all is one set of runs."""
     method: Literal["paper", "cmaes", "random"] = "paper"
     """The paper's evolution, CMA-ES with margin, or random search."""
     out: Path = Path("runs/evolve")
@@ -41,5 +43,6 @@ class Evolve(ManyRunsOptions):
             steps=self.steps,
             seed=self.seed,
             evaluations=self.evaluations,
+            replicates=self.replicates,
         )
         run_search(search, self.out, self.execution, self.resume)

@@ -22,7 +22,9 @@ from iswarm_mj.experiments.report.sections import _at_run_time
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import Search
+from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.studies import hop_count
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
@@ -118,6 +120,17 @@ class TestResults:
             search.config.arena,
             search.config.optics,
             200,
+        )
+
+    def test_replicates_and_the_engine_come_back(self, tmp_path):
+        search = Search(replicates=4, operators=Operators(boolean_mutation="redraw"))
+        settings = settings_of_search(search, Execution("planar", refinement=1))
+        write_table(tmp_path / "evolution.parquet", search_rows(1), settings)
+        given = tyro.cli(Evolve, args=command(collect([tmp_path]).searches["paper"]).split()[2:])
+        assert (given.replicates, given.operators, given.execution) == (
+            4,
+            search.operators,
+            Execution("planar", refinement=1),
         )
 
     def test_an_experiment_in_another_arena_is_told(self, tmp_path):

@@ -13,13 +13,23 @@ import numpy as np
 import pytest
 
 from iswarm_mj.commands import main as cli
+from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate, genome_of
 from iswarm_mj.experiments.runner import resumable
 from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, optimiser
 from iswarm_mj.experiments.runner.pool import Execution
-from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE, Search, run_search, run_seed, summary
-from iswarm_mj.experiments.runner.search_table import best_of, genome_of
+from iswarm_mj.experiments.runner.search import (
+    BEST,
+    CHECKPOINT,
+    TABLE,
+    Search,
+    replicate_seed,
+    run_search,
+    run_seed,
+    summary,
+)
+from iswarm_mj.experiments.runner.search_table import Place
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
 from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome
@@ -74,7 +84,7 @@ class TestTable:
         places = [(row["generation"], row["individual"], row["evaluation"]) for row in rows]
         assert places == [(g, i, k) for g in range(6) for i in range(5) for k in range(2)]
         assert len(begun) == 60 and {job.seed for job in begun} == {row["seed"] for row in rows}
-        assert all(row["seed"] == run_seed(SEARCH, *place) for row, place in zip(rows, places, strict=True))
+        assert all(row["seed"] == run_seed(SEARCH, Place(*place)) for row, place in zip(rows, places, strict=True))
 
     def test_a_row_says_what_was_run_and_what_came_of_it(self, done):
         _, rows, _, begun = done
@@ -130,14 +140,105 @@ def test_a_fitness_of_almost_nothing_has_no_sign(tmp_path):
 
 def test_seeds_differ_and_are_seeds():
     seeds = {
-        run_seed(replace(SEARCH, seed=s), g, i, k)
+        run_seed(replace(SEARCH, seed=s), Place(g, i, k, r))
         for s in range(5)
         for g in range(20)
         for i in range(10)
         for k in range(2)
+        for r in range(3)
     }
-    assert len(seeds) == 2000 and max(seeds) < 2**32 - 1 and min(seeds) >= 0
-    assert run_seed(SEARCH, 1, 2, 0) != run_seed(SEARCH, 2, 1, 0)
+    assert len(seeds) == 6000 and max(seeds) < 2**32 - 1 and min(seeds) >= 0
+    assert run_seed(SEARCH, Place(1, 2, 0)) != run_seed(SEARCH, Place(2, 1, 0))
+    assert len({replicate_seed(seed, r) for seed in range(20) for r in range(20)}) == 400
+
+
+class TestReplicates:
+    """Three searches at once."""
+
+    THREE = replace(SEARCH, replicates=3)
+
+    @pytest.fixture(autouse=True)
+    def no_figures(self, monkeypatch):
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
+
+    def rows(self, search, out):
+        run_search(search, out)
+        return read_table(out / TABLE)[0]
+
+    @pytest.mark.parametrize("method", METHODS)
+    def test_each_is_the_search_with_its_seed(self, monkeypatch, tmp_path, method):
+        """The first that of the seed itself; no replicate learns from another."""
+        pretend(monkeypatch)
+        search = replace(self.THREE, method=method)
+        together = by_replicate(self.rows(search, tmp_path / "three"))
+        assert [len(rows) for rows in together] == [60] * 3 and replicate_seed(3, 0) == 3
+        for number, rows in enumerate(together):
+            alone = replace(search, seed=replicate_seed(3, number), replicates=1)
+            expected = self.rows(alone, tmp_path / str(number))
+            assert [row | {"replicate": 0} for row in rows] == expected
+            assert {row["replicate"] for row in rows} == {number}
+
+    def test_a_generation_of_all_is_one_set_of_jobs(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        sets, run_jobs = [], resumable.run_jobs
+
+        def counted(jobs, execution):
+            sets.append(len(jobs))
+            return run_jobs(jobs, execution)
+
+        monkeypatch.setattr(resumable, "run_jobs", counted)
+        self.rows(self.THREE, tmp_path / "out")
+        assert sets == [30] * 6
+
+    def test_the_best_of_all_and_of_each(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        rows = self.rows(self.THREE, tmp_path)
+        files = [tmp_path / f"best-{number}.json" for number in range(3)]
+        assert [load_genome(str(file)) for file in files] == [best_of(mine).genome for mine in by_replicate(rows)]
+        assert (tmp_path / BEST).read_bytes() in [file.read_bytes() for file in files]
+        assert load_genome(str(tmp_path / BEST)) == best_of(rows).genome
+        told = summary(self.THREE, rows, best_of(rows), tmp_path)
+        assert "paper, 3 times 6 generations of 5" in told and "runs  180, of which" in told
+        top = [best_of(mine).fitness for mine in by_replicate(rows)]
+        for number, fitness in enumerate(top):
+            assert re.search(rf"replicate {number}  0 of 60 delivered all, fitness \d+, best {fitness:.0f} over", told)
+        assert "replicate 3" not in told
+
+    @pytest.mark.parametrize("engine", ["mujoco", "mjx"])
+    def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, engine):
+        """With batches a generation that is known in part is run again as a whole, in all replicates."""
+        pretend(monkeypatch)
+        run_search(self.THREE, tmp_path / "whole", execution=Execution(engine, workers=1))
+        for number, breaks_after in enumerate((0, 17, 30, 100, 179)):
+            out = tmp_path / str(number)
+            pretend(monkeypatch, breaks_after)
+            with pytest.raises(KeyboardInterrupt):
+                run_search(self.THREE, out, execution=Execution(engine, workers=2))
+            begun = pretend(monkeypatch)
+            run_search(self.THREE, out, resume=True, execution=Execution(engine, workers=3))
+            assert contents(out) == contents(tmp_path / "whole")
+            assert len(begun) == 180 - (breaks_after if engine == "mujoco" else breaks_after // 30 * 30)
+
+    def test_another_number_is_refused(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        for had, wanted, message in (
+            (SEARCH, self.THREE, r"\(replicates: the default there, 3 now\)"),
+            (self.THREE, SEARCH, r"\(replicates: 3 there, the default now\)"),
+        ):
+            out = tmp_path / str(had.replicates)
+            run_search(had, out)
+            before = contents(out)
+            with pytest.raises(UserError, match=message):
+                run_search(wanted, out, resume=True)
+            assert contents(out) == before
+
+    def test_one_has_the_files_of_before(self, monkeypatch, tmp_path):
+        """A checkpoint neither names replicates nor has them in its keys; one best genome."""
+        pretend(monkeypatch)
+        run_search(SEARCH, tmp_path)
+        head, *lines = (tmp_path / CHECKPOINT).read_bytes().splitlines()
+        assert b"replicates" not in head and json.loads(lines[0][9:])[0] == [0, 0, 0]
+        assert sorted(contents(tmp_path)) == [BEST, CHECKPOINT, TABLE]
 
 
 class TestResume:
@@ -237,12 +338,13 @@ class TestResume:
             assert contents(tmp_path / name) == before and begun == []
         assert read_table(tmp_path / "mjx" / TABLE)[1]["engine"] == "mjx"
 
-    def test_checkpoints_of_before_there_were_engines_and_orders_go_on(self, monkeypatch, tmp_path):
-        """Their settings name neither; the files in the end do not either."""
+    def test_checkpoints_of_before_there_were_engines_orders_and_replicates_go_on(self, monkeypatch, tmp_path):
+        """Their settings name none of these, nor mutations of Booleans; the files in the end do not either."""
         begun = pretend(monkeypatch)
         run_search(SEARCH, tmp_path / "whole")
         settings = asdict(SEARCH)
-        del settings["config"]["strategy"]["update_order"]
+        del settings["config"]["strategy"]["update_order"], settings["replicates"]
+        del settings["operators"]["boolean_mutation"]
         with Journal(tmp_path / "whole" / CHECKPOINT, settings) as journal:
             runs = dict(list(journal.entries.items())[:27])
         (tmp_path / "old").mkdir()
@@ -405,6 +507,7 @@ def test_generations_as_batches(small, tmp_path):
         ("--generations 0", r"--generations must be a whole number between 1 and 100000 \(got 0\)"),
         ("--population 1", r"--population must be .*\(got 1\)"),
         ("--population 2", r"--operators\.elite must be below --population \(got 2\)"),
+        ("--replicates 0", r"--replicates must be a whole number between 1 and 1000 \(got 0\)"),
         ("--evaluations 0", r"--evaluations must be .*\(got 0\)"),
         ("--steps 0", r"--steps must be .*\(got 0\)"),
         ("--seed -1", r"--seed must be .*\(got -1\)"),

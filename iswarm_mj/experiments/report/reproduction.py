@@ -7,6 +7,7 @@ from typing import Any
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS, Result
 from iswarm_mj.experiments.runner.search import Search
+from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
 
@@ -28,7 +29,8 @@ def _grasp(settings: Mapping[str, Any]) -> str:
 
 def _evolve(settings: Mapping[str, Any]) -> str:
     names = ("method", "generations", "population", "steps", "evaluations", "seed")
-    flags = " ".join(f"--{name} {settings[name]}" for name in names) + _engine(settings)
+    replicates = f" --replicates {settings['replicates']}" if settings.get("replicates", 1) > 1 else ""
+    flags = " ".join(f"--{name} {settings[name]}" for name in names) + replicates + _engine(settings)
     return f"iswarm evolve {flags}{_changed({**settings['config'], 'operators': settings['operators']})}"
 
 
@@ -40,9 +42,10 @@ def _experiment(settings: Mapping[str, Any]) -> str:
 
 
 def _engine(settings: Mapping[str, Any]) -> str:
-    """Flag of the engine unless it is the default; tables of searches do not contain the default."""
-    engine = settings.get("engine", "mujoco")
-    return "" if engine == "mujoco" else f" --engine {engine}"
+    """Flags of the engine unless they are the defaults; tables of searches do not contain the default engine."""
+    engine, refinement = settings.get("engine", "mujoco"), settings.get("refinement", FINE)
+    finer = "" if refinement == FINE else f" --refinement {refinement}"
+    return "" if engine == "mujoco" else f" --engine {engine}{finer}"
 
 
 def _unlike_the_paper(settings: Mapping[str, Any]) -> list[str]:

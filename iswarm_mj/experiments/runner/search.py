@@ -10,19 +10,22 @@ from typing import Annotated, Any
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.experiments.analysis.evolution_best import Best, best_of, by_replicate
 from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
-from iswarm_mj.experiments.runner.checkpoint import Journal, Key
+from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.runner import experiment
+from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.optimisers import Method, optimiser
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
-from iswarm_mj.experiments.runner.search_table import Best, best_of, rows_of
+from iswarm_mj.experiments.runner.search_table import Place, rows_of
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Individual, Operators
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
-from iswarm_mj.utils.serialization import to_dict
+from iswarm_mj.utils.serialization import added_later, to_dict
 from iswarm_mj.utils.tables import write_table
 
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
@@ -42,6 +45,9 @@ class Search:
     seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     evaluations: Annotated[int, Within(1, 1000)] = 1
     """Runs of each genome in each generation; its fitness is their mean."""
+    replicates: Annotated[int, Within(1, 1000)] = added_later(1)
+    """Independent repetitions of the search, which advance together. Replicate 0 is the search with one; the others are
+    those with the seeds of `replicate_seed`. In batches this is so up to rounding, see `batches.run_batches`."""
 
     def __post_init__(self):
         validate(self)
@@ -50,18 +56,18 @@ class Search:
 
     @property
     def n_runs(self) -> int:
-        """Runs of a generation."""
-        return self.population * self.evaluations
+        """Runs of a generation, in all replicates."""
+        return self.replicates * self.population * self.evaluations
 
 
 def run_search(search: Search, out: Path, execution: Execution | None = None, resume: bool = False) -> Best:
     """Search, write the results into `out`, print a summary.
 
-    Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome; fitness.png and .svg;
-    checkpoint.jsonl. The table is written after each generation, the others at the end. Neither the number of workers
-    nor an interruption changes a byte of them. With mjx, where a generation is one batch, a generation that the
-    checkpoint contains in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these
-    round reproducibly.
+    Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome, and with replicates the
+    best of each, best-0.json and so on; fitness.png and .svg; checkpoint.jsonl. The table is written after each
+    generation, the others at the end. A generation of all replicates is one set of jobs. Neither the number of workers
+    nor an interruption changes a byte of the files. Where a generation is one batch, one that the checkpoint contains
+    in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round reproducibly.
 
     Args:
         search: what to do.
@@ -79,14 +85,16 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, re
     settings = settings_of(search, execution)
     with Journal(out / CHECKPOINT, settings) as journal:
         _remove_partial_files(out)
-        if execution.engine == "mjx":
+        if execution.in_batches:
             _forget_partial_generations(search, journal)
         rows = _run_generations(search, execution, journal, out)
         journal.settle()
         write_table(out / TABLE, rows, settings)
         best = best_of(rows)
-        with atomic_write(out / BEST) as part:
-            part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
+        _write_genome(out / BEST, best)
+        if search.replicates > 1:
+            for replicate, mine in enumerate(by_replicate(rows)):
+                _write_genome(out / best_name(replicate), best_of(mine))
         draw_fitness(rows, search.config.arena.n_dust, out / FIGURE)
     print(summary(search, rows, best, out))
     return best
@@ -97,59 +105,90 @@ def settings_of(search: Search, execution: Execution) -> dict[str, Any]:
     return {**to_dict(search), **execution.identity}
 
 
-def run_seed(search: Search, generation: int, individual: int, evaluation: int) -> int:
+def replicate_seed(seed: int, replicate: int) -> int:
+    """Seed of a replicate: the search's own for the first, which is the search with one replicate."""
+    # Two numbers, since keys of one belong to generations (`optimisers`) and keys of three to runs.
+    return seed if replicate == 0 else experiment.run_seed(seed, replicate, 0)
+
+
+def run_seed(search: Search, place: Place) -> int:
     """Seed of one run, within 0 to 2^32 - 2."""
-    sequence = np.random.SeedSequence(search.seed, spawn_key=(generation, individual, evaluation))
-    return int(sequence.generate_state(1, np.uint64)[0] % (2**32 - 1))
+    return experiment.run_seed(replicate_seed(search.seed, place.replicate), *place[:3])
 
 
-def summary(search: Search, rows: Sequence[dict[str, Any]], best: Best, out: Path) -> str:
+def best_name(replicate: int | str) -> str:
+    """Name of the file of a replicate's best genome."""
+    return f"best-{replicate}.json"
+
+
+def summary(search: Search, rows: Rows, best: Best, out: Path) -> str:
     """Readable summary of a search."""
-    n_dust = search.config.arena.n_dust
-    last = [row for row in rows if row["generation"] >= search.generations - 20]
-    clean = sum(row["delivered"] == n_dust for row in rows)
+    n_dust, times = search.config.arena.n_dust, f"{search.replicates} times " if search.replicates > 1 else ""
+
+    def measured(some: Rows) -> tuple[int, float]:
+        last = [row["fitness"] for row in some if row["generation"] >= search.generations - 20]
+        return sum(row["delivered"] == n_dust for row in some), float(np.mean(last))
+
+    clean, last = measured(rows)
     lines = [
-        ("search", f"{search.method}, {search.generations} generations of {search.population}, seed {search.seed}"),
+        (
+            "search",
+            f"{search.method}, {times}{search.generations} generations of {search.population}, seed {search.seed}",
+        ),
         ("runs", f"{len(rows)}, of which {clean} delivered all {n_dust} balls"),
-        ("fitness", f"{np.mean([row['fitness'] for row in last]):z.0f} on average over the last 20 generations"),
+        ("fitness", f"{last:z.0f} on average over the last 20 generations"),
         ("best", f"{best.fitness:z.0f} on average over its {best.n_runs} run(s)"),
     ]
+    if search.replicates > 1:
+        for replicate, mine in enumerate(by_replicate(rows)):
+            (clean, last), (_, top, n_runs) = measured(mine), best_of(mine)
+            told = f"{clean} of {len(mine)} delivered all, fitness {last:z.0f}, best {top:z.0f} over {n_runs} run(s)"
+            lines.append((f"replicate {replicate}", told))
     for name, value in asdict(best.genome).items():
         lines.append(("", f"{name} = {value:.3g}" if isinstance(value, float) else f"{name} = {value}"))
     lines.append(("results", f"{out}; try the best by: iswarm clean --genome {out / BEST}"))
     return "\n".join(f"{name:>12}  {text}" for name, text in lines)
 
 
+def _write_genome(path: Path, best: Best) -> None:
+    with atomic_write(path) as part:
+        part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
+
+
 def _run_generations(search: Search, execution: Execution, journal: Journal, out: Path) -> list[dict[str, Any]]:
     """Rows of all generations; runs in the journal are not repeated."""
-    method = optimiser(search.method, search.operators, search.population, search.seed)
+    seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
+    methods = [optimiser(search.method, search.operators, search.population, seed) for seed in seeds]
     settings = settings_of(search, execution)
     rows: list[dict[str, Any]] = []
     with progress(search.generations * search.n_runs, done=len(journal.entries)) as bar:
         for generation in range(search.generations):
-            individuals = method.ask()
-            jobs = _jobs(search, generation, individuals)
+            populations = [method.ask() for method in methods]
+            jobs = [_jobs(search, generation, *numbered) for numbered in enumerate(populations)]
             n_known = len(journal.entries)
-            run_missing(jobs, journal, execution, bar, _entry)
-            outcomes = _outcomes(jobs, journal)
-            made = rows_of(individuals, jobs, outcomes)
-            rows += made
-            method.tell([row["genome_fitness"] for row in made[:: search.evaluations]])
-            best = max(outcome.fitness for outcome in outcomes)
+            run_missing(
+                {place.key: job for mine in jobs for place, job in mine.items()}, journal, execution, bar, _entry
+            )
+            best = -np.inf
+            for method, individuals, mine in zip(methods, populations, jobs, strict=True):
+                made = rows_of(individuals, mine, _outcomes(mine, journal))
+                rows += made
+                method.tell([row["genome_fitness"] for row in made[:: search.evaluations]])
+                best = max(best, *(row["fitness"] for row in made))
             bar.set_postfix_str(f"generation {generation + 1}, best {best:z.0f}", refresh=False)
             if len(journal.entries) > n_known:
                 write_table(out / TABLE, rows, settings)
     return rows
 
 
-def _jobs(search: Search, generation: int, individuals: Sequence[Individual]) -> dict[Key, Job]:
-    """Jobs of a generation by generation, individual and evaluation."""
+def _jobs(search: Search, generation: int, replicate: int, individuals: Sequence[Individual]) -> dict[Place, Job]:
+    """Jobs of a generation of one replicate by their places."""
     jobs = {}
-    for place, individual in enumerate(individuals):
+    for index, individual in enumerate(individuals):
         n_robots = robots_for(search.config.arena, individual.genome.density_of_robots, "density_of_robots")
-        for k in range(search.evaluations):
-            seed = run_seed(search, generation, place, k)
-            jobs[generation, place, k] = Job(search.config, individual.genome, n_robots, seed, search.steps)
+        for evaluation in range(search.evaluations):
+            place = Place(generation, index, evaluation, replicate)
+            jobs[place] = Job(search.config, individual.genome, n_robots, run_seed(search, place), search.steps)
     return jobs
 
 
@@ -158,15 +197,15 @@ def _entry(job: Job, outcome: Outcome) -> dict[str, Any]:
     return {"genome": astuple(job.genome), "outcome": outcome}
 
 
-def _outcomes(jobs: Mapping[Key, Job], journal: Journal) -> list[Outcome]:
-    """Outcomes of a generation's jobs from the journal."""
-    for key, job in jobs.items():
-        if list(journal.entries[key]["genome"]) != list(astuple(job.genome)):
+def _outcomes(jobs: Mapping[Place, Job], journal: Journal) -> list[Outcome]:
+    """Outcomes of jobs from the journal."""
+    for place, job in jobs.items():
+        if list(journal.entries[place.key]["genome"]) != list(astuple(job.genome)):
             raise UserError(
-                f"{CHECKPOINT} contains another genome in generation {key[0]} than this version of the program would "
-                "try there; begin again in another `out`."
+                f"{CHECKPOINT} contains another genome in generation {place.generation} than this version of the "
+                "program would try there; begin again in another `out`."
             )
-    return [Outcome(*journal.entries[key]["outcome"]) for key in jobs]
+    return [Outcome(*journal.entries[place.key]["outcome"]) for place in jobs]
 
 
 def _forget_partial_generations(search: Search, journal: Journal) -> None:
@@ -186,6 +225,6 @@ def _check_out(out: Path, resume: bool) -> None:
 
 def _remove_partial_files(out: Path) -> None:
     """Remove what a killed process left half written."""
-    for name in (CHECKPOINT, TABLE, BEST, f"{FIGURE}.png", f"{FIGURE}.svg"):
+    for name in (CHECKPOINT, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg"):
         for part in out.glob(f".*-{name}"):
             part.unlink()
