@@ -85,6 +85,19 @@ class DriveConfig:
         """Duration of a physics step [s]."""
         return self.control_period / (self.turn_substeps + self.walk_substeps)
 
+    @property
+    def walk_time(self) -> float:
+        """Part of a control step in which a robot walks, at the speed of `step_length` in that time [s]."""
+        return self.walk_substeps * self.timestep
+
+
+N_LEDS = 4
+"""LEDs of a robot, one a side (Table 1)."""
+MESSAGE_BITS = 32
+"""Length of a message (Table 1)."""
+SENDERS_IN_SIGHT = 5
+"""Nearest senders in sight of one side that count where messages take time; those beyond neither jam nor are heard."""
+
 
 @dataclass(frozen=True)
 class OpticsConfig:
@@ -112,9 +125,38 @@ class OpticsConfig:
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
     """Distance up to which a robot detects a wall by its own reflected light [rd]."""
+    baud_rate: Annotated[float, Within(0, 1e6, "bit/s")] = added_later(0.0)
+    """Rate at which an LED sends the 32 bits of a message [bit/s]; 0: messages take no time and do not interfere.
+    Otherwise all robots stop in each control step for a window of `slots`, each as long as one message ("they
+    frequently stop in order to emit some light impulses", section 4.1)."""
+    slots: Annotated[int, Within(4, 64)] = added_later(8)
+    """Slots of the window in which messages are sent. A robot lights its LEDs in four consecutive ones ("the LEDs will
+    be serially activated", section 4.1), from a slot on that it draws anew in each control step."""
+    photodiodes_while_emitting: Literal["front", "none", "all"] = added_later("front")
+    """Sides whose photodiodes are on in the four slots in which a robot emits ("all photodiodes off, except those on
+    the front side of the robot in order to detect an obstacle", section 4.1). A side whose own LED is lit receives no
+    message, but sees the wall that reflects its light."""
+    serial_photodiodes: bool = added_later(False)
+    """While a robot does not emit, the photodiodes of one side after the other are on, a slot each; otherwise all."""
+    capture_ratio: Annotated[float, Within(0, 100)] = added_later(0.0)
+    """Of the senders that one side receives in the same slot the nearest is understood if the others are at least this
+    many times as far away; 0: never."""
 
     def __post_init__(self):
         validate(self, "optics")
+        check("optics.capture_ratio", self.capture_ratio, "0 or at least 1", not 0 < self.capture_ratio < 1)
+        ever_listens = self.slots > N_LEDS or self.photodiodes_while_emitting != "none"
+        check("optics.slots", self.slots, "at least 5, for robots that do not listen while they emit", ever_listens)
+
+    @property
+    def window(self) -> float:
+        """Part of a control step in which robots stand still and exchange messages [s]."""
+        return self.slots * MESSAGE_BITS / self.baud_rate if self.baud_rate else 0.0
+
+    @property
+    def n_senders(self) -> int:
+        """Senders in sight of one side that engines tell of, the nearest ones."""
+        return SENDERS_IN_SIGHT if self.baud_rate else 1
 
 
 @dataclass(frozen=True)
@@ -184,6 +226,16 @@ class SwarmConfig:
     optics: OpticsConfig = field(default_factory=OpticsConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
+
+    def __post_init__(self):
+        window, walk = self.optics.window, self.drive.walk_time
+        limit = f"high enough for {self.optics.slots} slots to take less than the {walk:g} s in which robots walk"
+        check("optics.baud_rate", self.optics.baud_rate, f"{limit}, and not {window:g} s", window < walk)
+
+    @property
+    def step_length(self) -> float:
+        """Distance that a robot walks at most in a control step, less where it stops in order to emit [rd]."""
+        return self.drive.step_length * (1.0 - self.optics.window / self.drive.walk_time)
 
 
 class Conditions(NamedTuple):

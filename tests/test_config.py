@@ -160,6 +160,32 @@ def test_an_unknown_mode_of_the_optics_is_refused():
         OpticsConfig(mode="laser")
 
 
+@pytest.mark.parametrize(
+    ("optics", "says"),
+    [
+        ({"capture_ratio": 0.5}, r"capture_ratio must be 0 or at least 1 \(got 0.5\)"),
+        ({"slots": 3}, r"slots must be .* between 4 and 64 \(got 3\)"),
+        ({"slots": 4, "photodiodes_while_emitting": "none"}, r"slots must be at least 5, for robots .* \(got 4\)"),
+    ],
+)
+def test_message_times_that_make_no_sense_are_refused(optics, says):
+    with pytest.raises(UserError, match=says):
+        OpticsConfig(**optics)
+
+
+def test_a_window_for_messages_leaves_time_to_walk():
+    """Eight messages of 32 bits in the 0.6 s of six physics steps."""
+    says = r"^optics.baud_rate must be high enough for 8 slots to take less than the 0.6 s .* not 0.64 s \(got 400\)$"
+    with pytest.raises(UserError, match=says):
+        SwarmConfig(optics=OpticsConfig(baud_rate=400))
+    config = SwarmConfig(optics=OpticsConfig(baud_rate=500))
+    assert config.optics.window == pytest.approx(0.512)
+    assert config.step_length == pytest.approx(0.5 * (0.6 - 0.512) / 0.6)
+    slow = DriveConfig(control_period=2.0)
+    assert SwarmConfig(drive=slow, optics=OpticsConfig(baud_rate=400)).step_length == pytest.approx(0.5 * 0.56 / 1.2)
+    assert SwarmConfig().step_length == 0.5
+
+
 def test_an_unknown_update_order_is_refused():
     with pytest.raises(UserError, match=r"^strategy\.update_order must be synchronous or sequential \(got"):
         StrategyConfig(update_order="at-once")

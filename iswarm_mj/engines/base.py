@@ -18,7 +18,8 @@ class Sight(NamedTuple):
     """Light that N robots receive in a control step."""
 
     links: Links
-    """Who hears whom."""
+    """The nearest sender in sight of each side (*B, N, S); where messages take time, the nearest
+    `OpticsConfig.n_senders` of each (*B, N, S, K)."""
     sees_wall: Bool[Array, "*B N 4"]
     """A wall reflects the light of this side's LED."""
 

@@ -1,9 +1,9 @@
-"""Who hears whom: the nearest sender in sight of each photodiode sector.
+"""Who hears whom: the nearest senders in sight of each photodiode sector.
 
 "Communication was restricted to the nearest neighbor" on each photodiode (section 4.3 of the paper). Light goes
 in straight lines, so a robot between two others blocks their link: rays of the physics engine decide, cast from the
 receiving side to the sending LED. A ray is cast only if the circles inside and around the robots in between do not
-settle the question, and if no nearer candidate is already known to be clear.
+settle the question, and if not enough nearer candidates are already known to be clear.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,11 @@ LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
 
 
 class Links(NamedTuple):
-    """What each of the S = 4 sides of N robots receives, in one world or in several."""
+    """What each of the S = 4 sides of N robots receives, in one world or in several.
+
+    Where messages take time, engines tell of the K nearest senders in sight of each side, nearest first, along a last
+    axis; `message_time.understood` chooses among them.
+    """
 
     sender: Int[Array, "*B N S"]
     """int32, index of the robot that is heard; meaningless where not `valid`."""
@@ -103,12 +107,12 @@ def find_links(
     reaches: LedHit,
     sends: Bool[np.ndarray, "B N"] | None = None,
 ) -> Links:
-    """Links of all robots: for each side the nearest sender in sight, of equally near ones that of lowest index.
+    """Links of all robots: for each side the nearest senders in sight, of equally near ones that of lowest index first.
 
     Args:
         poses: x, y [mm] and yaw [rad].
         robot: its outline, and where LEDs and photodiodes sit.
-        optics: range, cones and mode.
+        optics: range, cones and mode; and of how many senders, see `Links`.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
         sends: which robots send light, by default all; the others still block it.
     """
@@ -120,20 +124,18 @@ def find_links(
     found = find_candidates(flat, around, robot, optics, sending)
     clear = np.ones(len(found.slot), bool)
     if optics.line_of_sight:
-        clear = _by_rays(flat, around, found, robot, n_robots, reaches)
-    chosen = np.zeros(len(clear), bool)
-    first = _first(clear, found.slot)
-    chosen[first[first < len(clear)]] = True
-    pick = np.flatnonzero(chosen)
+        clear = _by_rays(flat, around, found, robot, n_robots, reaches, optics.n_senders)
+    pick, rank = _first(clear, found.slot, optics.n_senders)
+    shape = (n_worlds, n_robots, N_SIDES, optics.n_senders)
 
     def scatter(values: np.ndarray, dtype: type) -> np.ndarray:
-        out = np.zeros(n_worlds * n_robots * N_SIDES, dtype)
-        out[found.slot[pick]] = values[pick]
-        return out.reshape(n_worlds, n_robots, N_SIDES)
+        out = np.zeros(shape, dtype)
+        out.reshape(-1, optics.n_senders)[found.slot[pick], rank] = values[pick]
+        return out if optics.n_senders > 1 else out[..., 0]
 
     return Links(
         sender=scatter(found.sender % n_robots, np.int32),
-        valid=scatter(chosen, np.bool_),
+        valid=scatter(clear, np.bool_),
         led=scatter(found.reception.led, np.int32),
         bearing=scatter(found.reception.bearing, np.float32),
         distance=scatter(found.distance, np.float32),
@@ -141,15 +143,21 @@ def find_links(
 
 
 def _by_rays(
-    poses: np.ndarray, around: Neighbours, found: Candidates, robot: Robot, n_robots: int, reaches: LedHit
+    poses: np.ndarray,
+    around: Neighbours,
+    found: Candidates,
+    robot: Robot,
+    n_robots: int,
+    reaches: LedHit,
+    n_senders: int,
 ) -> np.ndarray:
-    """Whether nothing blocks the light (P,) bool; False, too, where a nearer candidate of the same side is clear."""
+    """Whether nothing blocks the light (P,) bool; False, too, where enough nearer ones of the same side are clear."""
     positions = receiver_positions(poses, robot)
     origin = positions[found.receiver, found.reception.side]
     leds = positions if robot.leds == robot.receivers else led_positions(poses, robot)
     target = leds[found.sender, found.reception.led]
     paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)
-    verdict = judge(paths, poses, around, circles(robot))
+    verdict = judge(paths, poses, around, circles(robot), n_senders)
     clear = verdict == CLEAR
     ask = np.flatnonzero(verdict == OPEN)
     world, receiver = np.divmod(found.receiver[ask], n_robots)
@@ -157,10 +165,9 @@ def _by_rays(
     return clear
 
 
-def _first(which: np.ndarray, slot: np.ndarray) -> np.ndarray:
-    """Index of the first candidate of each slot (max(slot) + 1,) for which `which` (P,) holds, else P."""
-    n = len(which)
-    first = np.full(slot[-1] + 1 if n else 0, n)
-    picks = np.flatnonzero(which)[::-1]
-    first[slot[picks]] = picks
-    return first
+def _first(which: np.ndarray, slot: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first n candidates of each slot for which `which` (P,) holds: their indices, and their places from 0 on."""
+    picks = np.flatnonzero(which)
+    slots = slot[picks]
+    rank = np.arange(len(picks)) - np.searchsorted(slots, slots)
+    return picks[rank < n], rank[rank < n]

@@ -47,19 +47,22 @@ def circles(robot: Robot) -> Circles:
 
 
 @njit(cache=True)
-def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles) -> np.ndarray:
-    """Verdicts (P,) on P paths; once a path of a slot is clear, the rest of that slot count as cut.
+def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles, enough: int) -> np.ndarray:
+    """Verdicts (P,) on P paths; once enough paths of a slot are clear, the rest of that slot count as cut.
 
     Args:
         paths: from receivers to senders.
         poses: (N, 3) of all robots [mm, mm, rad].
         around: pairs of robots near each other, complete up to `circles.behind` beyond the longest path's distance.
         circles: around each robot.
+        enough: number of clear paths of a slot.
     """
     verdict = np.zeros(len(paths.slot), np.int8)
-    settled = -1
+    last, n_clear = -1, 0
     for k in range(len(paths.slot)):
-        if paths.slot[k] == settled:
+        if paths.slot[k] != last:
+            last, n_clear = paths.slot[k], 0
+        if n_clear == enough:
             continue
         receiver, x0, y0 = paths.receiver[k], paths.origin[k, 0], paths.origin[k, 1]
         x, y = paths.target[k, 0] - x0, paths.target[k, 1] - y0
@@ -75,7 +78,7 @@ def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles)
                 nearest = min(nearest, beyond**2 + (dy * x - dx * y) ** 2)
         if nearest > circles.outer**2:
             verdict[k] = CLEAR
-            settled = paths.slot[k]
+            n_clear += 1
         elif nearest > circles.inner**2:
             verdict[k] = OPEN
     return verdict

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from jaxtyping import Float, Int
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config import N_LEDS, OpticsConfig
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.robot import SIDES, Point, Robot
 from iswarm_mj.utils.units import mm_from_rd
 
-N_SIDES = 4
+N_SIDES = N_LEDS
 """Number of LEDs, and of photodiode sectors (Table 1: 4)."""
 
 

@@ -129,7 +129,7 @@ class CompiledLoop:
         command = policy(params, state.swarm, situation).command
 
         def move(bodies, command, running):
-            return engine.move(bodies, drive_phases(config.drive, limited(config.drive, command)[0]), running)
+            return engine.move(bodies, drive_phases(config.drive, limited(config, command)[0]), running)
 
         physics = jax.jit(move if is_batched else jax.vmap(move))
         return {

@@ -12,6 +12,8 @@ from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
 from iswarm_mj.sensors.channel import Channel, Received, exchange
 from iswarm_mj.sensors.floor import FloorView, probe_tips, sense
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.controller import Command, Observation
@@ -45,6 +47,8 @@ class Decision(NamedTuple):
     """As the strategy gave it; zero for the dead."""
     has_priority: Bool[Array, "*B N"]
     """The robot sends the priority flag as the step begins."""
+    links: Links
+    """Of each side (*B, N, S), the sender whose message it receives unless noise spoils it."""
 
 
 def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
@@ -61,14 +65,15 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
         UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
     poses, sight, step, is_running = situation
-    n_robots = len(poses)
+    n_robots, optics = len(poses), config.optics
     strategy, is_alive = params.strategy, swarm.is_alive
     step_key = jax.random.fold_in(unrolled(params.key), step)
     channel_key, fall_key, policy_key = jax.random.split(step_key, 3)
 
-    channel = Channel(
-        params.conditions, config.optics.independent_bit_errors, mm_from_rd(config.strategy.message_range)
-    )
+    if optics.baud_rate:
+        first_slot = draw_first_slots(optics, jax.random.fold_in(step_key, 4), n_robots)
+        sight = Sight(understood(optics, sight.links, first_slot), sight.sees_wall & sides_on(optics))
+    channel = Channel(params.conditions, optics.independent_bit_errors, mm_from_rd(config.strategy.message_range))
 
     def transmit(message: Message) -> Received:
         """Messages as received, with the same noise at whatever time within this step they are sent."""
@@ -92,7 +97,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
     decided = SwarmState(memory, balls, is_alive)
     kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
-    return Decision(kept, command, said.priority & is_alive)
+    return Decision(kept, command, said.priority & is_alive, sight.links)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))

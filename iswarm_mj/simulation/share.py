@@ -61,8 +61,7 @@ class Share:
         with self._watch("policy"):
             situation = situation._replace(poses=situation.poses.astype(np.float32))
             decision = decide_worlds(self._config, self.engine.robot, self.params, swarm, situation)
-            command, has_priority = jax.tree.map(np.asarray, (decision.command, decision.has_priority))
-        return Decision(decision.swarm, command, has_priority)
+            return jax.tree.map(np.asarray, decision._replace(swarm=None))._replace(swarm=decision.swarm)
 
 
 def rows(tree: Any, worlds: slice) -> Any:

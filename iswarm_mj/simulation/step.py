@@ -46,26 +46,26 @@ def control_step(
         step: number of this step, from 0.
         last: number of steps of the run.
     """
-    engine, drive = stepper.engine, stepper.config.drive
+    engine, config = stepper.engine, stepper.config
     is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
     sight = engine.sense(state.bodies, state.swarm.is_alive, is_running)
     situation = Situation(engine.poses(state.bodies), sight, step, is_running)
     decision = stepper.decide(params, state.swarm, situation)
-    command, refused = limited(drive, decision.command)
-    motion = engine.move(state.bodies, drive_phases(drive, command), is_running & ~refused.any(axis=-1))
+    command, refused = limited(config, decision.command)
+    motion = engine.move(state.bodies, drive_phases(config.drive, command), is_running & ~refused.any(axis=-1))
     new = account(params, state, decision.swarm, motion, refused, situation)
     return new, record(stepper, params, new, decision, situation) if stepper.records else None
 
 
-def limited(drive: DriveConfig, command: Command) -> tuple[Command, Bool[Array, "*B N"]]:
+def limited(config: SwarmConfig, command: Command) -> tuple[Command, Bool[Array, "*B N"]]:
     """Commands within the limits of the drive, whatever the strategy asked for, and which were not finite.
 
     Args:
-        drive: longest step and largest turn.
+        config: longest step and largest turn.
         command: turns [rad] and distances [mm] (*B, N).
     """
     xp = array_module(command.turn)
-    turn, step = math.radians(drive.max_turn), mm_from_rd(drive.step_length)
+    turn, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
     refused = ~(xp.isfinite(command.turn) & xp.isfinite(command.forward))
     return Command(xp.clip(command.turn, -turn, turn), xp.clip(command.forward, -step, step)), refused
 
@@ -148,7 +148,7 @@ def record(
         decision: of the robots.
         situation: as the step began.
     """
-    links, is_running = situation.sight.links, situation.is_running
+    links, is_running = decision.links, situation.is_running
     poses = stepper.engine.poses(state.bodies)
     return StepRecord(
         step=array_module(is_running).broadcast_to(situation.step + 1, is_running.shape),

@@ -250,7 +250,7 @@ def steer(
     angle = jnp.where(straight_back, jnp.where(prefers_left, jnp.pi, -jnp.pi), jnp.arctan2(y, x))
     turn = _limited_turn(config, angle)
     pace = jnp.clip(_length(direction), 0.0, 1.0) * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
-    return Command(turn, jnp.minimum(pace * mm_from_rd(config.drive.step_length), limit))
+    return Command(turn, jnp.minimum(pace * mm_from_rd(config.step_length), limit))
 
 
 def approach(
@@ -269,7 +269,7 @@ def approach(
     x, y = observation.ball_vector[:, 0], observation.ball_vector[:, 1]
     angle = jnp.arctan2(y, x)
     turn = _limited_turn(config, angle)
-    step = mm_from_rd(config.drive.step_length)
+    step = mm_from_rd(config.step_length)
     forward = jnp.where(turn == angle, jnp.clip(_length(observation.ball_vector) - probe_reach, -step, step), 0.0)
     return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
 
@@ -281,7 +281,7 @@ def _length(vector: Array) -> Array:
 
 def _can_be_followed(config: SwarmConfig, length: Array) -> Array:
     """Whether vectors of this length (N,) [mm] are worth following: they end more than half a step away."""
-    return length > 0.5 * mm_from_rd(config.drive.step_length)
+    return length > 0.5 * mm_from_rd(config.step_length)
 
 
 def _limited_turn(config: SwarmConfig, angle: Array) -> Array:

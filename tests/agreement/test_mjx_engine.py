@@ -172,7 +172,16 @@ class TestContacts:
 
 
 class TestSight:
-    @pytest.mark.parametrize("optics", [OpticsConfig(), OpticsConfig(mode="power"), OpticsConfig(line_of_sight=False)])
+    @pytest.mark.parametrize(
+        "optics",
+        [
+            OpticsConfig(),
+            OpticsConfig(mode="power"),
+            OpticsConfig(line_of_sight=False),
+            OpticsConfig(baud_rate=2000),
+            OpticsConfig(mode="power", baud_rate=2000),
+        ],
+    )
     def test_links_and_walls_are_those_of_mujoco(self, engine, optics):
         config = SwarmConfig(arena=SMALL.arena, optics=optics)
         poses = crowds()
@@ -180,6 +189,7 @@ class TestSight:
         their_engine, bodies = in_c(poses, config)
         links, walls = their_engine.sense(bodies, emits, RUNNING)
         ours, our_walls = seen(replace(engine, config=config), poses, emits)
+        assert links.valid.ndim == (4 if optics.baud_rate else 3)
         np.testing.assert_array_equal(links.valid, ours.valid)
         np.testing.assert_array_equal(links.sender, ours.sender)
         np.testing.assert_array_equal(links.led, ours.led)

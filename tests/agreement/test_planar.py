@@ -146,10 +146,12 @@ def test_runs_begin_alike(small):
 
 @BOTH
 @pytest.mark.parametrize("density", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("baud_rate", [0, 2000])
 @pytest.mark.parametrize("mode", ["sector", "power"])
-def test_links_and_walls_are_those_of_mujoco(mode, density, impl):
+def test_links_and_walls_are_those_of_mujoco(mode, baud_rate, density, impl):
+    """The nearest sender of each side, or where messages take time several."""
     rng = np.random.default_rng(4)
-    config = SwarmConfig(arena=CONFIG.arena, optics=OpticsConfig(mode=mode))
+    config = SwarmConfig(arena=CONFIG.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
     poses = np.stack([bricks(rng, density) for _ in range(4)])
     poses[..., :2] += rng.uniform(-0.2, 0.2, poses[..., :2].shape) + np.array([13, -11])  # some touch, some see walls
     inside = np.abs(poses[..., :2]).max(axis=-1) < EDGE - 1
@@ -157,6 +159,7 @@ def test_links_and_walls_are_those_of_mujoco(mode, density, impl):
     in_c, here = (
         engine.sense(engine.place(poses, inside), emits, running) for engine in engines(*inside.shape, config, impl)
     )
+    assert in_c.links.valid.shape[3:] == ((config.optics.n_senders,) if baud_rate else ())
     np.testing.assert_array_equal(here.links.valid, in_c.links.valid)
     for values, expected in zip(here.links, in_c.links, strict=True):
         values, expected = np.asarray(values)[in_c.links.valid], expected[in_c.links.valid]

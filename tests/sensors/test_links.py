@@ -7,10 +7,10 @@ import pytest
 from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
 from mujoco.batch import Batch
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config import SENDERS_IN_SIGHT, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.sight import Scene, sense
-from iswarm_mj.sensors.links import find_links
+from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 
 OPTICS = OpticsConfig()
@@ -53,7 +53,7 @@ def heard(links, world=0):
 
 def same(one, other):
     """Assert that two sets of links agree."""
-    for name, a, b in zip(one._fields, one, other, strict=True):
+    for name, a, b in zip(Links._fields, one, other, strict=True):
         np.testing.assert_array_equal(a, b, err_msg=name)
 
 
@@ -155,6 +155,23 @@ def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
     assert links.valid.sum() > 80
     if (density, edge) != (0.8, 9):  # there the nearest is next door, with nobody in between
         assert passed_over > 0 and sum(asked) > 0
+
+
+@pytest.mark.parametrize("mode", ["sector", "power"])
+@pytest.mark.parametrize("density", [0.2, 0.5])
+def test_each_next_sender_is_the_one_that_is_heard_if_nearer_ones_are_dark(density, mode):
+    """The robot with index w looks around in world w; there, what it has heard so far is switched off."""
+    poses = crowd(np.random.default_rng(12), density, edge=7)
+    poses = np.broadcast_to(poses, (len(poses), *poses.shape))
+    optics = OpticsConfig(mode=mode, baud_rate=2000)
+    several = find_links(poses, ROBOT, optics, squares_in_the_way(poses))
+    one, sends = np.arange(len(poses)), np.ones(poses.shape[:2], bool)
+    for rank in range(SENDERS_IN_SIGHT):
+        nearest = find_links(poses, ROBOT, OpticsConfig(mode=mode), squares_in_the_way(poses), sends)
+        same([values[one, one, :, rank] for values in several], [values[one, one] for values in nearest])
+        world, side = np.nonzero(nearest.valid[one, one])
+        sends[world, nearest.sender[world, world, side]] = False
+    assert (several.valid[one, one].sum(axis=(0, 1))[:3] > [60, 20, 0]).all()
 
 
 def test_relabelled_robots_have_relabelled_links():

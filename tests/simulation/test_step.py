@@ -75,7 +75,7 @@ class TestDrive:
 
     def test_commands_are_brought_within_the_limits(self, small):
         command = Command(np.array([[3.0, -9.0, 1.5]]), np.array([[0.1, 99.0, -2.0]]))
-        within, refused = limited(small.drive, command)
+        within, refused = limited(small, command)
         np.testing.assert_allclose(within.turn, [[np.pi / 2, -np.pi / 2, 1.5]])
         np.testing.assert_allclose(within.forward, [[0.1, STEP, -STEP]])
         assert not refused.any()
@@ -84,7 +84,7 @@ class TestDrive:
     def test_commands_that_are_not_finite_are_refused(self, small, value):
         turn, forward = np.zeros((2, 3)), np.zeros((2, 3))
         turn[0, 1] = forward[1, 2] = value
-        assert np.argwhere(limited(small.drive, Command(turn, forward))[1]).tolist() == [[0, 1], [1, 2]]
+        assert np.argwhere(limited(small, Command(turn, forward))[1]).tolist() == [[0, 1], [1, 2]]
 
 
 class TestWalls:

@@ -42,10 +42,10 @@ class Search(NamedTuple):
 
 
 def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[Array, "N"]) -> Links:
-    """Find the nearest sender in sight of each side.
+    """Find the nearest senders in sight of each side.
 
     Args:
-        config: optics.
+        config: optics; and of how many senders, see `Links`.
         arena: compiled.
         crowd: the robots.
         emits: which of them send light.
@@ -77,8 +77,12 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[A
     nobody = Search(
         jnp.full(shape, -1.0), jnp.full(shape, -1, jnp.int32), jnp.zeros(shape, bool), jnp.ones(shape, bool)
     )
-    search: Search = jax.lax.while_loop(lambda search: search.is_searching.any(), look, nobody)
-    return _links(config, arena, poses, search)
+    search, found = nobody, []
+    for _ in range(config.optics.n_senders):
+        search = jax.lax.while_loop(lambda search: search.is_searching.any(), look, search)
+        found.append(_links(config, arena, poses, search))
+        search = search._replace(is_found=jnp.zeros_like(search.is_found), is_searching=search.is_found)
+    return found[0] if len(found) == 1 else jax.tree.map(lambda *each: jnp.stack(each, axis=-1), *found)
 
 
 def _next(search: Search, reach: Array, side: Array) -> tuple[Array, Array]:

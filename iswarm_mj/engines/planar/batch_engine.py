@@ -90,12 +90,14 @@ class PlanarBatchEngine:
             launch_dims=(n_worlds, n_robots),
             output_dims=surroundings.near_places(n_worlds, n_robots),
         )
-        sender, valid, led, bearing, distance, sees_wall = self._kernel(sight.find_light, None, 6)(
+        *links, sees_wall = self._kernel(sight.find_light, None, 6)(
             *(place, robot, is_present, plane, light, points, *near),
             launch_dims=(n_worlds, n_robots, 4),
-            output_dims=sight.light_places(n_worlds, n_robots),
+            output_dims=sight.light_places(n_worlds, n_robots, self.light.n_senders),
         )
-        return Sight(Links(sender, valid, led, bearing, distance), sees_wall)
+        if self.light.n_senders == 1:
+            links = [values[..., 0] for values in links]
+        return Sight(Links(*links), sees_wall)
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""

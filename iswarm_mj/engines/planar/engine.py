@@ -15,6 +15,7 @@ from iswarm_mj.engines.planar.physics import Bodies, take_steps
 from iswarm_mj.engines.planar.plane import read_plane
 from iswarm_mj.engines.planar.reception import read_light
 from iswarm_mj.engines.planar.sight import darkness, sense
+from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 
@@ -55,10 +56,13 @@ class PlanarEngine:
 
     def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
-        sight = darkness(*bodies.is_present.shape)
+        n_worlds, n_robots = bodies.is_present.shape
+        sight = darkness(n_worlds, n_robots, self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
         self._spread(sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light)
-        return sight
+        if self._light.n_senders > 1:
+            return sight
+        return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""

@@ -39,6 +39,8 @@ class Light(NamedTuple):
     """Distance from a LED up to which a wall reflects its light."""
     optical_offset: float
     """Greatest distance of an LED or a receiver from the middle of its side."""
+    n_senders: int
+    """Senders in sight of a side that are told of, the nearest ones."""
     leds: tuple[Point, Point, Point, Point]
     """Where each side's LED sits, ahead of and to the left of the robot's centre."""
     receivers: tuple[Point, Point, Point, Point]
@@ -63,6 +65,7 @@ def read_light(robot: Robot, optics: OpticsConfig) -> Light:
         splay_tan=math.tan(splay),
         wall_reach=mm_from_rd(optics.wall_range),
         optical_offset=robot.optical_offset,
+        n_senders=optics.n_senders,
         leds=robot.leds,
         receivers=(front, left, back, right),
     )

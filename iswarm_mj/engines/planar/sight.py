@@ -43,9 +43,9 @@ NEAR = np.dtype(
 arrives on the same side, or -1."""
 
 
-def darkness(n_worlds: int, n_robots: int) -> Sight:
-    """Sight of robots that see nothing, to be filled by `sense`."""
-    shape = n_worlds, n_robots, 4
+def darkness(n_worlds: int, n_robots: int, n_senders: int) -> Sight:
+    """Sight of robots that see nothing, to be filled by `sense`; links have the shape (B, N, 4, K)."""
+    shape = n_worlds, n_robots, 4, n_senders
     links = Links(
         sender=np.zeros(shape, np.int32),
         valid=np.zeros(shape, np.bool_),
@@ -53,7 +53,7 @@ def darkness(n_worlds: int, n_robots: int) -> Sight:
         bearing=np.zeros(shape, np.float32),
         distance=np.zeros(shape, np.float32),
     )
-    return Sight(links, np.zeros(shape, np.bool_))
+    return Sight(links, np.zeros(shape[:3], np.bool_))
 
 
 @register_jitable
@@ -76,10 +76,10 @@ def sense(
 ) -> None:
     """Find the light in some of B worlds.
 
-    Each side hears the sender of least effective distance that no third robot hides; of equal ones that of lowest
-    index. Links do not end at walls: the arena is convex, and what little of a robot is pressed into a wall stays
-    visible. A wall is in sight where it is the first thing on the axis of a LED; one that a robot presses slightly into
-    a wall sees it too.
+    Each side hears the senders of least effective distance that no third robot hides; of equal ones that of lowest
+    index comes first. Links do not end at walls: the arena is convex, and what little of a robot is pressed into a wall
+    stays visible. A wall is in sight where it is the first thing on the axis of a LED; one that a robot presses
+    slightly into a wall sees it too.
 
     Args:
         worlds: indices of these worlds.
@@ -208,18 +208,19 @@ def _find_links(
     light: Light,
     plane: Plane,
 ) -> None:
-    """Find the nearest sender in sight of each side of robot i, of those listed from `nearest` (4,) on."""
+    """Find the nearest senders in sight of each side of robot i, of those listed from `nearest` (4,) on."""
     for side in range(4):
-        k = nearest[side]
-        while k >= 0 and light.needs_sight and not _is_clear(i, k, robots, near, n_near, light, plane):
+        k, n_found = nearest[side], 0
+        while k >= 0 and n_found < light.n_senders:
+            if not light.needs_sight or _is_clear(i, k, robots, near, n_near, light, plane):
+                found = near[k]
+                links.sender[world, i, side, n_found] = found.robot
+                links.valid[world, i, side, n_found] = True
+                links.led[world, i, side, n_found] = found.led
+                links.bearing[world, i, side, n_found] = found.bearing
+                links.distance[world, i, side, n_found] = found.distance
+                n_found += 1
             k = near[k].next
-        if k >= 0:
-            found = near[k]
-            links.sender[world, i, side] = found.robot
-            links.valid[world, i, side] = True
-            links.led[world, i, side] = found.led
-            links.bearing[world, i, side] = found.bearing
-            links.distance[world, i, side] = found.distance
 
 
 @inlined

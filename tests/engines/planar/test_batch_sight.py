@@ -48,10 +48,12 @@ def bricks(rng, *densities):
 
 @pytest.mark.parametrize("line_of_sight", [True, False])
 @pytest.mark.parametrize("mode", ["sector", "power"])
+@pytest.mark.parametrize("baud_rate", [0, 2000])
 @pytest.mark.parametrize("robot", [ROBOT, SHIFTED], ids=["middle", "shifted"])
-def test_links_and_walls_are_those_of_the_other_engine(robot, mode, line_of_sight):
+def test_links_and_walls_are_those_of_the_other_engine(robot, baud_rate, mode, line_of_sight):
     """Absent robots and dark ones included."""
-    rng, optics = np.random.default_rng(6), OpticsConfig(mode=mode, line_of_sight=line_of_sight)
+    optics = OpticsConfig(mode=mode, line_of_sight=line_of_sight, baud_rate=baud_rate)
+    rng = np.random.default_rng(6)
     poses = bricks(rng, 0.15, 0.4, 0.7)
     emits, present = rng.random((2, *poses.shape[:2])) < np.array([0.8, 0.9])[:, None, None]
     expected, got = (seen(engine, poses, emits, present) for engine in engines(optics, robot))

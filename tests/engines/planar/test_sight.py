@@ -24,10 +24,11 @@ def sight(poses, optics, robot=ROBOT, n_threads=1, emits=None, present=None):
 
 @pytest.mark.parametrize("line_of_sight", [True, False])
 @pytest.mark.parametrize("mode", ["sector", "power"])
+@pytest.mark.parametrize("baud_rate", [0, 2000])
 @pytest.mark.parametrize("robot", [ROBOT, SHIFTED], ids=["middle", "shifted"])
-def test_links_are_those_of_arrays(robot, mode, line_of_sight):
+def test_links_are_those_of_arrays(robot, baud_rate, mode, line_of_sight):
     rng = np.random.default_rng(6)
-    optics = OpticsConfig(mode=mode, line_of_sight=line_of_sight)
+    optics = OpticsConfig(mode=mode, line_of_sight=line_of_sight, baud_rate=baud_rate)
     poses = np.stack([crowd(rng, density) for density in (0.15, 0.4, 0.7)])
     emits = rng.random(poses.shape[:2]) < 0.9
     expected = find_links(poses, robot, optics, squares_in_the_way(poses), emits)

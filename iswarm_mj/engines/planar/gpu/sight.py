@@ -27,11 +27,11 @@ def find_light(
     n_near: wp.array2d(dtype=int),
     near: wp.array3d(dtype=int),
     effective: wp.array3d(dtype=float),
-    sender: wp.array3d(dtype=int),
-    valid: wp.array3d(dtype=wp.bool),
-    led: wp.array3d(dtype=int),
-    bearing: wp.array3d(dtype=float),
-    distance: wp.array3d(dtype=float),
+    sender: wp.array4d(dtype=int),
+    valid: wp.array4d(dtype=wp.bool),
+    led: wp.array4d(dtype=int),
+    bearing: wp.array4d(dtype=float),
+    distance: wp.array4d(dtype=float),
     sees_wall: wp.array3d(dtype=wp.bool),
 ):
     """Find the light in B worlds, one thread for each side of a robot.
@@ -46,12 +46,12 @@ def find_light(
         n_near: (B, N) of `surroundings.look_around`.
         near: (B, N, N) likewise.
         effective: (B, N, N) likewise.
-        sender: (B, N, 4) output, as all others: see `sensors.links.Links` and `Sight`.
+        sender: (B, N, 4, K) output, of the K nearest in sight, as the next four: see `sensors.links.Links`.
         valid: likewise.
         led: likewise.
         bearing: likewise [rad].
         distance: likewise [mm].
-        sees_wall: likewise.
+        sees_wall: (B, N, 4) output, see `Sight`.
     """
     world, slot, side = wp.tid()
     i, plane, light = robot[world, slot], plane_of(plane_values), light_of(light_values, points)
@@ -65,15 +65,21 @@ def find_light(
     view.half_x = plane.half_x
     view.half_y = plane.half_y
     view.radius = plane.radius
-    j = _nearest_in_sight(view, side, light)
-    p, q = view.place[i], view.place[wp.max(j, 0)]
-    dx, dy = q[0] - p[0], q[1] - p[1]
-    one, hears = receive(p, q, dx, dy, light), j >= 0
-    sender[world, i, side] = wp.max(j, 0)
-    valid[world, i, side] = hears
-    led[world, i, side] = wp.where(hears, one.led, 0)
-    bearing[world, i, side] = wp.where(hears, float(side) * _QUARTER + one.turn, 0.0)
-    distance[world, i, side] = wp.where(hears, wp.sqrt(dx * dx + dy * dy), 0.0)
+    found = Candidate()
+    found.effective = -1.0
+    found.robot = -1
+    for rank in range(sender.shape[3]):
+        if rank == 0 or found.robot >= 0:
+            found = _next_in_sight(view, side, light, found)
+        j = found.robot
+        p, q = view.place[i], view.place[wp.max(j, 0)]
+        dx, dy = q[0] - p[0], q[1] - p[1]
+        one, hears = receive(p, q, dx, dy, light), j >= 0
+        sender[world, i, side, rank] = wp.max(j, 0)
+        valid[world, i, side, rank] = hears
+        led[world, i, side, rank] = wp.where(hears, one.led, 0)
+        bearing[world, i, side, rank] = wp.where(hears, float(side) * _QUARTER + one.turn, 0.0)
+        distance[world, i, side, rank] = wp.where(hears, wp.sqrt(dx * dx + dy * dy), 0.0)
     sees_wall[world, i, side] = is_present[world, i] and _sees_wall(view, side, light, plane.edge)
 
 
@@ -99,26 +105,37 @@ class View:
     """Of a robot's circumcircle."""
 
 
+@wp.struct
+class Candidate:
+    """A sender whose light arrives at a side."""
+
+    effective: float
+    """Its effective distance [mm]."""
+    robot: int
+    """-1 for none."""
+
+
 @wp.func
-def _nearest_in_sight(view: View, side: int, light: Light) -> int:
-    """The sender that a side hears, or -1: the nearest one by effective distance and then by index in sight."""
-    last, sender, searches = float(-1.0), int(-1), bool(True)
+def _next_in_sight(view: View, side: int, light: Light, before: Candidate) -> Candidate:
+    """The nearest sender in sight of a side beyond another one, by effective distance and then by index."""
+    last, searches = before, bool(True)
     while searches:
-        nearest, best = float(wp.inf), int(-1)
+        best = Candidate()
+        best.effective = wp.inf
+        best.robot = -1
         for k in range(view.n):
             code, effective = view.near[k, view.slot], view.effective[k, view.slot]
             j = code >> 2
-            is_later = effective > last or (effective == last and j > sender)
-            is_nearer = effective < nearest or (effective == nearest and j < best)
+            is_later = effective > last.effective or (effective == last.effective and j > last.robot)
+            is_nearer = effective < best.effective or (effective == best.effective and j < best.robot)
             is_better = (code & 3) == side and is_later and is_nearer
-            nearest = wp.where(is_better, effective, nearest)
-            best = wp.where(is_better, j, best)
-        last = nearest
-        sender = best
-        searches = sender >= 0 and light.needs_sight
+            best.effective = wp.where(is_better, effective, best.effective)
+            best.robot = wp.where(is_better, j, best.robot)
+        last = best
+        searches = last.robot >= 0 and light.needs_sight
         if searches:
-            searches = not _is_clear(view, side, sender, light)
-    return sender
+            searches = not _is_clear(view, side, last.robot, light)
+    return last
 
 
 @wp.func
@@ -167,6 +184,8 @@ def _in_world(p: wp.vec4, point: wp.vec2) -> wp.vec2:
     return wp.vec2(p[0] + p[2] * point[0] - p[3] * point[1], p[1] + p[3] * point[0] + p[2] * point[1])
 
 
-def light_places(n_worlds: int, n_robots: int) -> dict[str, Any]:
+def light_places(n_worlds: int, n_robots: int, n_senders: int) -> dict[str, Any]:
     """Sizes of the outputs of `find_light`."""
-    return dict.fromkeys(("sender", "valid", "led", "bearing", "distance", "sees_wall"), (n_worlds, n_robots, 4))
+    sides = n_worlds, n_robots, 4
+    links = dict.fromkeys(("sender", "valid", "led", "bearing", "distance"), (*sides, n_senders))
+    return links | {"sees_wall": sides}

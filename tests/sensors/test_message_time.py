@@ -1,0 +1,117 @@
+"""Messages that take time: who is lit and who listens when, and what two senders in one slot do. Worked by hand."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import place, squares_in_the_way
+
+from iswarm_mj.config import OpticsConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.sensors.links import Links, find_links
+from iswarm_mj.sensors.message_time import draw_first_slots, listens, sides_on, understood
+
+SLOTS = 8
+FRONT, LEFT, BACK, RIGHT = range(4)
+
+
+def timed(**own):
+    return OpticsConfig(**{"baud_rate": 1000.0, "slots": SLOTS, **own})
+
+
+def heard(optics, poses, first_slots, sends=None):
+    """Senders (T, N, 4) that robots at (N, 3) understand with each of T sets of first slots (T, N), -1 for none."""
+    in_sight = find_links(poses[None], read_robot(), optics, squares_in_the_way(poses[None]), sends)
+    in_sight = jax.tree.map(lambda a: jnp.asarray(a[0]), in_sight)
+    links = jax.vmap(lambda first: understood(optics, in_sight, first))(jnp.array(first_slots))
+    assert [np.asarray(values)[~np.asarray(links.valid)].any() for values in links] == [False] * 5
+    return np.where(links.valid, links.sender, -1)
+
+
+@pytest.mark.parametrize(
+    ("own", "table"),
+    [
+        ({}, ["", "F", "F", "F", "FLBR", "FLBR", "FLBR", "FLBR"]),
+        ({"photodiodes_while_emitting": "none"}, ["", "", "", "", "FLBR", "FLBR", "FLBR", "FLBR"]),
+        ({"photodiodes_while_emitting": "all"}, ["LBR", "FBR", "FLR", "FLB", "FLBR", "FLBR", "FLBR", "FLBR"]),
+        ({"serial_photodiodes": True}, ["", "F", "F", "F", "F", "L", "B", "R"]),
+    ],
+)
+def test_sides_that_listen_in_each_slot(own, table):
+    since = jnp.broadcast_to(jnp.arange(SLOTS)[:, None], (SLOTS, 4))
+    on = np.asarray(listens(timed(**own), since))
+    assert ["".join(name for name, is_on in zip("FLBR", row, strict=True) if is_on) for row in on] == table
+
+
+def test_walls_are_seen_by_photodiodes_that_are_on_while_the_robot_emits():
+    rows = [sides_on(timed(photodiodes_while_emitting=which)).tolist() for which in ("front", "none", "all")]
+    assert rows == [[True, False, False, False], [False] * 4, [True] * 4]
+
+
+@pytest.mark.parametrize("side", [FRONT, LEFT, BACK, RIGHT])
+@pytest.mark.parametrize("theirs", [FRONT, LEFT, BACK, RIGHT])
+def test_two_robots_alone_exchange_everything_unless_they_emit_at_once(side, theirs):
+    """A front hears but for the slot of its own LED, other sides while their robot is silent."""
+    poses = place((0, 0, -90 * side), (6, 0, 180 - 90 * theirs))
+    firsts = list(itertools.product(range(SLOTS), repeat=2))
+    for first, senders in zip(firsts, heard(timed(), poses, firsts), strict=True):
+        for receiver, sender, at, led in ((0, 1, side, theirs), (1, 0, theirs, side)):
+            since = (first[sender] + led - first[receiver]) % SLOTS
+            hears = since != FRONT if at == FRONT else since >= 4
+            assert senders[receiver, at] == (sender if hears else -1)
+            assert (np.delete(senders[receiver], at) == -1).all()
+        if (first[0] - first[1]) % SLOTS == 4:  # one after the other
+            assert senders[0, side] == 1 and senders[1, theirs] == 0
+
+
+def test_a_sender_in_the_same_slot_jams():
+    """Three senders before one front, whose light comes from their own fronts, nearest first."""
+    poses = place((0, 0, 0), (4, 2.6, 213), (6, -2.6, 157), (8, 0, 180))
+
+    def front(*first_slots):
+        return heard(timed(), poses, [(4, *slots) for slots in first_slots])[:, 0, FRONT].tolist()
+
+    assert front((0, 1, 2), (2, 1, 0), (0, 0, 2), (0, 2, 0), (2, 0, 0)) == [1, 1, 3, 2, 1]
+    assert front((0, 0, 0), (4, 4, 4), (4, 0, 0)) == [-1, -1, -1]
+    assert front((4, 0, 1), (4, 0, 4)) == [2, 2]  # the own LED blinds the side to the nearest
+
+
+def test_silent_robots_jam_nobody():
+    """Engines leave out the light of robots that send none."""
+    poses, sends = place((0, 0, 0), (4, 2.6, 213), (6, -2.6, 157)), np.array([[True, False, True]])
+    assert heard(timed(), poses, [(4, 0, 0)], sends)[0, 0, FRONT] == 2
+    assert heard(timed(), poses, [(4, 0, 0)])[0, 0, FRONT] == -1
+
+
+def test_the_nearest_is_captured_if_the_other_is_far_enough():
+    poses = place((0, 0, 0), (4, 2, 206.6), (7.5, -2, 165))
+    ratio = np.hypot(7.5, 2) / np.hypot(4, 2)
+    caught = [
+        heard(timed(capture_ratio=r), poses, [(4, 0, 0)])[0, 0, FRONT] for r in (0.0, 1.0, ratio - 0.01, ratio + 0.01)
+    ]
+    assert caught == [-1, 1, 1, -1]
+
+
+@pytest.mark.parametrize("slots", [5, 8, 13])
+def test_backs_with_two_senders_hear_as_often_as_by_hand(slots):
+    """A back receives in a share of the slots; the farther sender is heard where the nearer one's slot is not."""
+    optics, n, k = timed(slots=slots), 20_000, 2
+    first_slot = draw_first_slots(optics, jax.random.key(3), 3 * n)
+    assert np.bincount(first_slot, minlength=slots).min() > 0.95 * 3 * n / slots
+    shape = (3 * n, 4, k)
+    sender = jnp.broadcast_to((jnp.arange(3 * n)[:, None, None] // 3) * 3 + jnp.arange(1, 3), shape)
+    valid = jnp.broadcast_to(jnp.arange(4)[None, :, None] == BACK, shape) & (jnp.arange(3 * n) % 3 == 0)[:, None, None]
+    far = jnp.broadcast_to(jnp.array([5.0, 6.0]), shape)
+    links = understood(optics, by_fronts(sender, valid, far), first_slot)
+    quiet = (slots - 4) / slots
+    nearest = quiet * (1 - 1 / slots)
+    second = (1 - quiet) * quiet
+    shares = [np.mean(np.asarray(links.valid & (links.distance == d))[::3, BACK]) for d in (5.0, 6.0)]
+    np.testing.assert_allclose(shares, [nearest, second], atol=5 * 0.5 / np.sqrt(n))
+
+
+def by_fronts(sender, valid, distance):
+    """Links (N, S, K) by the senders' front LEDs."""
+    return Links(sender, valid, jnp.zeros_like(sender), jnp.zeros_like(distance), distance)

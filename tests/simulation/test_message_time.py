@@ -1,0 +1,86 @@
+"""Runs in which messages take time: shorter steps, silent sides, the same on every engine."""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_mjx import TINY, N, mjx, ran, settings
+from helpers_runs import CountingMemory, Scripted, end_of, records, run_of, scripted
+
+from iswarm_mj.config import OpticsConfig
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.units import RD
+
+TIMED = OpticsConfig(baud_rate=1000.0)  # a window of 0.256 s
+
+
+def test_settings_of_slots_do_not_count_where_messages_take_no_time(small):
+    other = OpticsConfig(slots=16, photodiodes_while_emitting="none", serial_photodiodes=True, capture_ratio=2.0)
+    ends = [end_of(run_of(replace(small, optics=optics), steps=40)) for optics in (OpticsConfig(), other)]
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    assert ends[0][1] == ends[1][1]
+
+
+@pytest.mark.parametrize(
+    ("baud_rate", "longest"), [(0, 0.5), (1000, 0.5 * (1 - 0.256 / 0.6)), (500, 0.5 * 0.088 / 0.6)]
+)
+def test_robots_walk_as_long_as_they_do_not_emit(small, baud_rate, longest):
+    """A robot alone; it meets nothing but walls, and walks its longest step at least once."""
+    run = run_of(replace(small, optics=OpticsConfig(baud_rate=baud_rate)), n_robots=1, steps=30, capacity=30)
+    steps = np.array([record.speed[0] for record in records(run)]) / RD
+    assert steps.max() == pytest.approx(longest, rel=1e-4) and np.median(steps) > 0.5 * longest
+
+
+def test_sides_that_are_off_receive_nothing(small):
+    """With four slots robots emit all the time, and only their fronts listen."""
+    observed = []
+    for slots in (4, 16):
+        optics = replace(TIMED, baud_rate=4000.0, slots=slots)
+        run = run_of(replace(small, optics=optics), steps=30)
+        observed.append(sum(record.links.valid.sum(axis=(0, 1)) for record in records(run)))
+    assert observed[0][0] > 100 and not observed[0][1:].any() and (observed[1] > 30).all()
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Looking(Scripted):
+    """Remembers which sides saw a wall in the last step, as the digits of a binary number."""
+
+    def act(self, memory, observation, key):
+        after, command = self.inner.act(memory.inner, observation, key)
+        return CountingMemory(after, (observation.sees_wall * 2 ** jnp.arange(4)).sum(axis=1)), command
+
+
+def test_walls_are_seen_by_photodiodes_that_are_on_while_the_robot_emits(small):
+    seen = {}
+    for which in ("off", "all", "front", "none"):
+        optics = OpticsConfig() if which == "off" else replace(TIMED, photodiodes_while_emitting=which)
+        config = replace(small, optics=optics)
+        strategy = Looking(**vars(scripted(run_of(config), step=0, robot=0, turn=0, forward=0)))
+        seen[which] = next(records(run_of(config, strategy=strategy))).swarm.memory.age
+    assert len(np.unique(seen["off"])) > 3 and not seen["none"].any()
+    np.testing.assert_array_equal(seen["all"], seen["off"])
+    np.testing.assert_array_equal(seen["front"], seen["off"] & 1)
+
+
+@pytest.mark.parametrize("engine", ["planar", "warp", "mjx"])
+def test_the_first_steps_are_those_of_mujoco_in_c(engine):
+    """The same random slots, so only rounding parts them."""
+    config = replace(TINY, optics=TIMED)
+    cpu = tuple(jax.devices("cpu")[:1])
+    engines = {
+        "planar": PlanarSettings(1, refinement=1),
+        "warp": PlanarSettings(impl="warp", refinement=1, chunk=4, devices=cpu),
+        "mjx": mjx(chunk=4),
+    }
+    in_c, here = (
+        ran(Run(config, PRESETS["type1"], settings(steps=4), own)) for own in (MujocoSettings(1), engines[engine])
+    )
+    np.testing.assert_allclose(here.poses, in_c.poses, atol=0.02)
+    for name in ("valid", "sender", "led"):
+        np.testing.assert_array_equal(getattr(here.links, name), getattr(in_c.links, name))
+    assert here.links.valid.shape == (4, 2, N, 4) and here.links.valid.sum() > 50
