@@ -169,5 +169,6 @@ def _first(which: np.ndarray, slot: np.ndarray, n: int) -> tuple[np.ndarray, np.
     """The first n candidates of each slot for which `which` (P,) holds: their indices, and their places from 0 on."""
     picks = np.flatnonzero(which)
     slots = slot[picks]
-    rank = np.arange(len(picks)) - np.searchsorted(slots, slots)
+    begins = np.flatnonzero(np.diff(slots, prepend=-1))
+    rank = np.arange(len(picks)) - np.repeat(begins, np.diff(begins, append=len(picks)))
     return picks[rank < n], rank[rank < n]

@@ -3,7 +3,7 @@
 import pickle
 from dataclasses import asdict, dataclass, field, replace
 
-from iswarm_mj.config import StrategyConfig, SwarmConfig
+from iswarm_mj.config import OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.utils.serialization import added_later, to_dict
 
 
@@ -31,12 +31,27 @@ def test_fields_that_were_always_there_are_kept():
     assert to_dict(Outer(Inner(0.0), 0)) == {"inner": {"size": 0.0}, "count": 0}
 
 
-def test_the_update_order_is_later_than_the_first_files():
+LATER = {
+    "strategy": {"update_order": "synchronous"},
+    "optics": {
+        "baud_rate": 0.0,
+        "slots": 8,
+        "photodiodes_while_emitting": "front",
+        "serial_photodiodes": False,
+        "capture_ratio": 0.0,
+    },
+}
+
+
+def test_the_first_files_lack_what_was_added_later():
     usual = asdict(SwarmConfig())
-    assert usual["strategy"].pop("update_order") == "synchronous"
+    for part, added in LATER.items():
+        assert {name: usual[part].pop(name) for name in added} == added
     assert to_dict(SwarmConfig()) == usual
-    in_turn = SwarmConfig(strategy=StrategyConfig(update_order="sequential"))
-    assert to_dict(in_turn) == asdict(in_turn)
+    in_turn = to_dict(SwarmConfig(strategy=StrategyConfig(update_order="sequential")))
+    assert in_turn["strategy"].pop("update_order") == "sequential" and in_turn == usual
+    timed = to_dict(SwarmConfig(optics=OpticsConfig(baud_rate=1000.0)))
+    assert timed["optics"].pop("baud_rate") == 1000.0 and timed == usual
 
 
 def test_what_was_pickled_without_it_is_the_default():

@@ -24,6 +24,7 @@ class Light:
     splay_tan: float
     wall_reach: float
     optical_offset: float
+    n_senders: int
     points: wp.array(dtype=wp.vec2)
     """(8,) the LEDs, then where each side receives light."""
 
@@ -44,6 +45,7 @@ def light_of(values: wp.array(dtype=float), points: wp.array(dtype=wp.vec2)) -> 
     light.splay_tan = values[9]
     light.wall_reach = values[10]
     light.optical_offset = values[11]
+    light.n_senders = int(values[12])
     light.points = points
     return light
 

@@ -68,7 +68,7 @@ def find_light(
     found = Candidate()
     found.effective = -1.0
     found.robot = -1
-    for rank in range(sender.shape[3]):
+    for rank in range(light.n_senders):
         if rank == 0 or found.robot >= 0:
             found = _next_in_sight(view, side, light, found)
         j = found.robot
