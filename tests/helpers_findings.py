@@ -30,6 +30,11 @@ def search_rows(generations=120, population=10, learns=True, seed=0):
     return rows
 
 
+def replicated(n, seed=0, **options):
+    """The rows of n made-up searches in one table."""
+    return [{"replicate": number, **row} for number in range(n) for row in search_rows(seed=[seed, number], **options)]
+
+
 def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10):
     """Made-up trials: 5 radii, 3 humidities."""
     rng = np.random.default_rng(0)

@@ -70,6 +70,7 @@ CAPTIONS = {
     "evolution_random": "Fitness in random search",
     "evolution_cmaes": "Fitness in CMA-ES",
     "trade": "Forgetting and scouts among the 250 fittest, generations 35 to 100",
+    "traits": "Means of the last 20 generations and correlations: dots are evolutions or searches, lines medians",
     "hop_count": "With and without hop counts: bars to the median, lines to the third quartile, dots are runs",
     "density": "Densities: bars to the median, lines to the third quartile, dots are runs",
     "types": "All types: dots are runs, lines medians",
@@ -91,6 +92,7 @@ def sections_of(results: Results, figures: Path) -> list[Section]:
     found = {method: results.searches[method] for method in SEARCHES if method in results.searches}
     searches = {method: (result.rows, result.settings) for method, result in found.items()}
     drawn = [evolution_figures.draw_search(*search, figures) for search in searches.values()]
+    drawn.append(evolution_figures.draw_traits(searches, figures))
     trials = results.trials
     sections = [
         Section("The gripper's theory (section 3.2.1)", law_findings.findings(), [], "", []),

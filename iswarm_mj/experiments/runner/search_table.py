@@ -28,7 +28,7 @@ class Place(NamedTuple):
 def rows_of(
     individuals: Sequence[Individual], jobs: Mapping[Place, Job], outcomes: Sequence[Outcome]
 ) -> list[dict[str, Any]]:
-    """Rows of a generation of one replicate: place, origin, parents, genome, robots, seed, measures, both fitness values.
+    """Rows of a generation of one replicate: place, origin, parents, genome, robots, seed, measures, fitness values.
 
     In a row, `fitness` is that of the run; `genome_fitness`, by which genomes are selected, is the mean over the runs
     of the genome in this generation.
