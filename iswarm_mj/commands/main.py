@@ -74,4 +74,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise SystemExit(141) from None
     except KeyboardInterrupt:
         print("iswarm: interrupted; anything recorded so far is kept.", file=sys.stderr)
+        if (
+            arguments is None and "warp" in sys.modules
+        ):  # its programs still call Python, and crash where that has ended
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(130)
         raise SystemExit(130) from None

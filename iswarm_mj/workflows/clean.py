@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from statistics import fmean
 from typing import Any, NamedTuple
 
 from tqdm import tqdm
@@ -17,6 +18,9 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.workflows.recorder import Recorder
+
+MAX_LISTED = 10
+"""Worlds whose numbers the summary lists; of more it states averages and ranges."""
 
 
 class Outcome(NamedTuple):
@@ -119,11 +123,18 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
 
     def show(name: str) -> str:
         values = content[name] if isinstance(content[name], list) else [content[name]]
-        return ", ".join("-" if v is None else f"{v:z.1f}" if isinstance(v, float) else str(v) for v in values)
+        if len(values) <= MAX_LISTED:
+            return ", ".join("-" if v is None else f"{v:z.1f}" if isinstance(v, float) else str(v) for v in values)
+        known = [v for v in values if v is not None]
+        if not known:
+            return "-"
+        few = "" if len(known) == len(values) else f" in {len(known)} worlds"
+        return f"{fmean(known):z.1f} ({min(known):z.5g} to {max(known):z.5g}){few}"
 
     wall_s, steps = content["wall_s"], content["steps"]
+    how = "; averages and ranges" if content["n_worlds"] > MAX_LISTED else ""
     lines = [
-        ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}"),
+        ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}{how}"),
         ("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}"),
         ("finished at", f"step {show('finished_at')} (goal {content['stop_at']}; ran {steps} steps)"),
         ("carriage", f"{show('mean_carriage_steps')} steps on average"),

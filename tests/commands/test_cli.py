@@ -307,6 +307,24 @@ def test_interruption_ends_quietly(capfd, here, monkeypatch):
     assert not (here / "out" / "result.json").exists()
 
 
+@pytest.mark.parametrize(("module", "ends"), [("warp", ""), ("json", "Python has ended")])
+def test_an_interruption_leaves_at_once_where_programs_of_warp_may_run(module, ends):
+    """Else they would call Python from their own threads while it shuts down, and crash or wait for ever."""
+    code = f"""
+import atexit, sys, types
+from iswarm_mj.commands import main as cli
+def interrupted():
+    sys.modules.setdefault({module!r}, types.ModuleType({module!r}))
+    raise KeyboardInterrupt
+atexit.register(print, "Python has ended")
+cli.parse = lambda _: types.SimpleNamespace(run=interrupted)
+cli.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (130, ends)
+    assert done.stderr.splitlines()[-1].startswith("iswarm: interrupted")
+
+
 class TestHelp:
     @pytest.mark.parametrize("arguments", [["--help"], ["clean", "--help"], ["bench", "--help"]])
     def test_is_quick_and_imports_little(self, arguments):
@@ -373,6 +391,24 @@ class TestPlanarInBatches:
         assert done.stdout.count("\n") == 1 and any((here / "cache").iterdir())
         assert (content["engine"], content["impl"], content["refinement"]) == ("planar", "warp", 2)
         assert len(content["devices"]) == 1 and content["n_worlds"] == 2
+
+    def test_kernels_need_no_cache(self, here):
+        (here / "file").touch()
+        env = os.environ | {"WARP_CACHE_PATH": str(here / "file" / "cache"), "TMPDIR": str(here)}
+        script = here / "kernel.py"  # since Warp reads its kernels' source
+        script.write_text("""
+import warp as wp
+from iswarm_mj.engines.planar.gpu import functions
+@wp.kernel
+def double(values: wp.array(dtype=float)):
+    values[wp.tid()] = 2.0 * values[wp.tid()]
+values = wp.array([1.5], dtype=float, device="cpu")
+wp.launch(double, 1, [values], device="cpu")
+print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) != [])
+""")
+        done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, env=env)
+        assert done.stdout == "[3.0] True\n", done.stderr
+        assert sorted(path.name for path in here.iterdir()) == ["file", "kernel.py"]
 
     @pytest.mark.parametrize(("has_gpu", "impl"), [(True, "warp"), (False, "numba")])
     def test_is_the_default_where_there_is_a_gpu(self, monkeypatch, has_gpu, impl):

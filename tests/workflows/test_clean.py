@@ -170,6 +170,19 @@ def test_a_fitness_of_almost_nothing_has_no_sign(done):
     assert "fitness  0.0, -0.1\n" in summary(content, done[0])
 
 
+def test_of_many_worlds_the_summary_states_averages_and_ranges(done):
+    listed = {
+        "n_worlds": 12,
+        "delivered": [*range(12)],
+        "finished_at": [None] * 10 + [20, 30],
+        "collisions": [None] * 12,
+    }
+    told = summary(done[1] | listed, done[0]).splitlines()
+    assert told[0].endswith("in 12 world(s), seed 3; averages and ranges")
+    assert "  5.5 (0 to 11) of " in told[1] and "step 25.0 (20 to 30) in 2 worlds (goal" in told[2]
+    assert told[4].endswith("collisions  -")
+
+
 class TestOut:
     def test_old_results_go(self, small, tmp_path):
         for name in ("clean.rrd", "trajectory.npz", "result.json", "notes.txt"):

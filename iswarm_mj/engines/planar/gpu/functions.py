@@ -4,7 +4,10 @@ Contact law, geometry and optics are written once, as functions that take and re
 them, with 64-bit floats; on GPUs Warp does, with 32-bit floats.
 """
 
+import atexit
 import functools
+import os
+import tempfile
 import typing
 from collections.abc import Callable
 from types import FunctionType, ModuleType, SimpleNamespace
@@ -14,7 +17,23 @@ import warp as wp
 
 from iswarm_mj.engines.planar import contact_geometry, contact_law, ray_geometry, reception
 
-wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
+
+def _start() -> None:
+    """Start Warp; its kernels are kept in its cache or, where nothing can be written there, until this process ends."""
+    wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
+    try:
+        wp.init()
+        is_writable = os.access(wp.config.kernel_cache_dir, os.W_OK)
+    except OSError:
+        is_writable = False
+    if not is_writable:
+        place = tempfile.TemporaryDirectory(prefix="warp-")
+        atexit.register(place.cleanup)
+        wp.config.kernel_cache_dir = place.name
+        wp.init()
+
+
+_start()
 _NUMBERS = (float, int, bool)
 _RESIDENT = 512  # threads of a multiprocessor at once, which leave 128 registers to each
 
