@@ -66,7 +66,7 @@ class Swarm(ConfigOptions):
     hosts_timeout: Annotated[float, Within(1, 86_400, "s")] = 300.0
     """How long a process waits for the others at the start [s]."""
     threads: Annotated[int, Within(0, 1024)] = 0
-    """Number of threads for the physics, 0 for one per core; results do not depend on it."""
+    """Number of threads of mujoco and numba, 0 for one per core; results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
 
     def __post_init__(self):

@@ -12,7 +12,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.initial import Start, draw_radii, start_with
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.controller import rules_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -93,7 +93,7 @@ def rollout(
     many = _of_all_worlds(strategy, n_worlds, strategy_per_world)
     genome = PRESETS["type1"]  # ignored, since the strategy is given
     engine = MjxSettings() if engine is None else engine
-    engine = engine if isinstance(engine, MujocoSettings) else replace(engine, chunk=every)
+    engine = replace(engine, chunk=every) if isinstance(engine, PlanarSettings | MjxSettings) else engine
     worlds = [
         World(genome, n_robots, index=index, start=_start(config, n_robots, data), key=key)
         for index, (data, key) in enumerate(_each(keys))
