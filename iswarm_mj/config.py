@@ -67,6 +67,10 @@ class DriveConfig:
     """Number of physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]."""
+    error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
+    """Standard deviation of the turn in a control step about the commanded one, where the robot moves [deg]."""
+    error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
+    """Relative standard deviation of the distance walked in a control step; no step is longer than `step_length`."""
 
     def __post_init__(self):
         validate(self, "drive")
@@ -121,6 +125,9 @@ class OpticsConfig:
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
     independent_bit_errors: bool = False
     """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most."""
+    parity_check: bool = added_later(True)
+    """Robots ignore messages with a wrong parity bit, so that a single wrong bit loses a message; otherwise they take
+    what arrives. The paper names an error of 10 % and does not say whether a robot notices it."""
     p_communication_break: Annotated[float, Within(0, 1)] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
@@ -190,10 +197,28 @@ class GripperConfig:
 
 @dataclass(frozen=True)
 class StrategyConfig:
-    """Parameters of the robots' rules that the paper does not specify."""
+    """The robots' rules: how the paper's sentences are read, and parameters that it does not specify."""
 
     dust_range: Annotated[float, Above(0, 5, "rd")] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
+    avoidance_sides: Literal["front", "all"] = added_later("front", "all")
+    """Sides whose photodiodes serve collision avoidance, against robots and walls. Section 4.1: "each robot will keep
+    all photodiodes off, except those on the front side of the robot in order to detect an obstacle"."""
+    avoidance_course: Literal["any", "crossing", "oncoming"] = added_later("any")
+    """Neighbours that a robot avoids, by the LED that it sees: any; oncoming ones, which show their front; or also
+    crossing ones, which show a side, but none that walks away. Section 4.1: the "LED-codes received inform the robots
+    about the walking direction", and "if a collision route is detected" robots turn; it does not say which codes mean
+    one, and has distances to keep (Table 2) from any robot."""
+    priority_repulsion: Literal["higher", "scaled"] = added_later("higher", "scaled")
+    """Repulsion by robots with the priority flag: higher than that by others at any distance at which there is one, or
+    scaled with their own, shorter distance to keep, which makes it higher only near contact. Section 4.1: they "have
+    higher repellent forces"."""
+    avoids_at_dust: bool = added_later(False)
+    """A robot that approaches a ball avoids others meanwhile. The paper does not say; a robot that does seldom gets to
+    the ball in a crowd."""
+    blocked: Literal["pushes", "waits"] = added_later("pushes")
+    """What a robot does that hears another at most 1 rd ahead: it walks on, and pushes, or it turns only. The paper
+    does not say."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
     """Largest turn of a random move, to either side [deg]."""
     scouts_pick: bool = False
@@ -208,6 +233,10 @@ class StrategyConfig:
     """A robot forgets a vector that has led it to a place without dust or dump."""
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
+    odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
+    """Standard deviation of what a robot believes that it turned in a control step, about what it did [deg]."""
+    odometry_error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
+    """Relative standard deviation of the distance that a robot believes that it walked in a control step."""
     update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
     """`synchronous`: all robots receive the messages sent at the end of the previous control step. `sequential`: robots
     receive, decide and send one after the other, in an order drawn anew in each step, so that they receive messages
@@ -238,13 +267,25 @@ class SwarmConfig:
         return self.drive.step_length * (1.0 - self.optics.window / self.drive.walk_time)
 
 
+READINGS = {
+    "paper": SwarmConfig(),
+    "initial": SwarmConfig(strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")),
+}
+"""Readings of the paper's rules by name: as it states them, and as this simulator had them at first."""
+
+
 class Conditions(NamedTuple):
-    """Noise and voltages of one world, as scalars, or of B worlds, as arrays (B,); named as in the configuration."""
+    """What the surroundings of one world are like, as scalars, or of B worlds, as arrays (B,); named as in the
+    configuration."""
 
     error_distance_measure: Array
     """Relative standard deviation of a measured distance."""
     error_in_communication: Array
     """Probability that a message arrives with a wrong bit."""
+    independent_bit_errors: Array
+    """Bits flip independently."""
+    parity_check: Array
+    """Messages with a wrong parity bit are ignored."""
     p_communication_break: Array
     """Probability that a message does not arrive."""
     drop_rate: Array
@@ -253,9 +294,18 @@ class Conditions(NamedTuple):
     """Voltage while lifting a ball [V]."""
     release_voltage: Array
     """Voltage while releasing a ball [V]."""
+    error_turn: Array
+    """Standard deviation of a turn [deg]."""
+    error_step: Array
+    """Relative standard deviation of a walk's length."""
+    dump_size: Array
+    """Edge of the dump [rd]."""
+    dust_range: Array
+    """Distance within which a robot senses a ball [rd]."""
 
 
 def conditions_of(config: SwarmConfig) -> Conditions:
-    """Return the conditions that a configuration sets, as floats."""
-    settings = vars(config.optics) | vars(config.gripper)
+    """Return the conditions that a configuration sets, as floats and Booleans."""
+    parts = config.optics, config.gripper, config.drive, config.arena, config.strategy
+    settings = {name: value for part in parts for name, value in vars(part).items()}
     return Conditions(*(settings[name] for name in Conditions._fields))

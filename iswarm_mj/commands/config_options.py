@@ -1,15 +1,29 @@
 """Flags of the configuration, and those of commands that run many swarms."""
 
+from argparse import ArgumentParser
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+import tyro
+
+from iswarm_mj.config import (
+    READINGS,
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+)
 
 
 @dataclass(frozen=True)
 class ConfigOptions:
     """The configuration, one group of flags for each of its parts."""
 
+    reading: Literal["paper", "initial"] = "paper"
+    """Defaults of the flags below: the paper's rules as it states them, or as this simulator read them at first."""
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     optics: OpticsConfig = field(default_factory=OpticsConfig)
@@ -24,6 +38,16 @@ class ConfigOptions:
             ConfigError: two settings contradict each other.
         """
         return SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+
+
+def with_reading(command: Any, arguments: Sequence[str]) -> Any:
+    """Return a command with the defaults that `--reading` among the arguments gives its flags; none without such."""
+    if not issubclass(command, ConfigOptions):
+        return tyro.MISSING_NONPROP
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--reading", nargs="?")
+    name = parser.parse_known_args(list(arguments))[0].reading
+    return command(reading=name, **vars(READINGS[name])) if name in READINGS else command()
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import tyro
 from iswarm_mj import __version__
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
+from iswarm_mj.commands.config_options import with_reading
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.flags import in_flags
@@ -51,7 +52,8 @@ def parse(arguments: Sequence[str]) -> Command:
     name, *rest = arguments or [""]
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
-        return tyro.cli(COMMANDS[name], prog=f"iswarm {name}", args=rest)
+        command = COMMANDS[name]
+        return tyro.cli(command, prog=f"iswarm {name}", args=rest, default=with_reading(command, rest))
     if name == "--version":
         print(f"iswarm {__version__}")
         raise SystemExit(0)

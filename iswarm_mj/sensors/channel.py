@@ -17,8 +17,6 @@ class Channel(NamedTuple):
 
     noise: Conditions
     """Probabilities and errors (Table 1 of the paper)."""
-    independent_bit_errors: bool
-    """Bits flip independently of each other, see `corrupt`."""
     max_range: float
     """Length of the longest vector that a message can carry [mm]."""
 
@@ -29,7 +27,7 @@ class Received(NamedTuple):
     message: Message
     """(N, S); meaningless where not `is_heard`."""
     is_heard: Bool[Array, "N S"]
-    """A message arrived, and its parity is correct."""
+    """A message arrived, and its parity is correct, if that is checked."""
     distance: Float[Array, "N S"]
     """Measured distance of the sender [mm]."""
 
@@ -47,8 +45,9 @@ def exchange(channel: Channel, content: Message, links: Links, key: Array) -> Re
     columns = jax.tree.map(lambda a: a[:, None], content)._replace(led=jnp.arange(4)[None])
     bits = pack(columns, channel.max_range)[links.sender, links.led]
     draw = jax.random.uniform(bits_key, (*links.sender.shape, 4))
-    damaged = corrupt(bits, draw[..., :3], channel.noise.error_in_communication, channel.independent_bit_errors)
+    damaged = corrupt(bits, draw[..., :3], channel.noise.error_in_communication, channel.noise.independent_bit_errors)
     message, parity_holds = unpack(damaged, channel.max_range)
-    is_heard = links.valid & (draw[..., 3] >= channel.noise.p_communication_break) & parity_holds
+    arrives = links.valid & (draw[..., 3] >= channel.noise.p_communication_break)
+    is_heard = arrives & (parity_holds | ~jnp.asarray(channel.noise.parity_check))
     error = channel.noise.error_distance_measure * jax.random.normal(noise_key, links.distance.shape)
     return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0))

@@ -39,8 +39,8 @@ def sense(
     tips: Float[Array, "N 2"],
     balls: Float[Array, "K 2"],
     is_lying: Bool[Array, "K"],
-    dump_size: float,
-    reach: float,
+    dump_size: Array | float,
+    reach: Array | float,
 ) -> FloorView:
     """What N robots sense of the floor among K balls.
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config import Conditions, SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
 from iswarm_mj.sensors.channel import Channel, Received, exchange
@@ -44,7 +44,7 @@ class Decision(NamedTuple):
 
     swarm: SwarmState
     command: Command
-    """As the strategy gave it; zero for the dead."""
+    """As the strategy gave it, with the errors of the actuators; zero for the dead."""
     has_priority: Bool[Array, "*B N"]
     """The robot sends the priority flag as the step begins."""
     links: Links
@@ -55,7 +55,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     """Take a world's control step up to the commands; a world that does not run keeps its state.
 
     Args:
-        config: everything that is not evolved; its noise and voltages do not count, those in `params` do.
+        config: what worlds of one run have in common (`common.Common`); all else is in `params`.
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -73,7 +73,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     if optics.baud_rate:
         first_slot = draw_first_slots(optics, jax.random.fold_in(step_key, 4), n_robots)
         sight = Sight(understood(optics, sight.links, first_slot), sight.sees_wall & sides_on(optics))
-    channel = Channel(params.conditions, optics.independent_bit_errors, mm_from_rd(config.strategy.message_range))
+    channel = Channel(params.conditions, mm_from_rd(config.strategy.message_range))
 
     def transmit(message: Message) -> Received:
         """Messages as received, with the same noise at whatever time within this step they are sent."""
@@ -94,6 +94,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
         turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
         observation = heard_in_turn(observation, turns, sight.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, policy_key)
+    command = executed(config, params.conditions, command, jax.random.fold_in(step_key, 5))
     command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
     decided = SwarmState(memory, balls, is_alive)
     kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
@@ -110,14 +111,24 @@ def decide_worlds(
     return jax.vmap(of_one)(params, swarm, situation._replace(step=steps))
 
 
+def executed(config: SwarmConfig, conditions: Conditions, command: Command, key: Array) -> Command:
+    """Commands of N robots with the errors of their actuators, where they move at all; these may exceed the limits."""
+    error = jax.random.normal(key, (len(command.turn), 2))
+    moves = (command.turn != 0.0) | (command.forward != 0.0)
+    turn = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * error[:, 0], 0.0)
+    step = mm_from_rd(config.step_length)
+    slip = conditions.error_step * error[:, 1] * jnp.clip(command.forward, -step, step)
+    return Command(turn, command.forward + slip)
+
+
 def _grip(
     config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, poses: Array, key: Array
 ) -> tuple[Balls, FloorView, Array]:
     """Carry, release and lift balls; what the robots sense of the floor; which tried to lift one in vain (N,)."""
     tips = probe_tips(poses, jnp.asarray(robot.probe_tip))
     balls = carry(swarm.balls, tips)
-    reach = mm_from_rd(config.strategy.dust_range)
-    floor = sense(poses, tips, balls.position, balls.is_lying, mm_from_rd(config.arena.dump_size), reach)
+    dump_size, reach = mm_from_rd(params.conditions.dump_size), mm_from_rd(params.conditions.dust_range)
+    floor = sense(poses, tips, balls.position, balls.is_lying, dump_size, reach)
     falls = jax.random.bernoulli(key, params.conditions.drop_rate, balls.is_held.shape)
     picks = params.strategy.picks(swarm.memory) & swarm.is_alive
     balls, grasp_failed = handle(config.gripper, params.conditions, balls, tips, floor, picks, falls)

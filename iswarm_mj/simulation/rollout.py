@@ -10,13 +10,14 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start, draw_radii, start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
-from iswarm_mj.strategy.controller import rules_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -111,8 +112,8 @@ def rollout(
 
 def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
     """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
-    probe_reach = read_robot().probe_tip[0]
-    return VectorStrategy(rules_of(genome), jnp.asarray(round(genome.fraction_scouts * n_robots)), config, probe_reach)
+    rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
+    return VectorStrategy(rules, n_scouts, common(config).config, read_robot().probe_tip[0])
 
 
 def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:

@@ -16,6 +16,7 @@ from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import N_SIDES
+from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
@@ -59,7 +60,7 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
     config, settings, worlds, robot = plan.config, plan.settings, plan.worlds, read_robot(plan.robot_file)
-    n_robots = max(world.n_robots for world in worlds)
+    n_robots, shared = max(world.n_robots for world in worlds), common(config).config
     capacity = settings.capacity or n_robots
     strategy = plan.strategy
     if strategy is None:
@@ -74,19 +75,19 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             def in_c(n_worlds: int, n_threads: int) -> Engine:
                 return MujocoEngine(config, arena, n_worlds, n_threads, capacity)
 
-            return HostLoop(in_c, config, params, (poses, state), threads, watch), start
+            return HostLoop(in_c, shared, params, (poses, state), threads, watch), start
         case PlanarSettings() as planar:
             one = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file, refinement=planar.refinement)
             if planar.impl == "warp":  # one robot stands for all, here and below
                 devices = list(planar.devices or jax.local_devices())[: len(worlds)]
                 engine = _batch_engine(one, config, devices[0].platform)
                 state = state._replace(bodies=engine.place(poses, params.is_present))
-                return CompiledLoop(engine, config, params, state, planar.chunk, devices), start
+                return CompiledLoop(engine, shared, params, state, planar.chunk, devices), start
 
             def in_plane(n_worlds: int, n_threads: int) -> Engine:
                 return PlanarEngine(config, one, n_threads)
 
-            return HostLoop(in_plane, config, params, (poses, state), planar.threads, watch), start
+            return HostLoop(in_plane, shared, params, (poses, state), planar.threads, watch), start
         case MjxSettings() as mjx:
             # Here, since importing MJX takes seconds, which the other engines need not wait for.
             from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
@@ -101,7 +102,7 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             is_masked = any(world.n_robots < capacity for world in worlds)
             engine = MjxEngine(compiled, config, is_masked)
             bodies = jax.vmap(engine.place)(jnp.asarray(poses, jnp.float32), params.is_present)
-            return CompiledLoop(engine, config, params, state._replace(bodies=bodies), mjx.chunk, devices), start
+            return CompiledLoop(engine, shared, params, state._replace(bodies=bodies), mjx.chunk, devices), start
 
 
 def _batch_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> CompiledEngine:

@@ -1,7 +1,7 @@
 """Worlds of a run: what each of them is, and the arrays that they begin with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -9,21 +9,18 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.config import Conditions, GripperConfig, OpticsConfig, SwarmConfig, conditions_of
+from iswarm_mj.config import Conditions, SwarmConfig, conditions_of
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
-from iswarm_mj.strategy.controller import Rules
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, validate
-from iswarm_mj.utils.errors import UserError
-
-_NOISE = {"error_distance_measure", "error_in_communication", "p_communication_break"}
-_COMPILED_IN = {"release_gap", "tool_reach"}
 
 
 @dataclass(frozen=True)
@@ -40,10 +37,8 @@ class World:
     """Number of the world under its seed: the same world as world `index` of a run with this seed."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start."""
-    optics: OpticsConfig | None = None
-    """May differ in its noise."""
-    gripper: GripperConfig | None = None
-    """May differ in all but gap and reach: humidity, works of adhesion, voltages, drop rate."""
+    config: SwarmConfig | None = None
+    """May differ from the run's in `common.DIFFERENT`: noise, voltages, adhesion, places, readings of the rules."""
     start: Start | None = None
     """How the world begins; drawn from its seed if not given."""
     key: Array | None = None
@@ -70,8 +65,8 @@ def starts_of(config: SwarmConfig, worlds: Sequence[World]) -> list[Start]:
     Raises:
         UserError: a world differs in what all worlds of a run share.
     """
-    for optics, gripper in {(world.optics, world.gripper) for world in worlds}:
-        _check_shared(config, optics or config.optics, gripper or config.gripper)
+    for own in {world.config for world in worlds if world.config is not None}:
+        check_common(config, own)
     return [_start(config, world) for world in worlds]
 
 
@@ -98,11 +93,11 @@ def world_params(
         goal: balls that finish a world.
         capacity: places for robots.
     """
-    each = [conditions_of(_config(config, world)) for world in worlds]
+    each = [conditions_of(world.config or config) for world in worlds]
     n_robots = np.array([world.n_robots for world in worlds])
     return WorldParams(
         strategy=strategy,
-        conditions=Conditions(*(np.asarray(values, np.float32) for values in zip(*each, strict=True))),
+        conditions=Conditions(*map(_column, zip(*each, strict=True))),
         key=random_keys(worlds),
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), goal, np.int32),
@@ -131,13 +126,10 @@ def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.
 
 
 def vector_strategies(config: SwarmConfig, probe_reach: float, worlds: Sequence[World]) -> VectorStrategy:
-    """Return the paper's strategy with the genome of each world, stacked along a first axis."""
-    columns = {
-        f.name: np.array([getattr(world.genome, f.name) for world in worlds], bool if f.type is bool else np.float32)
-        for f in fields(Genome)
-    }
+    """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
+    rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(Rules(**columns), n_scouts, config, probe_reach)
+    return VectorStrategy(rules, n_scouts, common(config).config, probe_reach)
 
 
 @jax.jit
@@ -160,27 +152,16 @@ def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
     return filled
 
 
-def _config(config: SwarmConfig, world: World) -> SwarmConfig:
-    return replace(config, optics=world.optics or config.optics, gripper=world.gripper or config.gripper)
-
-
-def _check_shared(config: SwarmConfig, optics: OpticsConfig, gripper: GripperConfig) -> None:
-    """Raise a UserError if a world differs in what all worlds of a run share."""
-    quiet = {name: 0.0 for name in _NOISE}
-    gap: dict[str, Any] = {name: getattr(config.gripper, name) for name in _COMPILED_IN}
-    if replace(optics, **quiet) != replace(config.optics, **quiet) or replace(gripper, **gap) != gripper:
-        shared = ", ".join(sorted(_COMPILED_IN))
-        raise UserError(
-            f"Worlds of one run may differ in {', '.join(sorted(_NOISE))} and in the gripper but for its {shared}; "
-            "run worlds that differ in more separately."
-        )
+def _column(values: Sequence[float | bool]) -> np.ndarray:
+    """A condition of all worlds (B,), bool or float32."""
+    return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
 def _start(config: SwarmConfig, world: World) -> Start:
     if world.start is not None:
         _check_start(world.start, world.n_robots, config.arena.n_dust)
         return world.start
-    return draw_start(_config(config, world), world.n_robots, world.seed, world.index, world.failed_fraction)
+    return draw_start(world.config or config, world.n_robots, world.seed, world.index, world.failed_fraction)
 
 
 def _check_start(start: Start, n_robots: int, n_dust: int) -> None:

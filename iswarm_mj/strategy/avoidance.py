@@ -3,21 +3,62 @@
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config import StrategyConfig
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.constraints import choices
+
+AVOIDANCE_SIDES = choices(StrategyConfig, "avoidance_sides")
+AVOIDANCE_COURSES = choices(StrategyConfig, "avoidance_course")
+PRIORITY_REPULSIONS = choices(StrategyConfig, "priority_repulsion")
 
 
-def avoidance_distance(genome: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
+def avoidance_distance(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
     """Distance to keep from each neighbour [sr], by Table 2 of the paper.
 
     Args:
-        genome: a `Genome`, or its values as JAX scalars.
+        rules: a `Genome`, or `Rules`.
         is_loaded: the robot itself holds a ball.
         priority: the neighbour sends the priority flag.
     """
-    empty = jnp.where(priority, genome.priority_coll_avoid_dist, genome.empty_coll_avoid_dist)
-    return jnp.where(is_loaded[:, None], genome.loaded_coll_avoid_dist, empty)
+    empty = jnp.where(priority, rules.priority_coll_avoid_dist, rules.empty_coll_avoid_dist)
+    return jnp.where(is_loaded[:, None], rules.loaded_coll_avoid_dist, empty)
+
+
+def repulsion_range(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
+    """Distance [sr] at which the repulsion's potential ends, were it not cut off at the distance to keep.
+
+    Robots with the priority flag "have higher repellent forces" (section 4.1) at any distance only if their potential
+    reaches as far as that of others does, while empty robots keep a shorter distance from them (Table 2).
+
+    Args:
+        rules: `Rules`.
+        is_loaded: the robot itself holds a ball.
+        priority: the neighbour sends the priority flag.
+    """
+    kept = avoidance_distance(rules, is_loaded, priority)
+    others = avoidance_distance(rules, is_loaded, jnp.zeros_like(priority))
+    is_higher = rules.priority_repulsion == PRIORITY_REPULSIONS.index("higher")
+    return jnp.where(is_higher, jnp.maximum(kept, others), kept)
+
+
+def listening_sides(rules: Any, n_sides: int) -> Bool[Array, "S"]:
+    """Sides whose photodiodes a robot uses against obstacles, counted anticlockwise from its front."""
+    return (jnp.arange(n_sides) == 0) | (rules.avoidance_sides == AVOIDANCE_SIDES.index("all"))
+
+
+def is_avoided(rules: Any, led: Int[Array, "N S"]) -> Bool[Array, "N S"]:
+    """Whether a robot avoids what it senses on each side, by that side and by the neighbour's LED that it sees.
+
+    Args:
+        rules: `Rules`.
+        led: 0 front, 1 left, 2 back, 3 right of the neighbour.
+    """
+    is_oncoming, goes_away = led == 0, led == 2
+    course = rules.avoidance_course
+    heeds = jnp.where(course == AVOIDANCE_COURSES.index("oncoming"), is_oncoming, ~goes_away)
+    return listening_sides(rules, led.shape[1]) & ((course == AVOIDANCE_COURSES.index("any")) | heeds)
 
 
 def repulsion(
@@ -25,15 +66,18 @@ def repulsion(
     distance: Float[Array, "N S"],
     threshold: Float[Array, "N S"],
     weight: Float[Array, "N S"],
+    reach: Float[Array, "N S"] | None = None,
 ) -> Float[Array, "N 2"]:
-    """Sum of the neighbours' repulsion, away from each in proportion to 1 - distance / threshold.
+    """Sum of the neighbours' repulsion, away from each in proportion to 1 - distance / reach within the threshold.
 
     Args:
         bearing: direction of the neighbour in the robot's frame [rad].
         distance: measured distance, in the unit of `threshold`.
         threshold: distance to keep.
         weight: zero where no neighbour is heard.
+        reach: of the potential, at least the threshold, which it is by default.
     """
-    strength = weight * jnp.clip(1.0 - distance / jnp.maximum(threshold, 1e-6), 0.0, 1.0)
+    ends = jnp.maximum(threshold if reach is None else reach, 1e-6)
+    strength = weight * jnp.clip(1.0 - distance / ends, 0.0, 1.0) * (distance < threshold)
     away = -jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)
     return (strength[..., None] * away).sum(axis=-2)

@@ -5,23 +5,24 @@ under it; it knows neither its position nor its heading. S = 4 is the number of 
 """
 
 import math
-from collections import namedtuple
-from dataclasses import astuple, fields
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config import StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.avoidance import avoidance_distance, repulsion
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.avoidance import avoidance_distance, is_avoided, listening_sides, repulsion, repulsion_range
+from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, heard
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.constraints import choices
 from iswarm_mj.utils.units import mm_from_rd
 
-Rules = namedtuple("Rules", [f.name for f in fields(Genome)])  # the genome's values, as JAX scalars
+BLOCKED = choices(StrategyConfig, "blocked")
+BLOCKING_DISTANCE = 1.0
+"""A neighbour this near ahead [rd], by the measured distance, blocks the way."""
 
 
 class RobotMemory(NamedTuple):
@@ -103,11 +104,6 @@ class Plan(NamedTuple):
     """The robot follows a vector, and does not move at random."""
 
 
-def rules_of(genome: Genome) -> Rules:
-    """Return the genome's values as JAX scalars, so that another genome needs no compilation."""
-    return Rules(*(jnp.asarray(v, bool if isinstance(v, bool) else jnp.float32) for v in astuple(genome)))
-
-
 def init(n_robots: int, n_scouts: Array | int) -> RobotMemory:
     """Return the memories at the start: no vectors; the first `n_scouts` robots are scouts."""
     return RobotMemory(VectorMemory.empty(n_robots), VectorMemory.empty(n_robots), jnp.arange(n_robots) < n_scouts)
@@ -118,9 +114,9 @@ def priority_flag(rules: Rules, memory: RobotMemory, is_loaded: Bool[Array, "N"]
     return (memory.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
 
 
-def may_pick(config: SwarmConfig, memory: RobotMemory) -> Bool[Array, "N"]:
+def may_pick(rules: Rules, memory: RobotMemory) -> Bool[Array, "N"]:
     """Whether each robot picks up dust."""
-    return ~memory.is_scout | config.strategy.scouts_pick
+    return ~memory.is_scout | rules.scouts_pick
 
 
 def act(
@@ -129,9 +125,9 @@ def act(
     """Advance the memories of N robots by one control step, and decide what they do.
 
     Args:
-        config: limits of the drive, open parameters of the strategy.
+        config: limits of the drive, range of light.
         probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
-        rules: the genome.
+        rules: genome and readings.
         memory: from the step before.
         observation: what the robots sense now.
         key: random key of this world and step.
@@ -139,10 +135,15 @@ def act(
     draws = draw(len(memory.is_scout), observation.is_heard.shape[1], key)
     memory = _remember(config, rules, memory, observation, draws)
     plan = choose(config, rules, memory, observation, draws)
-    direction = plan.direction + avoid(config, rules, observation, plan.follows)
-    command = steer(config, direction, plan.limit, prefers_left=draws.side < 0.5)
-    command = approach(config, probe_reach, may_pick(config, memory), observation, command)
-    dust, dump = (after_motion(vectors, *command) for vectors in (memory.dust, memory.dump))
+    push = avoid(config, rules, observation, plan.follows)
+    approaches = approaching(rules, memory, observation)
+    plan = towards_ball(plan, approaches & rules.avoids_at_dust, observation.ball_vector)
+    command = steer(config, plan.direction + push, plan.limit, prefers_left=draws.side < 0.5)
+    swerves = rules.avoids_at_dust & (push != 0.0).any(axis=-1)
+    command = approach(config, probe_reach, approaches & ~swerves, observation.ball_vector, command)
+    command = wait(rules, observation, command)
+    believed = believed_motion(rules, command, jax.random.fold_in(key, 1))
+    dust, dump = (after_motion(vectors, *believed) for vectors in (memory.dust, memory.dump))
     return memory._replace(dust=dust, dump=dump), command
 
 
@@ -170,12 +171,10 @@ def _remember(
 ) -> RobotMemory:
     """Memories after forgetting, listening, sensing the floor and, if so configured, finding nothing."""
     memory = learn(rules, memory, observation, draws)
-    if config.strategy.forget_on_arrival:
-        memory = memory._replace(
-            dust=forget_unconfirmed(config, memory.dust, observation.at_dust),
-            dump=forget_unconfirmed(config, memory.dump, observation.on_dump),
-        )
-    return memory
+    return memory._replace(
+        dust=forget_unconfirmed(config, rules, memory.dust, observation.at_dust),
+        dump=forget_unconfirmed(config, rules, memory.dump, observation.on_dump),
+    )
 
 
 def learn(rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> RobotMemory:
@@ -192,9 +191,11 @@ def learn(rules: Rules, memory: RobotMemory, observation: Observation, draws: Dr
     )
 
 
-def forget_unconfirmed(config: SwarmConfig, memory: VectorMemory, is_there: Bool[Array, "N"]) -> VectorMemory:
-    """Memories without the vectors that are too short to follow although the target `is_there` not."""
-    return memory.where(is_there | _can_be_followed(config, _length(memory.vector)))
+def forget_unconfirmed(
+    config: SwarmConfig, rules: Rules, memory: VectorMemory, is_there: Bool[Array, "N"]
+) -> VectorMemory:
+    """Memories without the vectors that are too short to follow although the target `is_there` not, if so ruled."""
+    return memory.where(is_there | _can_be_followed(config, _length(memory.vector)) | ~rules.forget_on_arrival)
 
 
 def choose(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> Plan:
@@ -210,25 +211,38 @@ def choose(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: 
     known = jnp.where(loaded, memory.dump.known, memory.dust.known) & _can_be_followed(config, length)
     weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
     follows = known & ~memory.is_scout & (draws.follow < weight)
-    angle = jnp.deg2rad(config.strategy.random_turn) * (2.0 * draws.direction - 1.0)
+    angle = jnp.deg2rad(rules.random_turn) * (2.0 * draws.direction - 1.0)
     at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     direction = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
     return Plan(direction, jnp.where(follows, length, jnp.inf), follows)
+
+
+def approaching(rules: Rules, memory: RobotMemory, observation: Observation) -> Bool[Array, "N"]:
+    """Which robots approach the ball that they sense: empty ones that may pick it up and have not failed to."""
+    return observation.at_dust & may_pick(rules, memory) & ~observation.is_loaded & ~observation.grasp_failed
+
+
+def towards_ball(plan: Plan, approaches: Bool[Array, "N"], ball_vector: Float[Array, "N 2"]) -> Plan:
+    """The plan, but for robots that approach a ball: they want to go there, `ball_vector` (N, 2) [mm]."""
+    length = _length(ball_vector)
+    direction = jnp.where(approaches[:, None], ball_vector / jnp.maximum(length, 1e-6)[:, None], plan.direction)
+    return Plan(direction, jnp.where(approaches, length, plan.limit), plan.follows)
 
 
 def avoid(
     config: SwarmConfig, rules: Rules, observation: Observation, follows: Bool[Array, "N"]
 ) -> Float[Array, "N 2"]:
     """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
-    options = config.strategy
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
-    threshold = avoidance_distance(rules, observation.is_loaded, observation.priority)
-    weight = jnp.where(observation.priority, options.priority_factor, 1.0) * observation.is_heard
-    push = repulsion(observation.bearing, distance, threshold, weight)
+    loaded, priority = observation.is_loaded, observation.priority
+    threshold, reach = (find(rules, loaded, priority) for find in (avoidance_distance, repulsion_range))
+    heeded = observation.is_heard & is_avoided(rules, observation.led)
+    weight = jnp.where(priority, rules.priority_factor, 1.0) * heeded
+    push = repulsion(observation.bearing, distance, threshold, weight, reach)
     side = jnp.arange(observation.sees_wall.shape[1]) * (math.pi / 2)
     outward = jnp.stack([jnp.cos(side), jnp.sin(side)], axis=-1)
-    walls = -(observation.sees_wall & ~follows[:, None]).astype(jnp.float32) @ outward
-    return options.avoidance_gain * push + options.wall_gain * walls
+    in_sight = observation.sees_wall & listening_sides(rules, len(side)) & ~follows[:, None]
+    return rules.avoidance_gain * push - rules.wall_gain * (in_sight.astype(jnp.float32) @ outward)
 
 
 def steer(
@@ -254,24 +268,41 @@ def steer(
 
 
 def approach(
-    config: SwarmConfig, probe_reach: float, picks: Bool[Array, "N"], observation: Observation, command: Command
+    config: SwarmConfig,
+    probe_reach: float,
+    approaches: Bool[Array, "N"],
+    ball_vector: Float[Array, "N 2"],
+    command: Command,
 ) -> Command:
-    """Move the probe's tip over the ball that an empty robot senses; the other robots keep their `command`.
+    """Move the probe's tip over the ball that a robot approaches; the other robots keep their `command`.
 
     Args:
         config: limits of the drive.
         probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
-        picks: the robot picks up dust.
-        observation: what the robots sense.
+        approaches: the robot approaches a ball.
+        ball_vector: from the robot to the ball, in the robot's frame [mm].
         command: without the ball.
     """
-    approaches = observation.at_dust & picks & ~observation.is_loaded & ~observation.grasp_failed
-    x, y = observation.ball_vector[:, 0], observation.ball_vector[:, 1]
-    angle = jnp.arctan2(y, x)
+    angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.step_length)
-    forward = jnp.where(turn == angle, jnp.clip(_length(observation.ball_vector) - probe_reach, -step, step), 0.0)
+    forward = jnp.where(turn == angle, jnp.clip(_length(ball_vector) - probe_reach, -step, step), 0.0)
     return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
+
+
+def wait(rules: Rules, observation: Observation, command: Command) -> Command:
+    """The command without the walk of robots that another robot blocks, if these rules make them wait."""
+    is_near = observation.distance[:, 0] <= mm_from_rd(BLOCKING_DISTANCE)
+    waits = observation.is_heard[:, 0] & is_near & (rules.blocked == BLOCKED.index("waits"))
+    return command._replace(forward=jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
+
+
+def believed_motion(rules: Rules, command: Command, key: Array) -> Command:
+    """What the robots believe that they did: the command, with the errors of their odometry where they moved."""
+    error = jax.random.normal(key, (len(command.turn), 2))
+    moves = (command.turn != 0.0) | (command.forward != 0.0)
+    turn = command.turn + jnp.where(moves, jnp.deg2rad(rules.odometry_error_turn) * error[:, 0], 0.0)
+    return Command(turn, command.forward * (1.0 + rules.odometry_error_step * error[:, 1]))
 
 
 def _length(vector: Array) -> Array:

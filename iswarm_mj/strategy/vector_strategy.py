@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import Command, Observation, RobotMemory, Rules
+from iswarm_mj.strategy.controller import Command, Observation, RobotMemory
+from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.utils.arrays import Array
 
 
@@ -18,9 +19,9 @@ class VectorStrategy:
     """Vectors to dust and dump, hop counts, scouts, avoidance (section 4 of the paper).
 
     Attributes:
-        rules: the genome; worlds may have different ones.
+        rules: genome and readings; worlds may have different ones.
         n_scouts: the first robots are scouts.
-        config: limits of the drive, open parameters of the strategy.
+        config: limits of the drive, range of light; its `strategy` does not count.
         probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
     """
 
@@ -40,7 +41,7 @@ class VectorStrategy:
 
     def picks(self, memory: RobotMemory) -> Array:
         """See `Strategy.picks`."""
-        return controller.may_pick(self.config, memory)
+        return controller.may_pick(self.rules, memory)
 
     def listen(self, memory: RobotMemory, observation: Observation, key: Array) -> RobotMemory:
         """See `RelayingStrategy.listen`."""

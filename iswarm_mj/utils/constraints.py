@@ -76,6 +76,12 @@ def validate(settings: Any, group: str = "") -> None:
             check(full, value, f"{whole}{constraint}", is_number and constraint.allows(value))
 
 
+def choices(cls: type, name: str) -> tuple[Any, ...]:
+    """Values that a field of a dataclass may have whose type is a `Literal`; none for another type."""
+    kind = get_type_hints(cls)[name]
+    return get_args(kind) if get_origin(kind) is Literal else ()
+
+
 @functools.cache
 def _rules(cls: type) -> list[tuple[str, Any, Within | None]]:
     """Name, type without annotations, and constraint of each field."""

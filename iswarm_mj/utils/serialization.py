@@ -1,24 +1,46 @@
 """Settings as dictionaries for files that later versions of the program can still match."""
 
-from dataclasses import field, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, field, fields, is_dataclass
 from typing import Any
 
-_ADDED_LATER = "added_later"
+_BEFORE = "before"
 
 
-def added_later(default: Any) -> Any:
+def added_later(default: Any, before: Any = MISSING) -> Any:
     """Return a dataclass field that files of earlier versions lack.
 
-    Its default must be what those versions did. Files omit the field where it has the default, so that a search or
-    study that an earlier version started can be resumed.
+    Files omit the field where it has the value that stands for what those versions did, so that a search or study
+    that an earlier version started can be resumed.
+
+    Args:
+        default: of the field.
+        before: what earlier versions did, by default the same.
     """
-    return field(default=default, metadata={_ADDED_LATER: True})
+    return field(default=default, metadata={_BEFORE: default if before is MISSING else before})
 
 
 def to_dict(settings: Any) -> dict[str, Any]:
-    """Return a dataclass as nested dictionaries, like `asdict`, but without `added_later` fields at their defaults."""
+    """Return a dataclass as nested dictionaries, like `asdict`, but without `added_later` fields that are as before."""
     values = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    omitted = {f.name for f in fields(settings) if _ADDED_LATER in f.metadata and values[f.name] == f.default}
+    omitted = {f.name for f in fields(settings) if _BEFORE in f.metadata and values[f.name] == f.metadata[_BEFORE]}
     return {
         name: to_dict(value) if is_dataclass(value) else value for name, value in values.items() if name not in omitted
     }
+
+
+def completed(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the dictionary of a dataclass from a file, with the `added_later` fields that it lacks as they were.
+
+    Args:
+        cls: the dataclass, whose fields all have defaults.
+        values: as `to_dict` or an earlier version returned them.
+    """
+    usual, found = cls(), dict(values)
+    for f in fields(cls):
+        inner = getattr(usual, f.name)
+        if is_dataclass(inner) and f.name in found:
+            found[f.name] = completed(type(inner), found[f.name])
+        elif _BEFORE in f.metadata:
+            found.setdefault(f.name, f.metadata[_BEFORE])
+    return found

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import remember, turned
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config import OpticsConfig, SwarmConfig, conditions_of
 from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Message, pack, unpack
@@ -41,7 +41,8 @@ def wires(n, seed=0):
 def send(optics, content, wiring, seed=0):
     sender, led, valid, distance = (jnp.asarray(a) for a in wiring)
     links = Links(sender=sender, valid=valid, led=led, bearing=jnp.zeros_like(distance), distance=distance)
-    return exchange(Channel(optics, optics.independent_bit_errors, MAX_RANGE), content, links, jax.random.key(seed))
+    noise = conditions_of(SwarmConfig(optics=optics))
+    return exchange(Channel(noise, MAX_RANGE), content, links, jax.random.key(seed))
 
 
 def test_without_noise_everything_arrives_as_packed():

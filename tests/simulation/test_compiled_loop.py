@@ -85,11 +85,16 @@ class TestAgainstMujocoInC:
         assert np.abs(mixed[1] - mixed[2]).max() > 1
 
 
+def differing(**parts):
+    """The world with other parts of the configuration."""
+    return replace(WORLD, config=replace(TINY, **parts))
+
+
 def test_worlds_of_other_conditions():
     """At 50 % RH this tool lifts nothing; a world without drops, one that always drops, and one of failed robots."""
-    humid = replace(WORLD, gripper=GripperConfig(relative_humidity=50, grasp_voltage=20, drop_rate=0))
-    loose = replace(WORLD, gripper=GripperConfig(drop_rate=1.0))
-    deaf = replace(WORLD, optics=OpticsConfig(p_communication_break=1.0))
+    humid = differing(gripper=GripperConfig(relative_humidity=50, grasp_voltage=20, drop_rate=0))
+    loose = differing(gripper=GripperConfig(drop_rate=1.0))
+    deaf = differing(optics=OpticsConfig(p_communication_break=1.0))
     dead = replace(WORLD, failed_fraction=1.0)
     grips, hears = mjx_run([WORLD, humid, loose], steps=20)[0], mjx_run([WORLD, deaf, dead], steps=20)[0]
     assert not grips.faults and not hears.faults
@@ -187,8 +192,8 @@ def test_settings_that_do_not_fit_are_refused():
 
 def test_worlds_that_cannot_share_a_program_are_refused():
     for other in ({"optics": OpticsConfig(mode="power")}, {"gripper": GripperConfig(release_gap=4e-6)}):
-        with pytest.raises(UserError, match="run worlds that differ in more separately"):
-            mjx_run([WORLD, WORLD, replace(WORLD, **other)])
+        with pytest.raises(UserError, match="which all worlds of one run share; run it separately"):
+            mjx_run([WORLD, WORLD, differing(**other)])
 
 
 def test_genomes_need_no_other_program(batch):

@@ -10,7 +10,7 @@ import pytest
 from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, engine_of, first_step, place_of, poses_of, records, run_of
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
@@ -51,7 +51,7 @@ class TestBalls:
 
     def test_nothing_is_lost_when_robots_drop_some(self, small):
         """The drop rate of a world is a number at run time."""
-        world = World(TYPE1, N, seed=1, gripper=replace(small.gripper, drop_rate=0.2))
+        world = World(TYPE1, N, seed=1, config=replace(small, gripper=GripperConfig(drop_rate=0.2)))
         run, falls, last = run_of(small, worlds=[world]), 0, None
         for record in records(run):
             check_balls(run, record)

@@ -9,7 +9,7 @@ import pytest
 from helpers_mjx import compilations
 from helpers_runs import N, poses_of, records, run_of
 
-from iswarm_mj.config import GripperConfig, OpticsConfig
+from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
@@ -23,13 +23,16 @@ CROWD = 100
 """Robots in the densest swarm, and the capacity of another one, which shares its program."""
 
 
-HUMID = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3, spread_object_substrate=0.3)
-NOISELESS = OpticsConfig(error_distance_measure=0.0)
+SMALL = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+"""As the fixture `small`."""
+DAMP = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3, spread_object_substrate=0.3)
+HUMID = replace(SMALL, gripper=DAMP)
+QUIET = replace(SMALL, optics=OpticsConfig(error_distance_measure=0.0))
 VARIED = [
     World(TYPE1, 9),
-    World(PRESETS["type2"], 1, seed=2**32 - 2, index=2**32 - 1, gripper=HUMID),
-    World(TYPE1, 30, seed=2**31, index=4095, failed_fraction=0.3, optics=NOISELESS),
-    World(PRESETS["evolved"], 12, seed=5, index=1, failed_fraction=1.0, gripper=HUMID, optics=NOISELESS),
+    World(PRESETS["type2"], 1, seed=2**32 - 2, index=2**32 - 1, config=HUMID),
+    World(TYPE1, 30, seed=2**31, index=4095, failed_fraction=0.3, config=QUIET),
+    World(PRESETS["evolved"], 12, seed=5, index=1, failed_fraction=1.0, config=replace(HUMID, optics=QUIET.optics)),
 ]
 """Worlds that differ in all that a start depends on."""
 
@@ -42,13 +45,13 @@ class TestManyWorlds:
         every = np.stack(np.meshgrid(np.arange(-7, 8), np.arange(-7, 8), indexing="ij"), axis=-1).reshape(-1, 2)
         cells = RD * every[np.abs(every).max(axis=1) > 1.5]
         for world, start in zip(VARIED, starts_of(small, VARIED), strict=True):
-            rng, gripper, n = np.random.default_rng([world.seed, world.index]), world.gripper or small.gripper, 24
+            rng, gripper, n = np.random.default_rng([world.seed, world.index]), (world.config or small).gripper, 24
             at = cells[rng.choice(216, world.n_robots, replace=False)]
             yaw = rng.uniform(-np.pi, np.pi, world.n_robots)
             np.testing.assert_array_equal(start.poses, np.column_stack([at, yaw]))
             offset = 3 * rng.uniform(-0.5, 0.5, (n, 2)) + np.where(np.arange(n) < n // 2, -5, 5)[:, None] * [1, 0]
             np.testing.assert_array_equal(start.balls.position, (offset * RD).astype(np.float32))
-            humid = 2.0 if world.gripper else 1.0  # at 80 and at 10 %
+            humid = 2.0 if gripper == DAMP else 1.0  # at 80 and at 10 %
             for what in ("tool_object", "object_substrate"):
                 sigma = np.sqrt(np.log1p(getattr(gripper, f"spread_{what}") ** 2))
                 work = humid * getattr(gripper, f"work_{what}") * np.exp(sigma * rng.standard_normal(n))

@@ -1,5 +1,7 @@
 """Collision avoidance: which distance is kept from whom, and how hard."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,8 +9,9 @@ from helpers_sensing import RADIUS, senses_nothing
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
 from iswarm_mj.strategy.avoidance import avoidance_distance, repulsion
-from iswarm_mj.strategy.controller import avoid, rules_of
+from iswarm_mj.strategy.controller import avoid
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.rules import rules_of
 
 CONFIG = SwarmConfig()
 
@@ -46,24 +49,28 @@ def test_no_distance_to_keep_is_no_push():
     np.testing.assert_allclose(push, 0, atol=1e-6)
 
 
-def pushed(distance, heard=True, priority=False, loaded=False, side=0, config=CONFIG, rules=PRESETS["type1"]):
-    """Push on a robot by one neighbour on `side` at `distance` [mm]."""
+INITIAL = StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")
+
+
+def pushed(distance, heard=True, priority=False, loaded=False, side=0, led=0, strategy=INITIAL):
+    """Push on a robot by one neighbour on `side` at `distance` [mm], of which it sees `led`."""
     seen = senses_nothing(1)
     seen = seen._replace(
         is_heard=seen.is_heard.at[0, side].set(heard),
         distance=seen.distance.at[0, side].set(distance),
         priority=seen.priority.at[0, side].set(priority),
+        led=seen.led.at[0, side].set(led),
         is_loaded=jnp.array([loaded]),
     )
-    return np.asarray(avoid(config, rules_of(rules), seen, jnp.array([False])))[0]
+    return np.asarray(avoid(CONFIG, rules_of(PRESETS["type1"], strategy), seen, jnp.array([False])))[0]
 
 
 def test_priority_doubles_the_push_on_a_loaded_robot():
     plain, flagged = (pushed(0.1 * RADIUS, priority=p, loaded=True) for p in (False, True))
     np.testing.assert_allclose(plain, [-8 * (1 - 0.1 / 0.25), 0], rtol=1e-5)
     np.testing.assert_allclose(flagged, 2 * plain, rtol=1e-6)
-    configured = SwarmConfig(strategy=StrategyConfig(priority_factor=5.0))
-    np.testing.assert_allclose(pushed(0.1 * RADIUS, priority=True, loaded=True, config=configured), 5 * plain)
+    configured = replace(INITIAL, priority_factor=5.0)
+    np.testing.assert_allclose(pushed(0.1 * RADIUS, priority=True, loaded=True, strategy=configured), 5 * plain)
 
 
 def test_an_empty_robot_lets_priority_come_closer_but_then_gives_way_more():
@@ -80,3 +87,44 @@ def test_threshold_is_a_share_of_the_sensory_radius(loaded, threshold):
 
 def test_who_is_not_heard_does_not_push():
     assert not pushed(0.1, heard=False, priority=True).any()
+
+
+def test_only_the_front_counts_as_the_paper_says():
+    """Section 4.1: all photodiodes are off but those on the front."""
+    for side in range(4):
+        assert pushed(0.3 * RADIUS, side=side, strategy=StrategyConfig()).any() == (side == 0)
+        assert pushed(0.3 * RADIUS, side=side).any()
+
+
+@pytest.mark.parametrize("sides, seen", [("front", [True, False, False, False]), ("all", [True] * 4)])
+def test_walls_are_obstacles_too(sides, seen):
+    """On a robot that follows no vector; [4, S] a wall on one side after the other."""
+    rules = rules_of(PRESETS["type1"], StrategyConfig(avoidance_sides=sides))
+    walls = senses_nothing(4)._replace(sees_wall=jnp.eye(4, dtype=bool))
+    push = np.asarray(avoid(CONFIG, rules, walls, jnp.zeros(4, bool)))
+    np.testing.assert_allclose(push, np.array(seen)[:, None] * [[-2, 0], [0, -2], [2, 0], [0, 2]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "course, leds", [("any", [1, 1, 1, 1]), ("crossing", [1, 1, 0, 1]), ("oncoming", [1, 0, 0, 0])]
+)
+def test_the_course_is_read_from_the_led_that_is_seen(course, leds):
+    strategy = StrategyConfig(avoidance_course=course)
+    assert [pushed(0.3 * RADIUS, led=led, strategy=strategy).any() for led in range(4)] == [bool(led) for led in leds]
+
+
+def test_repulsion_by_priority_is_higher_at_every_distance():
+    """Section 4.1: "higher repellent forces"; the distance to keep from them stays that of Table 2."""
+    scaled, higher = [], []
+    for share in np.linspace(0.05, 0.39, 8):
+        plain = pushed(share * RADIUS)[0]
+        higher.append(pushed(share * RADIUS, priority=True, strategy=StrategyConfig())[0] / plain)
+        scaled.append(pushed(share * RADIUS, priority=True)[0] / plain)
+    np.testing.assert_allclose(higher, 2.0, rtol=1e-5)
+    assert min(scaled) < 1.0 < max(scaled)
+    assert not pushed(0.41 * RADIUS, priority=True, strategy=StrategyConfig()).any()
+
+
+def test_following_a_vector_walls_are_ignored():
+    walls = senses_nothing(1)._replace(sees_wall=jnp.ones((1, 4), bool))
+    assert not np.asarray(avoid(CONFIG, rules_of(PRESETS["type1"], INITIAL), walls, jnp.ones(1, bool))).any()

@@ -21,6 +21,7 @@ from iswarm_mj.strategy.controller import (
     RobotMemory,
     act,
     approach,
+    approaching,
     avoid,
     choose,
     draw,
@@ -29,10 +30,10 @@ from iswarm_mj.strategy.controller import (
     learn,
     may_pick,
     priority_flag,
-    rules_of,
     steer,
 )
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.units import RD
 
@@ -46,7 +47,7 @@ MANY = 20_000  # robots, for statistics; `act` is compiled for them
 N_ROBOTS, N_BALLS = 24, 13  # of the worlds that `decided` is compiled for
 
 act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
-avoid_here, choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (avoid, choose, steer))
+choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (choose, steer))
 learn_here = jax.jit(learn)
 STRATEGY = VectorStrategy(RULES, 0, DROPPING, PROBE)
 decide_here = jax.jit(decide, static_argnums=(0, 1))
@@ -76,6 +77,10 @@ def planned(memory, loaded=False, follow=0.0, direction=0.5, rules=RULES, config
 
 def genes(**values):
     return rules_of(Genome(**values))
+
+
+def genes_read(genome=PRESETS["type1"], **readings):
+    return rules_of(genome, StrategyConfig(**readings))
 
 
 # Where to go
@@ -163,14 +168,6 @@ def test_turns_are_limited_as_configured():
         assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
 
 
-@pytest.mark.parametrize(("side", "away"), [(0, [-2, 0]), (1, [0, -2]), (2, [2, 0]), (3, [0, 2])])
-def test_walls_repel_those_who_follow_nothing(side, away):
-    seen = senses_nothing(2)
-    seen = seen._replace(sees_wall=seen.sees_wall.at[:, side].set(True))
-    push = avoid_here(CONFIG, RULES, seen, jnp.array([False, True]))
-    np.testing.assert_allclose(push, [away, [0, 0]], atol=1e-6)
-
-
 # At a ball
 
 
@@ -184,7 +181,7 @@ def test_the_tip_comes_to_the_ball(seed):
     for _ in range(4):
         there = turned(ball - xy, -yaw)
         seen = senses_nothing(n)._replace(at_dust=jnp.ones(n, bool), ball_vector=jnp.asarray(there, jnp.float32))
-        command = approach_here(CONFIG, PROBE, jnp.ones(n, bool), seen, idle)
+        command = approach_here(CONFIG, PROBE, jnp.ones(n, bool), seen.ball_vector, idle)
         assert np.abs(command.turn).max() <= np.pi / 2 + 1e-6 and np.abs(command.forward).max() <= STEP + 1e-6
         yaw = yaw + np.asarray(command.turn, float)
         xy = xy + turned(np.column_stack([command.forward, np.zeros(n)]), yaw)
@@ -204,17 +201,20 @@ def test_the_tip_comes_to_the_ball(seed):
 def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
     seen = senses_nothing(1)._replace(at_dust=jnp.array([True]), ball_vector=jnp.array([[0.0, 1.5]]))
     seen = seen._replace(**{name: jnp.array([value]) for name, value in change.items()})
-    command = Command(jnp.array([0.1]), jnp.array([1.2]))
-    got = approach_here(CONFIG, PROBE, jnp.array([True]), seen, command)
-    expected = (math.pi / 2, 1.5 - PROBE) if approaches else (0.1, 1.2)
-    np.testing.assert_allclose(np.ravel(got), expected, rtol=1e-5)
-    np.testing.assert_allclose(np.ravel(approach_here(CONFIG, PROBE, jnp.array([False]), seen, command)), (0.1, 1.2))
+    worker, scout = init(1, 0), init(1, 1)
+    assert approaching(RULES, worker, seen)[0] == approaches and not approaching(RULES, scout, seen)[0]
+
+
+def test_the_tip_goes_to_the_ball_that_is_approached():
+    command, ball = Command(jnp.array([0.1, 0.1]), jnp.array([1.2, 1.2])), jnp.array([[0.0, 1.5]] * 2)
+    got = approach_here(CONFIG, PROBE, jnp.array([True, False]), ball, command)
+    np.testing.assert_allclose(got, [[math.pi / 2, 0.1], [1.5 - PROBE, 1.2]], rtol=1e-5)
 
 
 def test_scouts_pick_only_if_they_may():
     memory = init(4, 2)
-    np.testing.assert_array_equal(may_pick(CONFIG, memory), [False, False, True, True])
-    assert may_pick(SwarmConfig(strategy=StrategyConfig(scouts_pick=True)), memory).all()
+    np.testing.assert_array_equal(may_pick(RULES, memory), [False, False, True, True])
+    assert may_pick(genes_read(scouts_pick=True), memory).all()
 
 
 def test_who_sends_the_priority_flag():
@@ -266,27 +266,29 @@ def test_robots_forget_both_vectors_at_the_evolved_rate():
     assert abs(share - 0.29) < 4.5 * math.sqrt(0.29 * 0.71 / n)
 
 
-def remembers(config, vector, **senses):
+def remembers(rules, vector, **senses):
     """Whether robots still know their ways to dust and to the dump after a step."""
     seen = senses_nothing(MANY)._replace(**{name: jnp.full(MANY, value) for name, value in senses.items()})
-    never = genes(p_vector_forget=0.0)
-    memory, _ = act_here(config, PROBE, never, memories(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
+    memory, _ = act_here(CONFIG, PROBE, rules, memories(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
     dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (memory.dust, memory.dump))
     return dust, dump
 
 
 def test_a_vector_that_led_to_nothing_is_forgotten():
-    patient = SwarmConfig(strategy=StrategyConfig(forget_on_arrival=False))
+    never = Genome(p_vector_forget=0.0)
+    usual, patient = rules_of(never), genes_read(never, forget_on_arrival=False)
     near, far, yes, no = [0.4 * STEP, 0.0], [0.6 * STEP, 0.0], {True}, {False}
-    assert remembers(CONFIG, near) == (no, no)
-    assert remembers(CONFIG, far) == (yes, yes)
+    assert remembers(usual, near) == (no, no)
+    assert remembers(usual, far) == (yes, yes)
     assert remembers(patient, near) == (yes, yes)
-    assert remembers(CONFIG, near, at_dust=True) == (yes, no)
-    assert remembers(CONFIG, near, on_dump=True) == (no, yes)
+    assert remembers(usual, near, at_dust=True) == (yes, no)
+    assert remembers(usual, near, on_dump=True) == (no, yes)
 
 
 def test_disappointment_empties_the_memory():
-    memory = forget_unconfirmed(CONFIG, remember([[0.1, 0.0], [0.1, 0.0], [9.0, 0.0]]), jnp.array([False, True, False]))
+    memory = forget_unconfirmed(
+        CONFIG, RULES, remember([[0.1, 0.0], [0.1, 0.0], [9.0, 0.0]]), jnp.array([False, True, False])
+    )
     np.testing.assert_array_equal(memory.known, [False, True, True])
     np.testing.assert_allclose(memory.vector, [[0, 0], [0.1, 0], [9, 0]])
 
@@ -339,7 +341,8 @@ def test_relabelled_robots_do_the_same():
         memory = learn(RULES, memory, seen, numbers)
         wanted, limit, follows = choose(CONFIG, RULES, memory, seen, numbers)
         command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
-        return memory, follows, command, approach(CONFIG, PROBE, may_pick(CONFIG, memory), seen, command)
+        comes = approaching(RULES, memory, seen)
+        return memory, follows, command, approach(CONFIG, PROBE, comes, seen.ball_vector, command)
 
     new = rng.permutation(n)
     after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (memory, seen, numbers)))

@@ -21,8 +21,9 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, RunSettings
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import Observation, RobotMemory, rules_of
+from iswarm_mj.strategy.controller import Observation, RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.signatures import observation_shapes
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -149,7 +150,7 @@ def swarm_that_hears(n_seed):
 @jax.jit
 def transmit(strategy, links, key, memory, loaded):
     """What arrives of all that robots say."""
-    return exchange(Channel(CONDITIONS, True, 138.6), strategy.say(memory, loaded), links, key)
+    return exchange(Channel(CONDITIONS, 138.6), strategy.say(memory, loaded), links, key)
 
 
 @jax.jit

@@ -3,8 +3,8 @@
 import pickle
 from dataclasses import asdict, dataclass, field, replace
 
-from iswarm_mj.config import OpticsConfig, StrategyConfig, SwarmConfig
-from iswarm_mj.utils.serialization import added_later, to_dict
+from iswarm_mj.config import READINGS, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.utils.serialization import added_later, completed, to_dict
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,38 @@ LATER = {
 
 
 def test_the_first_files_lack_what_was_added_later():
-    usual = asdict(SwarmConfig())
+    usual = to_dict(SwarmConfig())
     for part, added in LATER.items():
-        assert {name: usual[part].pop(name) for name in added} == added
-    assert to_dict(SwarmConfig()) == usual
+        assert added.keys().isdisjoint(usual[part])
+        assert added.items() <= asdict(SwarmConfig())[part].items()
     in_turn = to_dict(SwarmConfig(strategy=StrategyConfig(update_order="sequential")))
     assert in_turn["strategy"].pop("update_order") == "sequential" and in_turn == usual
     timed = to_dict(SwarmConfig(optics=OpticsConfig(baud_rate=1000.0)))
     assert timed["optics"].pop("baud_rate") == 1000.0 and timed == usual
+
+
+def test_files_that_lack_a_reading_were_made_by_the_initial_one():
+    said = to_dict(StrategyConfig())
+    assert (said["avoidance_sides"], said["priority_repulsion"]) == ("front", "higher")
+    assert {"avoidance_sides", "priority_repulsion"}.isdisjoint(to_dict(READINGS["initial"].strategy))
+
+
+def test_what_a_file_lacks_is_as_it_was():
+    """The dictionary of an earlier version, and of this one, becomes that of the settings again."""
+    for config in READINGS.values():
+        assert completed(SwarmConfig, to_dict(config)) == asdict(config)
+    old = to_dict(READINGS["initial"])
+    del old["strategy"]["random_turn"], old["drive"]
+    assert completed(SwarmConfig, old)["strategy"].keys() == asdict(SwarmConfig())["strategy"].keys() - {"random_turn"}
+    assert "drive" not in completed(SwarmConfig, old)
+
+
+def test_a_later_default_is_kept_and_what_came_before_is_not():
+    @dataclass(frozen=True)
+    class Read:
+        way: str = added_later("new", "old")
+
+    assert to_dict(Read()) == {"way": "new"} and to_dict(Read("old")) == {}
 
 
 def test_what_was_pickled_without_it_is_the_default():

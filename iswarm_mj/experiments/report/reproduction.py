@@ -10,6 +10,7 @@ from iswarm_mj.experiments.runner.search import Search
 from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.serialization import completed
 
 
 def command(result: Result) -> str:
@@ -31,7 +32,7 @@ def _evolve(settings: Mapping[str, Any]) -> str:
     names = ("method", "generations", "population", "steps", "evaluations", "seed")
     replicates = f" --replicates {settings['replicates']}" if settings.get("replicates", 1) > 1 else ""
     flags = " ".join(f"--{name} {settings[name]}" for name in names) + replicates + _engine(settings)
-    return f"iswarm evolve {flags}{_changed({**settings['config'], 'operators': settings['operators']})}"
+    return f"iswarm evolve {flags}{_changed(settings['config'], operators=settings['operators'])}"
 
 
 def _experiment(settings: Mapping[str, Any]) -> str:
@@ -57,9 +58,10 @@ def _unlike_the_paper(settings: Mapping[str, Any]) -> list[str]:
     return found + ([f"{steps} steps"] if steps != Search.steps else [])
 
 
-def _changed(groups: Mapping[str, Mapping[str, Any]]) -> str:
+def _changed(config: Mapping[str, Any], **others: Mapping[str, Any]) -> str:
     """Flags of the values that differ from the defaults, by groups of the configuration, or `operators`."""
     default = asdict(SwarmConfig()) | {"operators": asdict(Operators())}
+    groups = completed(SwarmConfig, config) | others
     return "".join(
         f" {_flag(group, name, value)}"
         for group, values in groups.items()

@@ -4,6 +4,7 @@ from collections.abc import Generator, Sequence
 from typing import Any, Literal
 
 from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
+from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import free_cells
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
@@ -32,7 +33,7 @@ def implementation() -> Literal["jax", "warp"]:
 def run_batches(
     jobs: Sequence[Job], planar: PlanarSettings | None = None
 ) -> Generator[tuple[int, Outcome], None, None]:
-    """Yield (index of the job, outcome), a batch at a time: jobs of equal settings are worlds of one batch.
+    """Yield (index of the job, outcome), a batch at a time: jobs with all in common that worlds share are one batch.
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
     GPUs, the number of worlds. The same job may therefore end differently, but equally likely, in another batch.
@@ -47,7 +48,7 @@ def run_batches(
     """
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
-        alike.setdefault((job.config, job.steps, job.stop_at), []).append(index)
+        alike.setdefault((common(job.config), job.steps, job.stop_at), []).append(index)
     for indices in alike.values():
         batch = [jobs[index] for index in indices]
         found = _measured(batch) if planar is None else _measures(batch, _run(batch, planar))
@@ -87,7 +88,10 @@ def _run(jobs: Sequence[Job], engine: MjxSettings | PlanarSettings) -> Run:
     settings = RunSettings(
         largest, job.steps, n_worlds=len(jobs), stop_at=job.stop_at, capacity=capacity, record_worlds=()
     )
-    worlds = [World(job.genome, job.n_robots, job.seed, failed_fraction=job.failed_fraction) for job in jobs]
+    worlds = [
+        World(job.genome, job.n_robots, job.seed, failed_fraction=job.failed_fraction, config=job.config)
+        for job in jobs
+    ]
     run = Run(job.config, job.genome, settings, engine, worlds=worlds)
     while not run.is_over and not any(fault.kind & _BUFFER_FULL for fault in run.faults):
         run.advance()

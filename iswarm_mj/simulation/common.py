@@ -1,0 +1,76 @@
+"""What the worlds of one run have in common, and in which settings they may differ."""
+
+from dataclasses import fields, replace
+from typing import Any, NamedTuple
+
+from iswarm_mj.config import (
+    ArenaConfig,
+    Conditions,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+)
+from iswarm_mj.strategy.rules import ELSEWHERE
+from iswarm_mj.utils.errors import UserError
+
+_PARTS = {
+    "arena": ArenaConfig,
+    "drive": DriveConfig,
+    "optics": OpticsConfig,
+    "gripper": GripperConfig,
+    "strategy": StrategyConfig,
+}
+_SHARED = {
+    "arena": {"size", "n_dust"},
+    "gripper": {"release_gap", "tool_reach"},
+    "strategy": ELSEWHERE - set(Conditions._fields),
+}
+"""Of these parts, all other settings may differ; of the remaining ones, those that are `Conditions`."""
+
+DIFFERENT = {
+    part: {
+        f.name
+        for f in fields(cls)
+        if (f.name not in _SHARED[part] if part in _SHARED else f.name in Conditions._fields)
+    }
+    for part, cls in _PARTS.items()
+}
+"""Settings in which worlds of one run may differ, by parts of the configuration."""
+
+
+class Common(NamedTuple):
+    """What worlds of one run have in common."""
+
+    config: SwarmConfig
+    """With the defaults of all that may differ, and of the arena: what control steps are compiled for."""
+    size: float
+    """Edge of the arena [rd]."""
+    n_dust: int
+    """Balls."""
+
+
+def common(config: SwarmConfig) -> Common:
+    """Return what a world of this configuration has in common with others of the same run."""
+    parts: dict[str, Any] = {"arena": ArenaConfig()}
+    for name in ("drive", "optics", "gripper", "strategy"):
+        usual = _PARTS[name]()
+        parts[name] = replace(getattr(config, name), **{item: getattr(usual, item) for item in DIFFERENT[name]})
+    return Common(SwarmConfig(**parts), config.arena.size, config.arena.n_dust)
+
+
+def check_common(config: SwarmConfig, other: SwarmConfig) -> None:
+    """Raise a UserError if a world's configuration differs from its run's in what all worlds of a run share."""
+    if common(config) == common(other):
+        return
+    differ = [
+        f"{part}.{f.name}"
+        for part, cls in _PARTS.items()
+        for f in fields(cls)
+        if f.name not in DIFFERENT[part]
+        and getattr(getattr(config, part), f.name) != getattr(getattr(other, part), f.name)
+    ]
+    raise UserError(
+        f"a world differs from its run in {' and '.join(differ)}, which all worlds of one run share; run it separately."
+    )

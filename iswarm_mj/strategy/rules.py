@@ -1,0 +1,43 @@
+"""The parameters of the robots' rules that may differ from world to world: genome and readings, as arrays."""
+
+from collections import namedtuple
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import StrategyConfig
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import choices
+
+ELSEWHERE = {"dust_range", "message_range", "update_order"}
+"""Settings of `StrategyConfig` that sensors and channel apply."""
+
+_FIELDS = [(cls, f) for cls in (Genome, StrategyConfig) for f in fields(cls) if f.name not in ELSEWHERE]
+
+Rules = namedtuple("Rules", [f.name for _, f in _FIELDS])
+"""Values of a genome and of a `StrategyConfig`, as scalars or as arrays (B,) of worlds: flags as bool, numbers as
+float32, and one of several words as int32, its place among them."""
+
+_CODES = {f.name: choices(cls, f.name) for cls, f in _FIELDS}
+_TYPES = [bool if f.type is bool else np.int32 if _CODES[f.name] else np.float32 for _, f in _FIELDS]
+
+
+def rules_of(genome: Genome, strategy: StrategyConfig | None = None) -> Rules:
+    """Return the rules as JAX scalars, so that others need no compilation; the readings are the default's if None."""
+    values = _values(genome, strategy or StrategyConfig())
+    return Rules(*(jnp.asarray(value, kind) for value, kind in zip(values, _TYPES, strict=True)))
+
+
+def rules_of_worlds(genomes: Sequence[Genome], strategies: Sequence[StrategyConfig]) -> Rules:
+    """Return the rules of B worlds, NumPy arrays (B,)."""
+    columns = zip(*map(_values, genomes, strategies), strict=True)
+    return Rules(*(np.array(column, kind) for column, kind in zip(columns, _TYPES, strict=True)))
+
+
+def _values(genome: Genome, strategy: StrategyConfig) -> list[Any]:
+    parts = {Genome: genome, StrategyConfig: strategy}
+    found = [(f.name, getattr(parts[cls], f.name)) for cls, f in _FIELDS]
+    return [_CODES[name].index(value) if _CODES[name] else value for name, value in found]

@@ -1,0 +1,121 @@
+"""Worlds of one run whose settings differ: each is as a run of its own settings, by one program."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from helpers_mjx import compilations
+from helpers_runs import N, records, run_of
+
+from iswarm_mj.config import (
+    READINGS,
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+    SwarmConfig,
+)
+from iswarm_mj.simulation.common import DIFFERENT, common
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import UserError
+
+TYPE1 = PRESETS["type1"]
+OTHERS = {
+    "strategy": StrategyConfig(
+        dust_range=1.0,
+        avoidance_sides="all",
+        avoidance_course="oncoming",
+        priority_repulsion="scaled",
+        avoids_at_dust=True,
+        blocked="waits",
+        random_turn=90.0,
+        scouts_pick=True,
+        avoidance_gain=4.0,
+        priority_factor=3.0,
+        wall_gain=1.0,
+        forget_on_arrival=False,
+        odometry_error_turn=5.0,
+        odometry_error_step=0.1,
+    ),
+    "optics": OpticsConfig(
+        error_distance_measure=0.2,
+        error_in_communication=0.3,
+        independent_bit_errors=True,
+        parity_check=False,
+        p_communication_break=0.3,
+    ),
+    "drive": DriveConfig(error_turn=10.0, error_step=0.2),
+    "gripper": GripperConfig(drop_rate=0.1, grasp_voltage=41.0, release_voltage=54.0, relative_humidity=20.0),
+}
+"""Parts of a configuration with other values in the settings in which worlds may differ."""
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Configurations of four worlds: small arenas, all parts different, an arena of other places, one reading."""
+    small = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+    other = replace(small, **OTHERS)
+    places = replace(small, arena=replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2))
+    return [small, other, places, replace(small, strategy=READINGS["initial"].strategy)]
+
+
+def test_worlds_that_differ_are_each_as_alone(mixed):
+    """Beside worlds of its own kind, since a batch of another size may round otherwise."""
+    worlds = [World(TYPE1, N, config=config) for config in mixed]
+    together = list(records(run_of(mixed[0], worlds=worlds, steps=40)))
+    ends = []
+    for place, config in enumerate(mixed):
+        alike = [World(TYPE1, N)] * len(mixed)
+        for record, its in zip(records(run_of(config, worlds=alike, steps=40)), together, strict=True):
+            np.testing.assert_array_equal(record.poses[0], its.poses[place])
+            np.testing.assert_array_equal(record.balls[0], its.balls[place])
+        ends.append(its.poses[place])
+    for k, end in enumerate(ends):
+        assert all(np.abs(end - other).max() > 1 for other in ends[:k])
+
+
+def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
+    """Also runs one after the other."""
+    settings, engine = RunSettings(N, 2, capacity=N, record_worlds=()), PlanarSettings(1, 1)
+    Run(mixed[0], TYPE1, settings, engine).advance()
+    for config in mixed[1:]:
+        run = Run(config, TYPE1, settings, engine)
+        with compilations() as names:
+            run.advance()
+        assert names == []
+
+
+def test_all_that_may_differ_is_tried_here():
+    """Or the worlds above would not show that it takes effect."""
+    tried = {"arena": {"dump_size", "dust_area_size", "dust_area_offset"}} | {
+        part: {f.name for f in fields(other) if getattr(other, f.name) != getattr(type(other)(), f.name)}
+        for part, other in OTHERS.items()
+    }
+    at_the_start = {"arena": {"ball_radius_min", "ball_radius_max"}, "gripper": {"work_tool_object"}}
+    assert tried["strategy"] == DIFFERENT["strategy"] and tried["drive"] == DIFFERENT["drive"]
+    assert tried["optics"] == DIFFERENT["optics"]
+    assert tried["arena"] | at_the_start["arena"] == DIFFERENT["arena"]
+    assert tried["gripper"] <= DIFFERENT["gripper"] >= at_the_start["gripper"]
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [
+        ("arena", "size", 20),
+        ("arena", "n_dust", 30),
+        ("drive", "max_turn", 45.0),
+        ("optics", "communication_radius", 3.0),
+        ("gripper", "tool_reach", 1e-4),
+        ("strategy", "message_range", 30.0),
+    ],
+)
+def test_what_is_compiled_in_may_not_differ(mixed, part, name, value):
+    small = mixed[0]
+    other = replace(small, **{part: replace(getattr(small, part), **{name: value})})
+    with pytest.raises(UserError, match=rf"differs from its run in {part}\.{name}, which all worlds of one run share"):
+        run_of(small, worlds=[World(TYPE1, N, config=other)])
+    assert common(small) != common(other)

@@ -1,0 +1,101 @@
+"""Readings of the rules beside avoidance: at dust, blocked, with errors of odometry."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import remember, senses_nothing
+
+from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.simulation.decide import executed
+from iswarm_mj.strategy.controller import Command, RobotMemory, act, believed_motion, wait
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
+from iswarm_mj.utils.units import RD
+
+N, PROBE = 5000, 0.9
+NOTHING = RobotMemory(*[remember(jnp.zeros((N, 2)), known=False)] * 2, jnp.zeros(N, bool))
+decide = jax.jit(act, static_argnums=(0, 1))
+
+
+def acts(strategy, seen, memory=NOTHING, genome=PRESETS["type1"]):
+    return decide(SwarmConfig(), PROBE, rules_of(genome, strategy), memory, seen, jax.random.key(4))
+
+
+def neighbour_ahead(distance):
+    """A ball one robot diameter to the left, and a neighbour ahead at `distance` [mm]."""
+    seen = senses_nothing(N)
+    return seen._replace(
+        is_heard=seen.is_heard.at[:, 0].set(True),
+        distance=seen.distance.at[:, 0].set(distance),
+        at_dust=jnp.ones(N, bool),
+        ball_vector=jnp.broadcast_to(jnp.array([0.0, 1.5]), (N, 2)),
+    )
+
+
+def test_robots_at_dust_avoid_others_if_so_read():
+    """A neighbour ahead turns one that avoids it further than the ball, which lies straight to the left."""
+    for distance, swerves in ((0.3 * 3.5 * RD, True), (0.7 * 3.5 * RD, False)):
+        seen = neighbour_ahead(distance)._replace(ball_vector=jnp.broadcast_to(jnp.array([1.5, 1.5]), (N, 2)))
+        plain, careful = (acts(StrategyConfig(avoids_at_dust=flag), seen)[1] for flag in (False, True))
+        np.testing.assert_allclose(plain.turn, np.pi / 4, rtol=1e-5)
+        assert (np.asarray(careful.turn) > 1.5).all() if swerves else (np.asarray(careful.turn == plain.turn)).all()
+
+
+@pytest.mark.parametrize(("distance", "heard", "stands"), [(0.9, True, True), (1.1, True, False), (0.9, False, False)])
+def test_a_blocked_robot_waits_if_so_read(distance, heard, stands):
+    seen, command = senses_nothing(1), Command(jnp.array([0.3]), jnp.array([1.0]))
+    seen = seen._replace(is_heard=seen.is_heard.at[0, 0].set(heard), distance=seen.distance.at[0, 0].set(distance * RD))
+    genome = PRESETS["type1"]
+    np.testing.assert_array_equal(wait(rules_of(genome), seen, command), command)
+    waits = wait(rules_of(genome, StrategyConfig(blocked="waits")), seen, command)
+    np.testing.assert_allclose(np.ravel(waits), [0.3, 0.0 if stands else 1.0])
+
+
+def test_odometry_errs_as_configured():
+    command = Command(jnp.full(N, 0.5), jnp.full(N, 1.2))
+    exact, wrong = (
+        believed_motion(rules_of(Genome(), strategy), command, jax.random.key(0))
+        for strategy in (StrategyConfig(), StrategyConfig(odometry_error_turn=10.0, odometry_error_step=0.1))
+    )
+    assert (exact.turn == command.turn).all() and (exact.forward == command.forward).all()
+    turn, step = np.degrees(np.asarray(wrong.turn) - 0.5), np.asarray(wrong.forward) / 1.2 - 1
+    assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
+    assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
+    rest = Command(jnp.zeros(N), jnp.zeros(N))
+    drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
+    np.testing.assert_array_equal(believed_motion(drunk, rest, jax.random.key(0)), rest)
+
+
+def test_what_a_robot_remembers_errs_with_its_odometry():
+    known = RobotMemory(remember(jnp.full((N, 2), 9.0)), NOTHING.dump, NOTHING.is_scout)
+    never = Genome(p_vector_forget=0.0, weight_find_dust=1.0)
+    ends = [
+        acts(strategy, senses_nothing(N), known, never)[0].dust.vector
+        for strategy in (StrategyConfig(), StrategyConfig(odometry_error_step=0.1))
+    ]
+    assert np.ptp(np.asarray(ends[0]), axis=0).max() < 1e-5
+    assert np.asarray(ends[1])[:, 0].std() == pytest.approx(0.1 * 0.5 * RD, rel=0.06)
+
+
+def test_actuators_err_as_configured():
+    """No error of a robot that stands; none of the others by default."""
+    command = Command(jnp.full(N, 0.5).at[0].set(0.0), jnp.full(N, 1.2).at[0].set(0.0))
+    sloppy = DriveConfig(error_turn=10.0, error_step=0.1)
+    exact, wrong = (
+        executed(config, conditions_of(config), command, jax.random.key(0))
+        for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
+    )
+    np.testing.assert_array_equal(exact, command)
+    turn, step = np.degrees(np.asarray(wrong.turn) - 0.5)[1:], np.asarray(wrong.forward)[1:] / 1.2 - 1
+    assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
+    assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
+    assert wrong.turn[0] == wrong.forward[0] == 0.0
+
+
+def test_rules_of_worlds_are_those_of_each():
+    genomes, strategies = [PRESETS["type1"], PRESETS["type2"]], [READINGS["initial"].strategy, StrategyConfig()]
+    many = rules_of_worlds(genomes, strategies)
+    for place, (genome, strategy) in enumerate(zip(genomes, strategies, strict=True)):
+        for name, one, all_ in zip(Rules._fields, rules_of(genome, strategy), many, strict=True):
+            assert all_[place] == one and all_.dtype == one.dtype, name
