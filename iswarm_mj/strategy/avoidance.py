@@ -8,10 +8,14 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import StrategyConfig
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import choices
+from iswarm_mj.utils.units import mm_from_rd
 
 AVOIDANCE_SIDES = choices(StrategyConfig, "avoidance_sides")
 AVOIDANCE_COURSES = choices(StrategyConfig, "avoidance_course")
 PRIORITY_REPULSIONS = choices(StrategyConfig, "priority_repulsion")
+BLOCKED = choices(StrategyConfig, "blocked")
+BLOCKING_DISTANCE = 1.0
+"""A neighbour this near ahead [rd], by the measured distance, blocks the way."""
 
 
 def avoidance_distance(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
@@ -81,3 +85,15 @@ def repulsion(
     strength = weight * jnp.clip(1.0 - distance / ends, 0.0, 1.0) * (distance < threshold)
     away = -jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)
     return (strength[..., None] * away).sum(axis=-2)
+
+
+def is_blocked(rules: Any, is_heard: Bool[Array, "N S"], distance: Float[Array, "N S"]) -> Bool[Array, "N"]:
+    """Whether a robot does not walk on, since it hears another one right ahead and these rules make it wait.
+
+    Args:
+        rules: `Rules`.
+        is_heard: a neighbour is heard on this side.
+        distance: measured [mm].
+    """
+    is_near = is_heard[:, 0] & (distance[:, 0] <= mm_from_rd(BLOCKING_DISTANCE))
+    return is_near & (rules.blocked == BLOCKED.index("waits"))

@@ -11,18 +11,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import StrategyConfig, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.avoidance import avoidance_distance, is_avoided, listening_sides, repulsion, repulsion_range
+from iswarm_mj.strategy.avoidance import (
+    avoidance_distance,
+    is_avoided,
+    is_blocked,
+    listening_sides,
+    repulsion,
+    repulsion_range,
+)
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, heard
+from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, believed_motion, heard
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import choices
 from iswarm_mj.utils.units import mm_from_rd
-
-BLOCKED = choices(StrategyConfig, "blocked")
-BLOCKING_DISTANCE = 1.0
-"""A neighbour this near ahead [rd], by the measured distance, blocks the way."""
 
 
 class RobotMemory(NamedTuple):
@@ -141,8 +143,9 @@ def act(
     command = steer(config, plan.direction + push, plan.limit, prefers_left=draws.side < 0.5)
     swerves = rules.avoids_at_dust & (push != 0.0).any(axis=-1)
     command = approach(config, probe_reach, approaches & ~swerves, observation.ball_vector, command)
-    command = wait(rules, observation, command)
-    believed = believed_motion(rules, command, jax.random.fold_in(key, 1))
+    waits = is_blocked(rules, observation.is_heard, observation.distance)
+    command = Command(command.turn, jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
+    believed = believed_motion(rules, *command, jax.random.fold_in(key, 1))
     dust, dump = (after_motion(vectors, *believed) for vectors in (memory.dust, memory.dump))
     return memory._replace(dust=dust, dump=dump), command
 
@@ -288,21 +291,6 @@ def approach(
     step = mm_from_rd(config.step_length)
     forward = jnp.where(turn == angle, jnp.clip(_length(ball_vector) - probe_reach, -step, step), 0.0)
     return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
-
-
-def wait(rules: Rules, observation: Observation, command: Command) -> Command:
-    """The command without the walk of robots that another robot blocks, if these rules make them wait."""
-    is_near = observation.distance[:, 0] <= mm_from_rd(BLOCKING_DISTANCE)
-    waits = observation.is_heard[:, 0] & is_near & (rules.blocked == BLOCKED.index("waits"))
-    return command._replace(forward=jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
-
-
-def believed_motion(rules: Rules, command: Command, key: Array) -> Command:
-    """What the robots believe that they did: the command, with the errors of their odometry where they moved."""
-    error = jax.random.normal(key, (len(command.turn), 2))
-    moves = (command.turn != 0.0) | (command.forward != 0.0)
-    turn = command.turn + jnp.where(moves, jnp.deg2rad(rules.odometry_error_turn) * error[:, 0], 0.0)
-    return Command(turn, command.forward * (1.0 + rules.odometry_error_step * error[:, 1]))
 
 
 def _length(vector: Array) -> Array:

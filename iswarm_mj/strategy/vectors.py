@@ -3,6 +3,9 @@
 All vectors are in the robot's own frame: x ahead, y to the left, lengths in arena units [mm].
 """
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
@@ -15,6 +18,23 @@ def after_motion(memory: VectorMemory, turn: Float[Array, "N"], forward: Float[A
     """Memories after the robots turned by `turn` [rad] and then moved `forward` [mm]."""
     vector = rotate(memory.vector, -turn) - jnp.stack([forward, jnp.zeros_like(forward)], axis=-1)
     return memory._replace(vector=jnp.where(memory.known[..., None], vector, 0.0))
+
+
+def believed_motion(
+    rules: Any, turn: Float[Array, "N"], forward: Float[Array, "N"], key: Array
+) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
+    """Turns [rad] and steps [mm] that robots believe they made: those commanded, with the errors of their odometry.
+
+    Args:
+        rules: `Rules`.
+        turn: commanded.
+        forward: commanded.
+        key: random key.
+    """
+    error = jax.random.normal(key, (len(turn), 2))
+    moves = (turn != 0.0) | (forward != 0.0)
+    turn = turn + jnp.where(moves, jnp.deg2rad(rules.odometry_error_turn) * error[:, 0], 0.0)
+    return turn, forward * (1.0 + rules.odometry_error_step * error[:, 1])
 
 
 def arrived(memory: VectorMemory, is_there: Bool[Array, "N"]) -> VectorMemory:

@@ -8,9 +8,11 @@ from helpers_sensing import remember, senses_nothing
 
 from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig, conditions_of
 from iswarm_mj.simulation.decide import executed
-from iswarm_mj.strategy.controller import Command, RobotMemory, act, believed_motion, wait
+from iswarm_mj.strategy.avoidance import is_blocked
+from iswarm_mj.strategy.controller import Command, RobotMemory, act
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
+from iswarm_mj.strategy.vectors import believed_motion
 from iswarm_mj.utils.units import RD
 
 N, PROBE = 5000, 0.9
@@ -44,18 +46,24 @@ def test_robots_at_dust_avoid_others_if_so_read():
 
 @pytest.mark.parametrize(("distance", "heard", "stands"), [(0.9, True, True), (1.1, True, False), (0.9, False, False)])
 def test_a_blocked_robot_waits_if_so_read(distance, heard, stands):
-    seen, command = senses_nothing(1), Command(jnp.array([0.3]), jnp.array([1.0]))
+    seen = senses_nothing(1)
     seen = seen._replace(is_heard=seen.is_heard.at[0, 0].set(heard), distance=seen.distance.at[0, 0].set(distance * RD))
-    genome = PRESETS["type1"]
-    np.testing.assert_array_equal(wait(rules_of(genome), seen, command), command)
-    waits = wait(rules_of(genome, StrategyConfig(blocked="waits")), seen, command)
-    np.testing.assert_allclose(np.ravel(waits), [0.3, 0.0 if stands else 1.0])
+    usual, waiting = (rules_of(PRESETS["type1"], StrategyConfig(blocked=word)) for word in ("pushes", "waits"))
+    assert not is_blocked(usual, seen.is_heard, seen.distance)[0]
+    assert is_blocked(waiting, seen.is_heard, seen.distance)[0] == stands
+
+
+def test_who_waits_turns_but_does_not_walk():
+    seen = neighbour_ahead(0.9 * RD)._replace(at_dust=jnp.zeros(N, bool))
+    pushes, waits = (acts(StrategyConfig(blocked=word, avoidance_gain=0.1), seen)[1] for word in ("pushes", "waits"))
+    assert (np.asarray(pushes.forward) > 1.0).all() and not np.asarray(waits.forward).any()
+    np.testing.assert_array_equal(pushes.turn, waits.turn)
 
 
 def test_odometry_errs_as_configured():
     command = Command(jnp.full(N, 0.5), jnp.full(N, 1.2))
     exact, wrong = (
-        believed_motion(rules_of(Genome(), strategy), command, jax.random.key(0))
+        Command(*believed_motion(rules_of(Genome(), strategy), *command, jax.random.key(0)))
         for strategy in (StrategyConfig(), StrategyConfig(odometry_error_turn=10.0, odometry_error_step=0.1))
     )
     assert (exact.turn == command.turn).all() and (exact.forward == command.forward).all()
@@ -64,7 +72,7 @@ def test_odometry_errs_as_configured():
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
     rest = Command(jnp.zeros(N), jnp.zeros(N))
     drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
-    np.testing.assert_array_equal(believed_motion(drunk, rest, jax.random.key(0)), rest)
+    np.testing.assert_array_equal(believed_motion(drunk, *rest, jax.random.key(0)), rest)
 
 
 def test_what_a_robot_remembers_errs_with_its_odometry():
