@@ -18,6 +18,7 @@ from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
+from iswarm_mj.commands.reproduce import Reproduce
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
@@ -38,6 +39,7 @@ COMMANDS: dict[str, type[Command]] = {
     "evolve": Evolve,
     "experiment": Experiment,
     "report": Report,
+    "reproduce": Reproduce,
     "video": Video,
 }
 

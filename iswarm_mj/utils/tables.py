@@ -31,8 +31,13 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping
     with atomic_write(path) as part:
         pyarrow.parquet.write_table(table, str(part), compression="zstd")
     if csv:
-        with atomic_write(path.with_suffix(".csv")) as part:
-            pyarrow.csv.write_csv(table, str(part))
+        write_csv(path.with_suffix(".csv"), rows)
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as a CSV file in one step, without settings."""
+    with atomic_write(path) as part:
+        pyarrow.csv.write_csv(pa.Table.from_pylist(list(map(dict, rows))), str(part))
 
 
 def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:

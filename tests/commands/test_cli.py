@@ -428,7 +428,10 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         ("clean --robotss 3", ["--robotss, 3", "Perhaps you meant: --robots ", "iswarm clean --help"]),
         ("clean --robot 5", ["Perhaps you meant: ", " --robots "]),
         ("grasp --repeats some", ["--repeats", "iswarm grasp --help"]),
-        ("--verssion", ["Available subcommands: clean, picture, bench, grasp, evolve, experiment, report, video"]),
+        (
+            "--verssion",
+            ["Available subcommands: clean, picture, bench, grasp, evolve, experiment, report, reproduce, video"],
+        ),
     ],
 )
 def test_the_parser_explains_what_it_cannot_read_in_a_few_lines(arguments, facts, capfd, here):

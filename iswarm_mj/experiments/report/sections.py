@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings, grasp_findings, law_findings
+from iswarm_mj.experiments.analysis import evolution_figures
 from iswarm_mj.experiments.analysis.findings import Finding
 from iswarm_mj.experiments.report.reproduction import command
-from iswarm_mj.experiments.report.results import Result, Results, files_in
+from iswarm_mj.experiments.report.results import Results, files_in
+from iswarm_mj.experiments.report.statements import EVOLUTION, GRASP, SEARCHES, Topic, topics_of
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
-
-SEARCHES = ("paper", "random", "cmaes")
-"""Methods in the order in which their figures stand."""
 
 
 class Picture(NamedTuple):
@@ -89,52 +87,31 @@ COMMANDS = {
 
 def sections_of(results: Results, figures: Path) -> list[Section]:
     """All sections, in the order of the paper; figures are drawn into the directory `figures`."""
-    found = {method: results.searches[method] for method in SEARCHES if method in results.searches}
-    searches = {method: (result.rows, result.settings) for method, result in found.items()}
-    drawn = [evolution_figures.draw_search(*search, figures) for search in searches.values()]
-    drawn.append(evolution_figures.draw_traits(searches, figures))
-    trials = results.trials
-    sections = [
-        Section("The gripper's theory (section 3.2.1)", law_findings.findings(), [], "", []),
-        Section(
-            "Grasping and releasing (section 3.2.3, Figs. 6 to 11)",
-            grasp_findings.findings(trials.rows if trials else []),
-            _pictures(draw_figures(trials.rows, trials.settings, figures)) if trials else [],
-            PAPER_FIGURES["grasp"],
-            [command(trials) if trials else COMMANDS["grasp"]],
-        ),
-        Section(
-            "Evolution (section 4.6.1, Fig. 14, Table 2)",
-            evolution_findings.findings(searches),
-            _pictures([path for paths in drawn for path in paths]),
-            PAPER_FIGURES["evolution"],
-            [_search_command(results, method) for method in ("paper", "random", "cmaes")],
-        ),
-    ]
-    for name, title in (
-        ("hop-count", "Hop counts (section 4.6.1, Fig. 15)"),
-        ("types", "The two types (Table 2, Fig. 16)"),
-        ("density", "The optimal density (section 4.6.2, Fig. 17)"),
-        ("sensitivity", "Beyond the paper: other choices and other noise"),
-        ("robustness", "Beyond the paper: failed robots"),
-        ("time-step", "Beyond the paper: the physics time step"),
-    ):
-        sections.append(_experiment(name, title, results.experiments.get(name), figures))
-    return sections
+    return [_section(topic, results, figures) for topic in topics_of(results)]
 
 
-def _experiment(name: str, title: str, result: Result | None, figures: Path) -> Section:
-    """Section of an experiment."""
-    experiment = EXPERIMENTS[name]
-    paper = PAPER_FIGURES.get(name, "")
-    if result is None:
-        return Section(title, experiment.findings([]), [], paper, [f"iswarm experiment {name}"])
-    if result.settings["quick"]:
-        title += ": the quick version, with few and short runs"
-    pictures = _pictures(experiment.draw(result.rows, figures))
-    if name == "types":
-        pictures = _at_run_time(result.path.parent) + pictures
-    return Section(title, experiment.findings(result.rows), pictures, paper, [command(result)])
+def _section(topic: Topic, results: Results, figures: Path) -> Section:
+    """Section of a topic: its figures, and the commands that make its tables."""
+    name, title, found, tables = topic
+    pictures: list[Picture] = []
+    commands = [command(result) for result in tables]
+    if name == GRASP:
+        pictures = [p for result in tables for p in _pictures(draw_figures(result.rows, result.settings, figures))]
+        commands = commands or [COMMANDS[GRASP]]
+    elif name == EVOLUTION:
+        searches = {result.settings["method"]: (result.rows, result.settings) for result in tables}
+        drawn = [evolution_figures.draw_search(*search, figures) for search in searches.values()]
+        drawn.append(evolution_figures.draw_traits(searches, figures))
+        pictures = _pictures([path for paths in drawn for path in paths])
+        commands = [_search_command(results, method) for method in SEARCHES]
+    elif name in EXPERIMENTS:
+        commands = commands or [f"iswarm experiment {name}"]
+        for result in tables:
+            title += ": the quick version, with few and short runs" if result.settings["quick"] else ""
+            pictures = _pictures(EXPERIMENTS[name].draw(result.rows, figures))
+            if name == "types":
+                pictures = _at_run_time(result.path.parent) + pictures
+    return Section(title, found, pictures, PAPER_FIGURES.get(name, ""), commands)
 
 
 def _search_command(results: Results, method: str) -> str:

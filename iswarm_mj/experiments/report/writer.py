@@ -1,7 +1,6 @@
 """The report: every statement of the paper's sections 3.2 and 4.6 beside the results found for it."""
 
 import shutil
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.render import render
 from iswarm_mj.experiments.report.results import Results, collect
 from iswarm_mj.experiments.report.sections import Section, sections_of
+from iswarm_mj.experiments.report.statements import tally
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 
 TITLE = "The I-SWARM paper beside its re-implementation"
@@ -58,17 +58,13 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
 
 def content_of(sections: Sequence[Section], results: Results) -> dict[str, Any]:
     """Values of the names in the templates."""
-    findings = [finding for section in sections for finding in section.findings]
-    tally = Counter(finding.verdict for finding in findings)
-    kinds = [kind for kind in KINDS if any(finding.kind == kind for finding in findings)]
-    by_kind = Counter((finding.verdict, finding.kind) for finding in findings)
+    kinds, counts = tally([finding for section in sections for finding in section.findings])
     return {
         "title": TITLE,
         "introduction": INTRODUCTION,
-        "tally": tally,
+        "tally": counts,
         "kinds": {kind: KINDS[kind] for kind in kinds},
-        "by_kind": {verdict: [by_kind[verdict, kind] for kind in kinds] for verdict in tally},
-        "tally_text": ", ".join(f"{verdict or 'not judged'}: {count}" for verdict, count in tally.items()),
+        "tally_text": ", ".join(f"{verdict or 'not judged'}: {sum(row)}" for verdict, row in counts.items()),
         "sections": sections,
         "rules": (*assumptions.RULES, *assumptions.operators()),
         "assumed": assumptions.assumed(),

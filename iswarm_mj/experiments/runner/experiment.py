@@ -110,7 +110,7 @@ def run_experiment(
     entries = experiment.entries(plan)
     outcomes = _outcomes(experiment.name, [entry.job for entry in entries], out, execution)
     rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-    settings = {"experiment": experiment.name, "engine": execution.engine, **to_dict(plan), **execution.identity}
+    settings = settings_of(experiment, plan, execution)
     if experiment.extra is not None:
         experiment.extra(plan, out, rows)
     write_table(out / experiment.table, rows, settings, csv=True)
@@ -120,6 +120,11 @@ def run_experiment(
     experiment.draw(rows, out)
     print(summary(findings, len(rows), out))
     return findings
+
+
+def settings_of(experiment: Experiment, plan: Plan, execution: Execution) -> dict[str, Any]:
+    """Settings that determine the outcome, as tables contain them."""
+    return {"experiment": experiment.name, "engine": execution.engine, **to_dict(plan), **execution.identity}
 
 
 def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:

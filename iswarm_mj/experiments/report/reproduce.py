@@ -1,0 +1,89 @@
+"""All results, the findings on them, the report, and the tables of README and docs."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from iswarm_mj.experiments.report import blocks
+from iswarm_mj.experiments.report.parts import Part
+from iswarm_mj.experiments.report.results import collect
+from iswarm_mj.experiments.report.statements import topics_of, write_findings
+from iswarm_mj.experiments.report.tables import Tables, check_name
+from iswarm_mj.experiments.report.writer import report
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import make_output_directory
+
+
+class Places(NamedTuple):
+    """Where things are read and written."""
+
+    results: Path
+    """Directory of the parts."""
+    out: Path
+    """Directory where parts are made, a directory each, and of the report."""
+    pages: Sequence[Path]
+    """Markdown files with blocks of results."""
+
+
+def chosen(parts: Mapping[str, Part], only: Sequence[str]) -> list[Part]:
+    """Parts of these names, all if there are none.
+
+    Raises:
+        UserError: there is none of a name.
+    """
+    for name in only:
+        if name not in parts:
+            raise UserError(f"The part was {name!r}; there are {', '.join(parts)}: choose of these with `only`.")
+    return [part for name, part in parts.items() if not only or name in only]
+
+
+def listing(parts: Sequence[Part], results: Path, same_engine: bool = False) -> str:
+    """What is there and what has to be made, a line each."""
+    width = max(len(part.name) for part in parts)
+    return "\n".join(f"{part.name:{width}}  {part.lacks(results, same_engine) or 'there'}" for part in parts)
+
+
+def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_engine: bool = False) -> None:
+    """Make the parts that are not there, then findings, tables and the report from all results.
+
+    A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
+    best genomes are copied into the results when it is complete.
+
+    Args:
+        parts: to be made.
+        places: where.
+        again: make all of them, from the beginning.
+        same_engine: make those too that another engine computed.
+
+    Raises:
+        UserError: a page has a block that cannot be filled, or something cannot be written.
+        SimulationFault: a run could not go on.
+    """
+    blocks.new_texts(places.pages, check_name)  # before anything takes hours
+    make_output_directory(places.results, places.results)
+    for part in parts:
+        why = "again" if again else part.lacks(places.results, same_engine)
+        print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
+        if why:
+            part.make(places.out / part.name, again)
+            part.publish(places.out / part.name, places.results)
+    rewrite(places, partial=True)
+    make_output_directory(places.out)
+    report([places.results], places.out / "report.html")
+
+
+def rewrite(places: Places, partial: bool = False) -> None:
+    """Write the findings beside the tables, and the blocks of the pages, from the results that are there.
+
+    Args:
+        places: where.
+        partial: leave blocks as they are for which there are no results yet.
+
+    Raises:
+        UserError: a block cannot be filled, or a file cannot be written; in the first case nothing is written.
+    """
+    topics = topics_of(collect([places.results]))
+    texts = blocks.new_texts(places.pages, Tables(partial=partial).content)
+    write_findings(topics)
+    blocks.write(texts)
+    print(f"findings in {places.results}" + "".join(f"\ntables in {path}" for path in texts))

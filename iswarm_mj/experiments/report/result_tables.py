@@ -1,0 +1,165 @@
+"""Markdown tables of the numbers in results: medians, means and intervals of each group of runs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from iswarm_mj.experiments.analysis.evolution_sample import BEST, LAST, evolutions
+from iswarm_mj.experiments.analysis.findings import ALPHA, Rows, number, span
+from iswarm_mj.experiments.analysis.measures import (
+    CARRIAGE,
+    COLLISIONS,
+    DUST,
+    MEASURES,
+    TIME,
+    finished,
+    select,
+    values,
+)
+from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
+from iswarm_mj.experiments.studies import robustness, sensitivity, swarm_types
+from iswarm_mj.utils.arrays import Array
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _short(value: Interval, digits: int = 3) -> str:
+    return f"{number(value.estimate, digits)} ({number(value.low, digits)} to {number(value.high, digits)})"
+
+
+def _middle(found: Float[Array, "R"]) -> str:
+    """Median and, in brackets, third quartile, which are what the paper's figures show."""
+    if not len(found):
+        return ""
+    middle, third = np.quantile(found, [0.5, 0.75])
+    return f"{number(middle)} ({number(third)})"
+
+
+def _hop_count(rows: Rows) -> str:
+    with_them, without = (select(rows, use_hop_count=flag) for flag in (True, False))
+    lines = []
+    for measure in MEASURES:
+        groups = [values(group, measure) for group in (with_them, without)]
+        apart = _short(difference(*groups)) if all(map(len, groups)) else ""
+        lines.append([measure.label, *map(_middle, groups), apart])
+    head = ["medians (third quartiles)", f"with hop counts, {len(with_them)} runs", f"without, {len(without)}"]
+    return markdown([*head, "difference (95 % interval)"], lines)
+
+
+def _density(rows: Rows) -> str:
+    lines = []
+    for density in sorted({row["density"] for row in rows}):
+        runs = select(rows, density=density)
+        measured = [_middle(values(runs, measure)) for measure in (TIME, DUST, COLLISIONS, CARRIAGE)]
+        lines.append([f"{density:g}", runs[0]["n_robots"], f"{finished(runs)} of {len(runs)}", *measured])
+    head = ["density", "robots", f"runs that deliver {rows[0]['goal']}", "median (third quartile) of the time [steps]"]
+    return markdown([*head, "balls", "collisions a robot", "carriage [steps]"], lines)
+
+
+def _types(rows: Rows) -> str:
+    lines = []
+    for name in dict.fromkeys(row["type"] for row in rows):
+        runs = select(rows, type=name)
+        near = [row["aggregation"] for row in runs if row["aggregation"] is not None]
+        lines.append(
+            [
+                name,
+                runs[0]["n_robots"],
+                f"{finished(runs)} of {len(runs)}",
+                _short(interval(values(runs, TIME), median)),
+                swarm_types.PAPER_TIME.get(name, ""),
+                _short(interval([row["fitness"] for row in runs]), 4),
+                swarm_types.PAPER_FITNESS.get(name, ""),
+                f"{100 * np.median(near):.0f} %" if near else "",
+            ]
+        )
+    head = ["type", "robots", "runs that deliver all", "median time [steps]", "the paper", "mean fitness", "the paper"]
+    return markdown([*head, "empty workers at dust areas"], lines)
+
+
+def _robustness(rows: Rows) -> str:
+    lines = []
+    for fraction in sorted({row["fraction"] for row in rows}):
+        dead, absent = (select(rows, kind=kind, fraction=fraction) for kind in (robustness.DEAD, robustness.ABSENT))
+        times = [values(group, TIME) for group in (dead, absent)]
+        apart = _short(difference(*times)) if len(absent) else ""
+        middle = [number(float(np.median(sample))) if len(sample) else "" for sample in times]
+        lines.append([f"{100 * fraction:.0f} %", f"{finished(dead)} of {len(dead)}", *middle, apart])
+    head = ["robots that fail", "runs that reach the goal", "median time, dead [steps]", "absent"]
+    return markdown([*head, "difference (95 % interval)"], lines)
+
+
+def _sensitivity(rows: Rows) -> str:
+    found = sorted((c for c in sensitivity.changes(rows) if c.p < ALPHA), key=lambda c: c.p)
+    lines = [
+        [
+            f"`{c.choice}`",
+            c.effect.label.partition(" = ")[2],
+            c.effect.note,
+            _short(c.effect.value),
+            *(number(p, 2) for p in (c.p, c.adjusted)),
+        ]
+        for c in found
+    ]
+    head = ["choice", "value", "runs that reach the goal", "change of the mean time [steps]", "p", "p by Holm"]
+    return markdown(head, lines)
+
+
+def _time_step(rows: Rows) -> str:
+    lines = []
+    for name in dict.fromkeys(row["type"] for row in rows):
+        for rate in sorted({row["rate"] for row in rows}):
+            runs = select(rows, type=name, rate=rate)
+            overlaps = [row["overlap"] for row in runs if row["overlap"] is not None]
+            costs = [row["ms_per_step"] for row in runs if row["ms_per_step"] is not None]
+            measured = [_short(interval(values(runs, measure), median)) for measure in (TIME, COLLISIONS)]
+            observed = [number(max(overlaps), 2), number(float(np.median(costs)), 2)] if overlaps else ["", ""]
+            lines.append([name, rate, f"{finished(runs)} of {len(runs)}", *measured, *observed])
+    head = ["type", "physics steps a second", "runs that reach the goal", "median time [steps]", "collisions a robot"]
+    return markdown([*head, "deepest overlap [mm]", "ms a control step"], lines)
+
+
+def _grasp(rows: Rows) -> str:
+    sound = [row for row in rows if not row["faulty"]]
+    lines = []
+    for experiment, label in (("grasp", "grasp"), ("release", "release"), ("no_contact", "lift without contact")):
+        for rh in sorted({row["relative_humidity"] for row in sound}):
+            runs = select(sound, experiment=experiment, relative_humidity=rh)
+            found = np.array([row["voltage"] for row in runs if row["voltage"] is not None])
+            spread = (
+                [span(interval(found), "V"), f"{found.min():.1f} to {found.max():.1f} V"] if len(found) else ["", ""]
+            )
+            lines.append([label, f"{rh:g} %", f"{len(found)} of {len(runs)}", *spread])
+    return markdown(["", "relative humidity", "trials in which it happened", "mean voltage", "range"], lines)
+
+
+def evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> str:
+    """What the searches by each method found: medians over their replicates."""
+    lines = []
+    for method, (rows, settings) in searches.items():
+        n_dust = settings["config"]["arena"]["n_dust"]
+        found = evolutions(rows, n_dust)
+        samples = [np.array([getattr(one, name) for one in found]) for name in ("final", "best_runs")]
+        clean = sum(row["delivered"] == n_dust for row in rows)
+        told = [_short(interval(values, median), 4) if len(values) > 1 else f"{values[0]:.0f}" for values in samples]
+        lines.append([method, len(found), len(rows), clean, *told, f"{max(row['fitness'] for row in rows):.0f}"])
+    head = ["method", "replicates", "runs", "deliver all", f"mean fitness, last {LAST} generations"]
+    return markdown([*head, f"best {BEST} runs", "best run"], lines)
+
+
+TABLES: dict[str, Callable[[Rows], str]] = {
+    "hop-count": _hop_count,
+    "density": _density,
+    "types": _types,
+    "robustness": _robustness,
+    "sensitivity": _sensitivity,
+    "time-step": _time_step,
+    "grasp": _grasp,
+}
+"""Tables of the rows of an experiment, or of the trials."""

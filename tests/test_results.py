@@ -1,0 +1,64 @@
+"""What is said of the checked-in results, in findings and on pages, is what the code says of their tables."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from iswarm_mj.experiments.report.blocks import filled, outside
+from iswarm_mj.experiments.report.results import collect
+from iswarm_mj.experiments.report.statements import FINDINGS, findings_files, topics_of
+from iswarm_mj.experiments.report.tables import Tables
+from iswarm_mj.utils.tables import write_csv
+
+ROOT = Path(__file__).parents[1]
+PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
+REMEDY = "run `iswarm reproduce --tables`"
+OTHER_TABLES = (
+    "part | model",
+    "package | contents",
+    "part | CPUs: `engine.py`, compiled by numba",
+    "directory | command",
+    "robots | cores | ms per control step | sense | policy | physics | ARGoS 3, one core",
+    "robots | worlds | refinement | billion robot-physics-steps/s",
+    "impl | robots | worlds | iterations | GPUs | million robot-physics-steps/s",
+    "robots | worlds | `planar --refinement 1`: ms per control step",
+)
+"""Beginnings of the heads of tables that are not of results: on the code, and on speed with commands beside them."""
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return Tables(ROOT)
+
+
+def test_findings_are_what_the_code_says_of_the_tables(tmp_path):
+    files = findings_files(topics_of(collect([ROOT / "results"])))
+    assert len(files) >= 8 and set(files) == set((ROOT / "results").rglob(FINDINGS))
+    for path, findings in files.items():
+        write_csv(tmp_path / FINDINGS, [finding._asdict() for finding in findings])
+        assert path.read_text() == (tmp_path / FINDINGS).read_text(), REMEDY
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_numbers_on_pages_are_those_of_the_results(page, tables):
+    text = (ROOT / page).read_text()
+    assert filled(text, page, tables.content) == text, REMEDY
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_tables_of_results_stand_in_blocks(page):
+    heads = re.findall(r"^\| *(.*)\n\|(?: *:?-+:? *\|)+$", outside((ROOT / page).read_text()), re.MULTILINE)
+    assert [head for head in heads if not head.startswith(OTHER_TABLES)] == []
+    assert heads or "docs/results" in page or "CONTRIBUTING" in page
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/results.md"])
+def test_a_changed_number_is_noticed(page, tables):
+    """The last number of each block, changed by one digit, is not what the results give."""
+    text = (ROOT / page).read_text()
+    for block in re.finditer(r"<!-- results.*?<!-- end -->", text, re.DOTALL):
+        *_, digit = re.finditer(r"\d", block[0])
+        place = block.start() + digit.start()
+        changed = text[:place] + str((int(digit[0]) + 1) % 10) + text[place + 1 :]
+        assert filled(changed, page, tables.content) == text != changed
