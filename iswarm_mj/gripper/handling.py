@@ -5,8 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import Conditions, GripperConfig
+from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.laws.detachment import is_grasped, is_released
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
 from iswarm_mj.utils.arrays import Array
 

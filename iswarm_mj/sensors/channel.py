@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import Conditions
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Message, corrupt, pack, unpack
 from iswarm_mj.utils.arrays import Array

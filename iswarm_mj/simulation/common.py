@@ -3,15 +3,8 @@
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
-from iswarm_mj.config import (
-    ArenaConfig,
-    Conditions,
-    DriveConfig,
-    GripperConfig,
-    OpticsConfig,
-    StrategyConfig,
-    SwarmConfig,
-)
+from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.rules import ELSEWHERE
 from iswarm_mj.utils.errors import UserError
 

@@ -7,16 +7,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import Conditions, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
 from iswarm_mj.sensors.channel import Channel, Received, exchange
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView, probe_tips, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.state import SwarmState, WorldParams
-from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn

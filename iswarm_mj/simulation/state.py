@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import Conditions
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.utils.arrays import Array

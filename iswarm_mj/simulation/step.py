@@ -11,7 +11,7 @@ from iswarm_mj.engines.base import Engine, Motion, Phase
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.decide import Decision, Situation
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.strategy.controller import Command
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.robot import Robot

@@ -9,8 +9,9 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.config import Conditions, SwarmConfig, conditions_of
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings

@@ -5,7 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 from jaxtyping import Bool
 
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.sensors.optics import N_SIDES
-from iswarm_mj.strategy.controller import Command, Observation
+from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.utils.errors import UserError
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.strategy.controller import Observation
+from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.arrays import Array
 
 

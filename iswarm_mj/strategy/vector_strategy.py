@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import Command, Observation, RobotMemory
+from iswarm_mj.strategy.interface import Command, Observation, RobotMemory
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.utils.arrays import Array
 

@@ -18,8 +18,8 @@ from iswarm_mj.simulation.settings import MjxSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.step import control_step, drive_phases
 from iswarm_mj.simulation.worlds import World, starts_of
-from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.profiling import Stopwatch
 

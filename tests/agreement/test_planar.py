@@ -16,8 +16,8 @@ from iswarm_mj.simulation.initial import place_robots
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.interface import Command
 
 CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 EDGE = 7.5 * 2 * np.sqrt(2)

@@ -10,8 +10,9 @@ from helpers_sensing import lay, place
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.config import GripperConfig, SwarmConfig, conditions_of
+from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.gripper.handling import carry, handle, loaded
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
 

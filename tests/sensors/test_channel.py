@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import remember, turned
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig, conditions_of
+from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Message, pack, unpack
 

@@ -13,8 +13,8 @@ from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.initial import draw_radii, place_robots
 from iswarm_mj.simulation.rollout import Rollout, _each, paper_strategy, rollout
 from iswarm_mj.simulation.settings import MujocoSettings
-from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.errors import FaultKind, UserError
 from iswarm_mj.utils.units import mm_from_rd
 

@@ -15,8 +15,8 @@ from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.state import Fault
 from iswarm_mj.simulation.step import account, ball_centres, drive_phases, limited
 from iswarm_mj.simulation.worlds import World
-from iswarm_mj.strategy.controller import Command
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
 

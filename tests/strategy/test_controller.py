@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
 
-from iswarm_mj.config import DriveConfig, GripperConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.config import DriveConfig, GripperConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import Situation, decide
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import (
-    Command,
-    Draws,
-    RobotMemory,
     act,
     approach,
     approaching,
@@ -33,6 +31,7 @@ from iswarm_mj.strategy.controller import (
     steer,
 )
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.interface import Command, Draws, RobotMemory
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.units import RD

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from helpers_sensing import remember, senses_nothing
 
-from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig, conditions_of
+from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation.decide import executed
 from iswarm_mj.strategy.avoidance import is_blocked
-from iswarm_mj.strategy.controller import Command, RobotMemory, act
+from iswarm_mj.strategy.controller import act
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.interface import Command, RobotMemory
 from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
 from iswarm_mj.strategy.vectors import believed_motion
 from iswarm_mj.utils.units import RD

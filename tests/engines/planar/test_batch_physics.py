@@ -11,7 +11,7 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.simulation.initial import place_robots
 from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.strategy.controller import Command
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))

@@ -1,0 +1,87 @@
+"""What robots sense, remember and do in a control step. S = 4 is the number of their sides."""
+
+from typing import NamedTuple
+
+from jaxtyping import Bool, Float, Int
+
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.utils.arrays import Array
+
+
+class RobotMemory(NamedTuple):
+    """What N robots carry over from one control step to the next."""
+
+    dust: VectorMemory
+    """Vector to dust."""
+    dump: VectorMemory
+    """Vector to the dump."""
+    is_scout: Bool[Array, "N"]
+    """Scouts explore at random and never follow a vector."""
+
+
+class Observation(NamedTuple):
+    """All that N robots sense in one control step."""
+
+    is_heard: Bool[Array, "N S"]
+    """A message arrived on this side, and its parity is correct."""
+    bearing: Float[Array, "N S"]
+    """Direction that it came from, in the robot's frame [rad]."""
+    distance: Float[Array, "N S"]
+    """Measured distance of its sender [mm]."""
+    led: Int[Array, "N S"]
+    """int32, LED number in the message."""
+    priority: Bool[Array, "N S"]
+    """Priority flag in the message."""
+    dust: VectorMemory
+    """(N, S) vectors to dust in the messages, in their senders' frames."""
+    dump: VectorMemory
+    """(N, S) vectors to the dump in the messages, likewise."""
+    sees_wall: Bool[Array, "N S"]
+    """A wall reflects the light of this side's LED."""
+    at_dust: Bool[Array, "N"]
+    """A ball lies beside or beneath the robot."""
+    ball_vector: Float[Array, "N 2"]
+    """From the robot to that ball, in the robot's frame [mm]."""
+    on_dump: Bool[Array, "N"]
+    """The robot is on the dump."""
+    is_loaded: Bool[Array, "N"]
+    """The robot holds a ball."""
+    grasp_failed: Bool[Array, "N"]
+    """The robot tried to lift a ball in this step, and the ball stayed on the floor."""
+
+
+class Command(NamedTuple):
+    """What N robots do in one control step: turn, then move."""
+
+    turn: Float[Array, "N"]
+    """Anticlockwise [rad]."""
+    forward: Float[Array, "N"]
+    """[mm], negative backwards."""
+
+
+class Draws(NamedTuple):
+    """Random numbers in [0, 1) for one control step of N robots."""
+
+    forget: Float[Array, "N"]
+    """Whether the robot forgets its vectors."""
+    follow: Float[Array, "N"]
+    """Whether it follows the one that it needs."""
+    direction: Float[Array, "N"]
+    """Where it goes if it moves at random."""
+    side: Float[Array, "N"]
+    """Which way round it turns when pushed straight back."""
+    dust_tie: Float[Array, "N S"]
+    """Which of several equally good vectors to dust it adopts."""
+    dump_tie: Float[Array, "N S"]
+    """Likewise for the dump."""
+
+
+class Plan(NamedTuple):
+    """Where N robots want to go."""
+
+    direction: Float[Array, "N 2"]
+    """Unit vectors in the robots' frames."""
+    limit: Float[Array, "N"]
+    """Distance to go at most [mm]."""
+    follows: Bool[Array, "N"]
+    """The robot follows a vector, and does not move at random."""
