@@ -112,7 +112,8 @@ class TestPlans:
 
     def test_an_unknown_name_lists_the_others(self):
         with pytest.raises(
-            UserError, match=r"'hops'; there are hop-count, density, types, sensitivity, robustness, time-step: "
+            UserError,
+            match=r"'hops'; there are hop-count, density, types, sensitivity, robustness, time-step, message-time: ",
         ):
             experiment("hops")
         assert [line.split()[0] for line in listing().splitlines()] == list(EXPERIMENTS)
@@ -384,13 +385,16 @@ class TestDirectory:
             assert len(counted) == n_runs and read_table(tmp_path / "density.parquet")[1]["impl"] == impl
 
     def test_runs_of_earlier_programs_are_found(self, counted, tmp_path):
-        """A journal written before `update_order` and engines were added, with outcomes no run has."""
+        """A journal written before `update_order`, message time and engines were added, with outcomes no run has."""
         plan = replace(PLAN, quick=True)
+        later = ("baud_rate", "slots", "photodiodes_while_emitting", "serial_photodiodes", "capture_ratio")
         entries = hop_count.entries(plan)
         with Journal(tmp_path / "runs.jsonl", {"kind": "runs of experiments"}) as journal:
             for place, entry in enumerate(entries):
                 job = asdict(entry.job)
                 del job["config"]["strategy"]["update_order"]
+                for name in later:
+                    del job["config"]["optics"][name]
                 digest = hashlib.sha256(json.dumps(["mujoco", job], sort_keys=True).encode()).hexdigest()
                 journal.add((int(digest[:13], 16),), done(entry.job, 1000 + place))
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)

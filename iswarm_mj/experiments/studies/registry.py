@@ -1,12 +1,20 @@
 """All experiments by their names."""
 
 from iswarm_mj.experiments.runner.experiment import Experiment
-from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types, time_step
+from iswarm_mj.experiments.studies import (
+    density,
+    hop_count,
+    message_time,
+    robustness,
+    sensitivity,
+    swarm_types,
+    time_step,
+)
 from iswarm_mj.utils.errors import UserError
 
 EXPERIMENTS = {
     module.EXPERIMENT.name: module.EXPERIMENT
-    for module in (hop_count, density, swarm_types, sensitivity, robustness, time_step)
+    for module in (hop_count, density, swarm_types, sensitivity, robustness, time_step, message_time)
 }
 
 

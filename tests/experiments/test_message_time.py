@@ -1,0 +1,51 @@
+"""The study of messages that take time: which runs it is made of, and what it finds in made-up rows."""
+
+from dataclasses import replace
+
+import pytest
+
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.runner.experiment import Plan, row_of
+from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.studies import message_time
+
+ENTRIES = message_time.entries(Plan())
+
+
+def made_rows(time, entries=ENTRIES):
+    """Rows whose runs take different times about a function of baud rate and use of hop counts."""
+    rows = []
+    for entry in entries:
+        k, at = entry.labels["repeat"], time(entry.labels["baud_rate"], entry.labels["use_hop_count"])
+        rows.append(row_of(entry, Outcome(66, 70, 2800 + k, 60.0 + k, at + k, at + k, 0.0)))
+    return rows
+
+
+def test_runs_differ_in_rate_and_hop_counts_alone():
+    assert len(ENTRIES) == 4 * 2 * 12 and len({entry.job.seed for entry in ENTRIES}) == 4 * 2 * 12
+    for entry in ENTRIES:
+        job, labels = entry.job, entry.labels
+        assert job.config.optics.baud_rate == labels["baud_rate"]
+        assert job.genome.use_hop_count == labels["use_hop_count"]
+        assert replace(job.config, optics=replace(job.config.optics, baud_rate=0.0)) == Plan().config
+
+
+def test_slower_rates_are_told_from_those_that_are_not():
+    rows = made_rows(lambda rate, uses: (150 if uses else 800) + 100 * (rate == 1000) - 30 * (rate == 2000))
+    fast, middle, slow, *hops = message_time.findings(rows)
+    assert (fast.verdict, middle.verdict, slow.verdict) == (UNDECIDED, FAILS, HOLDS)
+    assert slow.ours.startswith("median 255") and "12 of 12 and 12 of 12 runs" in slow.ours
+    times = [finding for finding in hops if "more quickly" in finding.claim]
+    assert [finding.verdict for finding in times] == [HOLDS] * 3 and times[2].claim.endswith("sent at 1000 bit/s")
+
+
+@pytest.mark.parametrize("rate", [30000, 2000, 1000])
+def test_three_runs_of_each_are_too_few(rate):
+    rows = made_rows(lambda rate, uses: 150, message_time.entries(Plan(quick=True)))
+    said = {finding.claim: finding.verdict for finding in message_time.findings(rows)}
+    assert said[f"Messages at {rate} bit/s slow a swarm with hop counts down"] == TOO_FEW
+
+
+def test_draws_each_setting(tmp_path):
+    (path,) = message_time.draw(made_rows(lambda rate, uses: 150), tmp_path)
+    assert path.name == "message_time.png" and path.stat().st_size > 10_000
