@@ -34,7 +34,7 @@ def test_slower_rates_are_told_from_those_that_are_not():
     rows = made_rows(lambda rate, uses: (150 if uses else 800) + 100 * (rate == 1000) - 30 * (rate == 2000))
     fast, middle, slow, *hops = message_time.findings(rows)
     assert (fast.verdict, middle.verdict, slow.verdict) == (UNDECIDED, FAILS, HOLDS)
-    assert slow.ours.startswith("median 255") and "12 of 12 and 12 of 12 runs" in slow.ours
+    assert slow.ours.startswith("median 256 ") and "12 of 12 and 12 of 12 runs" in slow.ours
     times = [finding for finding in hops if "more quickly" in finding.claim]
     assert [finding.verdict for finding in times] == [HOLDS] * 3 and times[2].claim.endswith("sent at 1000 bit/s")
 
