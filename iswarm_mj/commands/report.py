@@ -12,6 +12,8 @@ class Report:
 
     results: tuple[Path, ...] = (Path("runs"),)
     """Directories with results of `iswarm experiment`, `iswarm evolve` and `iswarm grasp`, at any depth."""
+    beside: Path | None = None
+    """Directory of other results, such as those with another --reading, whose verdicts stand beside the first ones."""
     out: Path = Path("report.html")
     """The page; the Markdown file and a folder of its figures get names from it."""
 
@@ -19,6 +21,7 @@ class Report:
         """Run the command."""
         check("results", "nothing", "at least one directory", bool(self.results))
         check("out", self.out, "a name that ends in .html", self.out.suffix == ".html")
+        check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
         from iswarm_mj.experiments.report.writer import report
 
-        report(self.results, self.out)
+        report(self.results, self.out, self.beside)

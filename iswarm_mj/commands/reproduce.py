@@ -32,6 +32,8 @@ class Reproduce(ManyRunsOptions):
     """Grasps at each radius and humidity."""
     results: Path | None = None
     """Directory of the results: results by default, and runs/reproduce-quick/results with --quick."""
+    beside: Path | None = None
+    """Directory of other results, such as those with another --reading, beside which the report puts these."""
     out: Path | None = None
     """Directory in which they are made, with all that is not kept, and of report.html; runs/reproduce by default."""
     pages: tuple[Path, ...] | None = None
@@ -49,12 +51,13 @@ class Reproduce(ManyRunsOptions):
             f"left out with `{with_runs[0]}`" if with_runs else "",
             not self.tables or not with_runs,
         )
+        check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
         from iswarm_mj.experiments.report.parts import parts_of
         from iswarm_mj.experiments.report.reproduce import Places, chosen, listing, reproduce, rewrite
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
-        places = Places(results, out, self._pages)
+        places = Places(results, out, self._pages, self.beside)
         if self.tables:
             rewrite(places)
             return

@@ -21,8 +21,8 @@ After.
 """
 
 
-def fill(directory, name):
-    return f"| {name} of {directory} |\n"
+def fill(directory, name, beside):
+    return f"| {name} of {directory} |\n" if beside is None else f"| {name} of {directory} and {beside} |\n"
 
 
 def test_only_what_is_between_the_marks_changes():
@@ -32,6 +32,15 @@ def test_only_what_is_between_the_marks_changes():
     assert "old" not in new and outside(new) == outside(PAGE)
     kept = [line for line in PAGE.splitlines() if "old" not in line]
     assert [line for line in new.splitlines() if " of results" not in line and line] == [line for line in kept if line]
+
+
+def test_a_block_of_two_directories():
+    text = "<!-- results: types beside results-initial -->\n<!-- end -->\n"
+    assert "| types of results and results-initial |" in filled(text, "", fill)
+
+
+def test_a_block_that_is_not_to_be_filled_stays():
+    assert filled(PAGE, "", lambda *block: None) == PAGE
 
 
 def test_filling_twice_changes_nothing():
@@ -53,7 +62,7 @@ def test_marks_that_do_not_match_are_named(text, said):
 
 
 def test_what_cannot_be_filled_names_the_line():
-    def refuse(directory, name):
+    def refuse(directory, name, beside):
         raise UserError(f"no {name}")
 
     with pytest.raises(UserError, match=r"^page:4: no density$"):

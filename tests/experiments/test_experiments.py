@@ -62,7 +62,7 @@ class TestPlans:
     def test_densities_are_those_of_the_paper(self):
         entries = density.entries(PLAN)
         found = {entry.labels["density"]: entry.job.n_robots for entry in entries}
-        assert min(found) == 0.05 and max(found) == 0.4 and len(entries) == 6 * len(found)
+        assert min(found) == 0.05 and max(found) == 0.4 and len(entries) == 12 * len(found)
         assert found[0.05] == 119 and found[0.4] == 950
         assert {(entry.job.steps, entry.job.stop_at) for entry in entries} == {(1200, 66)}
 

@@ -236,6 +236,23 @@ class TestReport:
         quick = report([results / "quick"], tmp_path / "r.html")
         assert "quick version" in quick[3].title and "quick version" not in written[0][3].title
 
+    def test_other_results_stand_beside_the_first(self, results, tmp_path):
+        """Values of the quick runs in a further cell of the statements on hop counts; all others have none."""
+        sections = report([results / "full"], tmp_path / "r.html", beside=results / "quick")
+        page = Page()
+        page.feed((tmp_path / "r.html").read_text())
+        assert page.open == []
+        other = {f.claim: f for f in hop_count.findings(collect([results / "quick"]).experiments["hop-count"].rows)}
+        lines = (tmp_path / "r.md").read_text().splitlines()
+        assert lines.count(next(line for line in lines if line.startswith("| Statement"))) == len(sections)
+        for finding in sections[3].findings:
+            line = next(line for line in lines if line.startswith(f"| {finding.claim} |"))
+            theirs = other[finding.claim]
+            assert line.endswith(
+                f"**{finding.verdict}** | **{theirs.verdict}** {theirs.ours} |"
+            ) and theirs.ours in " ".join(page.text)
+        assert all(line.count(" | ") == 7 for line in lines if line.startswith("| Swarms of density"))
+
     def test_without_results_all_but_the_laws_is_open(self, tmp_path, capsys):
         (tmp_path / "empty").mkdir()
         main(["report", "--results", str(tmp_path / "empty"), "--out", str(tmp_path / "r.html")])
@@ -272,6 +289,7 @@ class TestReport:
         [
             (["--out", "r.pdf"], "--out must be a name that ends in .html"),
             (["--results"], "--results must be at least one directory"),
+            (["--results", ".", "--beside", "nowhere"], "--beside must be an existing directory"),
         ],
     )
     def test_bad_flags_end_with_a_sentence(self, flags, said, capsys):

@@ -1,7 +1,8 @@
 """Marked blocks of Markdown pages, whose content is written from results; nothing outside of them is touched.
 
 A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or another one whose name begins
-so, and the name one of `tables.TABLES`; it ends with a line `<!-- end -->`.
+so, and the name one that `tables` knows; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
+has the results of two directories, such as those of two configurations.
 """
 
 import re
@@ -11,11 +12,12 @@ from pathlib import Path
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, write_error
 
-START = re.compile(r"^<!-- (results[\w./-]*): *([\w-]+) *-->$")
+START = re.compile(r"^<!-- (results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *-->$")
 END = "<!-- end -->"
 
-Fill = Callable[[str, str], str | None]
-"""Content of a block from its directory and name; None leaves it as it is, a `UserError` means that it cannot be."""
+Fill = Callable[[str, str, str | None], str | None]
+"""Content of a block from its directory, its name, and the other directory if it has one; None leaves the block as it
+is, a `UserError` means that it cannot be filled."""
 
 
 def filled(text: str, page: str, fill: Fill) -> str:
@@ -52,7 +54,7 @@ def filled(text: str, page: str, fill: Fill) -> str:
 
 def outside(text: str) -> str:
     """Return a page without the contents of its blocks."""
-    return filled(text, "", lambda directory, name: "")
+    return filled(text, "", lambda *block: "")
 
 
 def new_texts(pages: Iterable[Path], fill: Fill) -> dict[Path, str]:

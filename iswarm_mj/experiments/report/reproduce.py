@@ -23,6 +23,8 @@ class Places(NamedTuple):
     """Directory where parts are made, a directory each, and of the report."""
     pages: Sequence[Path]
     """Markdown files with blocks of results."""
+    beside: Path | None = None
+    """Other results, whose verdicts stand beside these in the report."""
 
 
 def chosen(parts: Mapping[str, Part], only: Sequence[str]) -> list[Part]:
@@ -69,7 +71,7 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
             part.publish(places.out / part.name, places.results)
     rewrite(places, partial=True)
     make_output_directory(places.out)
-    report([places.results], places.out / "report.html")
+    report([places.results], places.out / "report.html", places.beside)
 
 
 def rewrite(places: Places, partial: bool = False) -> None:

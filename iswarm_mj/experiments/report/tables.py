@@ -1,7 +1,8 @@
 """Tables of results in Markdown, by the names of the blocks in which README and docs show them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import Finding
 from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
@@ -13,7 +14,7 @@ from iswarm_mj.utils.errors import UserError
 SUMMARY, STATEMENTS = "summary", "statements"
 
 
-def check_name(directory: str, name: str) -> None:
+def check_name(directory: str, name: str, beside: str | None = None) -> None:
     """Return nothing if there are blocks of this name.
 
     Raises:
@@ -36,41 +37,69 @@ class Tables:
         self._root, self._partial = root, partial
         self._topics: dict[str, dict[str, Topic]] = {}
 
-    def content(self, directory: str, name: str) -> str | None:
+    def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
         """Content of the block of this name from the results in a directory; None if it is to stay as it is.
+
+        Args:
+            directory: of results.
+            name: a topic, `SUMMARY` or `STATEMENTS`.
+            beside: another directory, whose results stand beside the first's.
 
         Raises:
             UserError: there is no such block, or no results for it.
         """
         check_name(directory, name)
-        if self._partial and not (self._root / directory).is_dir():
-            return None
+        places = [directory] if beside is None else [directory, beside]
+        try:
+            found = {place: self._named(place, name) for place in places}
+        except UserError:
+            if self._partial:
+                return None
+            raise
+        if name == SUMMARY:
+            return _each(found, lambda topics: summary([f for topic in topics for f in topic.findings]))
+        if name == STATEMENTS:
+            same = [dict(zip(places, topics, strict=True)) for topics in zip(*found.values(), strict=True)]
+            return "\n\n".join(
+                f"### {topics[directory].title}\n\n{_each(topics, lambda topic: statements(topic.findings))}"
+                for topics in same
+            )
+        topics = {place: topic for place, (topic,) in found.items()}
+        table = _each(topics, numbers)
+        return "\n\n".join(filter(None, [table, verdicts({place: t.findings for place, t in topics.items()})]))
+
+    def _named(self, directory: str, name: str) -> list[Topic]:
+        """Topic of this name with its results; all topics for the names of none."""
         if directory not in self._topics:
             self._topics[directory] = {topic.name: topic for topic in topics_of(collect([self._root / directory]))}
         topics = self._topics[directory]
-        if name == SUMMARY:
-            return summary([finding for topic in topics.values() for finding in topic.findings])
-        if name == STATEMENTS:
-            return "\n\n".join(f"### {topic.title}\n\n{statements(topic.findings)}" for topic in topics.values())
-        topic = topics[name]
-        if not topic.results and name != LAWS:
-            if self._partial:
-                return None
+        if name in (SUMMARY, STATEMENTS):
+            return list(topics.values())
+        if not topics[name].results and name != LAWS:
             raise UserError(f"{directory} has no results for the block {name!r}; make them with `iswarm reproduce`.")
-        return "\n\n".join([*numbers(topic), verdicts(topic.findings)])
+        return [topics[name]]
 
 
-def numbers(topic: Topic) -> list[str]:
-    """The table of a topic's numbers, if it has one."""
+def _each(found: Mapping[str, Any], shown: Callable[[Any], str]) -> str:
+    """What is shown of each directory, under its name if there are several."""
+    texts = {place: shown(each) for place, each in found.items()}
+    return "\n\n".join(f"`{place}`:\n\n{text}" if len(texts) > 1 and text else text for place, text in texts.items())
+
+
+def numbers(topic: Topic) -> str:
+    """The table of a topic's numbers; empty if it has none."""
     if topic.name == EVOLUTION:
-        return [evolution({result.settings["method"]: (result.rows, result.settings) for result in topic.results})]
-    return [TABLES[topic.name](result.rows) for result in topic.results if topic.name in TABLES]
+        return evolution({result.settings["method"]: (result.rows, result.settings) for result in topic.results})
+    return "\n\n".join(TABLES[topic.name](result.rows) for result in topic.results if topic.name in TABLES)
 
 
-def verdicts(findings: Sequence[Finding]) -> str:
-    """Statements with the paper's values, verdicts and kinds."""
-    head = ["statement", "the paper", "verdict", "kind"]
-    return markdown(head, [[f.claim, f.paper, f.verdict or "not judged", f.kind] for f in findings])
+def verdicts(findings: Mapping[str, Sequence[Finding]]) -> str:
+    """Statements with the paper's values, kinds, and the verdicts of one or several directories."""
+    several = len(findings) > 1
+    judged = [{f.claim: f.verdict or "not judged" for f in each} for each in findings.values()]
+    head = ["statement", "the paper", *(f"verdict, `{place}`" if several else "verdict" for place in findings), "kind"]
+    first = next(iter(findings.values()))
+    return markdown(head, [[f.claim, f.paper, *(each.get(f.claim, "") for each in judged), f.kind] for f in first])
 
 
 def statements(findings: Sequence[Finding]) -> str:

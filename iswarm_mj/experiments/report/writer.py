@@ -11,7 +11,7 @@ from iswarm_mj.experiments.report import assumptions
 from iswarm_mj.experiments.report.render import render
 from iswarm_mj.experiments.report.results import Results, collect
 from iswarm_mj.experiments.report.sections import Section, sections_of
-from iswarm_mj.experiments.report.statements import tally
+from iswarm_mj.experiments.report.statements import tally, topics_of
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 
 TITLE = "The I-SWARM paper beside its re-implementation"
@@ -27,7 +27,7 @@ INTRODUCTION = (
 )
 
 
-def report(directories: Sequence[Path], out: Path) -> list[Section]:
+def report(directories: Sequence[Path], out: Path, beside: Path | None = None) -> list[Section]:
     """Write a report of all results below the directories as HTML and, beside it, as Markdown; print a summary.
 
     The HTML page embeds its figures. The Markdown file links to figures in a directory beside it.
@@ -35,11 +35,14 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
     Args:
         directories: searched for results at any depth.
         out: the HTML file.
+        beside: directory of other results, such as those of another configuration, whose values and verdicts stand
+            beside the first ones.
 
     Raises:
         UserError: a directory does not exist, or `out` is not writable.
     """
     results = collect(directories)
+    others = {f.claim: f for topic in topics_of(collect([beside])) for f in topic.findings} if beside else {}
     figures = out.with_name(f"{out.stem}_figures")
     make_output_directory(figures, given=out)
     sections = sections_of(results, figures)
@@ -47,7 +50,9 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
         if picture.path.parent != figures:
             shutil.copy(picture.path, figures / picture.path.name)
     again = f"iswarm report --results {' '.join(map(str, directories))} --out {out}"
+    again += f" --beside {beside}" if beside else ""
     content = content_of(sections, results) | {"again": again, "figures": figures.name}
+    content |= {"beside": str(beside or ""), "others": others}
     markdown = out.with_suffix(".md")
     for path, template in ((out, "report.html"), (markdown, "report.md")):
         with atomic_write(path) as part:

@@ -1,0 +1,147 @@
+"""Tables of results in Markdown: their numbers by hand, and which blocks there are."""
+
+import numpy as np
+import pytest
+from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
+
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, PREDICTED, SLIP, Claim
+from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
+from iswarm_mj.experiments.report.statements import TITLES
+from iswarm_mj.experiments.report.tables import Tables, check_name, summary, verdicts
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.tables import write_table
+
+
+def cells(table):
+    """Cells of a Markdown table by lines, without the line under the head."""
+    lines = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
+    assert set(lines[1]) == {"---"} and len({len(line) for line in lines}) == 1
+    return [lines[0], *lines[2:]]
+
+
+def run_row(time, k, **labels):
+    """A run that reaches its goal at `time`, or does not."""
+    carriage = 50.0 + k
+    return {
+        **labels,
+        "repeat": k,
+        "seed": k,
+        "n_robots": 280,
+        "max_steps": 1200,
+        "goal": 66,
+        "delivered": 66 if time else 40 + k,
+        "collisions_per_robot": 10.0 + k,
+        "mean_carriage_steps": carriage,
+        "finished_at": time,
+    }
+
+
+def test_hop_counts_by_hand():
+    """Medians of 100..104 and of runs that never finish; third quartiles are the fourth values."""
+    rows = [run_row(100 + k, k, use_hop_count=True) for k in range(5)]
+    rows += [run_row(None, k, use_hop_count=False) for k in range(5)]
+    head, time, dust, *_ = cells(TABLES["hop-count"](rows))
+    assert head[1:3] == ["with hop counts, 5 runs", "without, 5"]
+    assert time[1:] == ["102 (103)", "1200 (1200)", "-1098 (-1100 to -1096)"]
+    assert dust[1:3] == ["66 (66)", "42 (43)"]
+
+
+def test_densities_by_hand():
+    rows = [run_row(None if d == 0.05 and k else 100 + k, k, density=d) for d in (0.1, 0.05) for k in range(3)]
+    _, sparse, dense = cells(TABLES["density"](rows))
+    assert sparse[:5] == ["0.05", "280", "1 of 3", "1200 (1200)", "42 (54)"]
+    assert dense == ["0.1", "280", "3 of 3", "101 (102)", "66 (66)", "11 (11.5)", "51 (51.5)"]
+
+
+def test_robustness_by_hand():
+    rows = [
+        run_row(100 + k + 50 * (kind == "dead"), k, kind=kind, fraction=0.3)
+        for kind in ("dead", "absent")
+        for k in range(3)
+    ]
+    rows += [run_row(100, 0, kind="dead", fraction=0.0)]
+    _, none, some = cells(TABLES["robustness"](rows))
+    assert none == ["0 %", "1 of 1", "100", "", ""] and some == ["30 %", "3 of 3", "151", "101", "50 (48 to 52)"]
+
+
+def test_trials_by_hand():
+    rows = [
+        {**row, "voltage": 20.0 if row["experiment"] == "grasp" else row["voltage"]} for row in grasp_rows(repeats=2)
+    ]
+    _, first, *_, last = cells(TABLES["grasp"](rows))
+    assert first == ["grasp", "10 %", "10 of 10", "20 V (95 % interval 20 to 20)", "20.0 to 20.0 V"]
+    assert last == ["lift without contact", "50 %", "0 of 10", "", ""]
+
+
+def test_searches_by_hand():
+    """Medians over replicates of the mean of the last 20 generations, with intervals if there are several."""
+    rows = search_rows(30)
+    both = [{**row, "replicate": k, "fitness": row["fitness"] + 100 * k} for k in range(3) for row in rows]
+    ends = np.mean([row["fitness"] for row in rows if row["generation"] >= 10])
+    clean = sum(row["delivered"] == 72 for row in rows)
+    _, alone, several = cells(evolution({"paper": (rows, settings_of()), "cmaes": (both, settings_of("cmaes"))}))
+    assert alone[:5] == ["paper", "1", "300", str(clean), f"{ends:.0f}"]
+    assert several[:5] == ["cmaes", "3", "900", str(3 * clean), f"{ends + 100:.0f} ({ends:.0f} to {ends + 200:.0f})"]
+    assert several[6] == f"{max(row['fitness'] for row in rows) + 200:.0f}"
+
+
+FINDINGS = [
+    Claim("A", "here", "1 | 2", PREDICTED).found("", "", HOLDS),
+    Claim("B", "here", "2", PREDICTED).found("", "", FAILS),
+    Claim("C", "here", "3", SLIP).found("", "", FAILS),
+    Claim("D", "here", "4", SLIP).found("", "", ""),
+]
+
+
+def test_the_summary_counts_by_verdict_and_kind():
+    assert cells(summary(FINDINGS)) == [
+        ["verdict", PREDICTED, SLIP, "all"],
+        [HOLDS, "1", "0", "1"],
+        [FAILS, "1", "1", "2"],
+        ["not judged", "0", "1", "1"],
+    ]
+
+
+def test_verdicts_of_two_directories_stand_side_by_side():
+    other = [finding._replace(verdict=NOT_RUN) for finding in FINDINGS[:2]]
+    table = verdicts({"results": FINDINGS, "results-initial": other})
+    assert "1 \\| 2" in table
+    head, _, second, third, _ = cells(table)
+    assert head[2:4] == ["verdict, `results`", "verdict, `results-initial`"]
+    assert second == ["B", "2", FAILS, NOT_RUN, PREDICTED] and third == ["C", "3", FAILS, "", SLIP]
+
+
+def test_a_table_has_a_line_under_its_head():
+    assert markdown(["a", "b"], [[1, "x"]]) == "| a | b |\n| --- | --- |\n| 1 | x |"
+
+
+class TestContents:
+    @pytest.fixture
+    def root(self, tmp_path):
+        for name, repeats in (("results", 8), ("results-initial", 2)):
+            (tmp_path / name / "grasp").mkdir(parents=True)
+            write_table(tmp_path / name / "grasp" / "trials.parquet", grasp_rows(repeats=repeats), GRASP_SETTINGS)
+        return tmp_path
+
+    def test_results_of_two_directories(self, root):
+        text = Tables(root).content("results", "grasp", "results-initial")
+        assert "`results`:\n\n| " in text and "`results-initial`:\n\n| " in text
+        assert "40 of 40" in text and "10 of 10" in text and "verdict, `results-initial`" in text
+
+    def test_names(self, root):
+        """Each topic and experiment has a block; those of what was not run are refused, or left as they are."""
+        for name in (*TITLES, *EXPERIMENTS, "summary", "statements"):
+            check_name("results", name)
+        tables = Tables(root)
+        assert tables.content("results", "laws") and tables.content("results", "statements").count("### ") == len(
+            TITLES
+        )
+        with pytest.raises(UserError, match=r"^results has no results for the block 'density'; make them with"):
+            tables.content("results", "density")
+        with pytest.raises(UserError, match=r"an existing directory"):
+            tables.content("results-none", "grasp")
+        with pytest.raises(UserError, match="^The block was 'grasps'; there are laws, grasp, "):
+            tables.content("results", "grasps")
+        partial = Tables(root, partial=True)
+        assert partial.content("results", "density") is None is partial.content("results-none", "grasp")
