@@ -21,6 +21,7 @@ TITLES = {
     "hop-count": "Hop counts (section 4.6.1, Fig. 15)",
     "types": "The two types (Table 2, Fig. 16)",
     "density": "The optimal density (section 4.6.2, Fig. 17)",
+    "message-time": "Messages that take time (section 4.1, Fig. 15)",
     "sensitivity": "Beyond the paper: other choices and other noise",
     "robustness": "Beyond the paper: failed robots",
     "time-step": "Beyond the paper: the physics time step",
