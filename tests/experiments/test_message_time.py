@@ -13,39 +13,42 @@ ENTRIES = message_time.entries(Plan())
 
 
 def made_rows(time, entries=ENTRIES):
-    """Rows whose runs take different times about a function of baud rate and use of hop counts."""
+    """Rows whose runs take different times about a function of setting and use of hop counts."""
     rows = []
     for entry in entries:
-        k, at = entry.labels["repeat"], time(entry.labels["baud_rate"], entry.labels["use_hop_count"])
+        k, at = entry.labels["repeat"], time(entry.labels["setting"], entry.labels["use_hop_count"])
         rows.append(row_of(entry, Outcome(66, 70, 2800 + k, 60.0 + k, at + k, at + k, 0.0)))
     return rows
 
 
-def test_runs_differ_in_rate_and_hop_counts_alone():
-    assert len(ENTRIES) == 4 * 2 * 12 and len({entry.job.seed for entry in ENTRIES}) == 4 * 2 * 12
+def test_runs_differ_in_message_time_and_hop_counts_alone():
+    assert len(ENTRIES) == 5 * 2 * 12 and len({entry.job.seed for entry in ENTRIES}) == 5 * 2 * 12
     for entry in ENTRIES:
         job, labels = entry.job, entry.labels
-        assert job.config.optics.baud_rate == labels["baud_rate"]
+        optics, rate = job.config.optics, labels["setting"].split()[0]
+        assert optics.baud_rate == (0.0 if rate == "no" else float(rate))
+        assert (optics.photodiodes_while_emitting == "all") == ("all" in labels["setting"])
         assert job.genome.use_hop_count == labels["use_hop_count"]
-        assert replace(job.config, optics=replace(job.config.optics, baud_rate=0.0)) == Plan().config
+        usual = replace(optics, baud_rate=0.0, photodiodes_while_emitting="front")
+        assert replace(job.config, optics=usual) == Plan().config
 
 
 def test_slower_rates_are_told_from_those_that_are_not():
-    rows = made_rows(lambda rate, uses: (150 if uses else 800) + 100 * (rate == 1000) - 30 * (rate == 2000))
-    fast, middle, slow, *hops = message_time.findings(rows)
+    rows = made_rows(lambda name, uses: (150 if uses else 800) + {"1000": 100, "2000": -30}.get(name[:4], 0))
+    fast, middle, slow, _, *hops = message_time.findings(rows)
     assert (fast.verdict, middle.verdict, slow.verdict) == (UNDECIDED, FAILS, HOLDS)
     assert slow.ours.startswith("median 256 ") and "12 of 12 and 12 of 12 runs" in slow.ours
     times = [finding for finding in hops if "more quickly" in finding.claim]
-    assert [finding.verdict for finding in times] == [HOLDS] * 3 and times[2].claim.endswith("sent at 1000 bit/s")
+    assert [finding.verdict for finding in times] == [HOLDS] * 4 and times[2].claim.endswith("messages at 1000 bit/s")
 
 
 @pytest.mark.parametrize("rate", [30000, 2000, 1000])
 def test_three_runs_of_each_are_too_few(rate):
-    rows = made_rows(lambda rate, uses: 150, message_time.entries(Plan(quick=True)))
+    rows = made_rows(lambda name, uses: 150, message_time.entries(Plan(quick=True)))
     said = {finding.claim: finding.verdict for finding in message_time.findings(rows)}
     assert said[f"Messages at {rate} bit/s slow a swarm with hop counts down"] == TOO_FEW
 
 
 def test_draws_each_setting(tmp_path):
-    (path,) = message_time.draw(made_rows(lambda rate, uses: 150), tmp_path)
+    (path,) = message_time.draw(made_rows(lambda name, uses: 150), tmp_path)
     assert path.name == "message_time.png" and path.stat().st_size > 10_000

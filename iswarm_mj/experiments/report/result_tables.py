@@ -111,6 +111,17 @@ def _sensitivity(rows: Rows) -> str:
     return markdown(head, lines)
 
 
+def _message_time(rows: Rows) -> str:
+    lines = []
+    for name in dict.fromkeys(row["setting"] for row in rows):
+        for flag in (True, False):
+            runs = select(rows, setting=name, use_hop_count=flag)
+            measured = [_short(interval(values(runs, measure), median)) for measure in (TIME, DUST, COLLISIONS)]
+            lines.append([name, "with" if flag else "without", f"{finished(runs)} of {len(runs)}", *measured])
+    head = ["messages", "hop counts", f"runs that deliver {rows[0]['goal']}", "median time [steps]", "balls"]
+    return markdown([*head, "collisions a robot"], lines)
+
+
 def _time_step(rows: Rows) -> str:
     lines = []
     for name in dict.fromkeys(row["type"] for row in rows):
@@ -160,6 +171,7 @@ TABLES: dict[str, Callable[[Rows], str]] = {
     "robustness": _robustness,
     "sensitivity": _sensitivity,
     "time-step": _time_step,
+    "message-time": _message_time,
     "grasp": _grasp,
 }
 """Tables of the rows of an experiment, or of the trials."""

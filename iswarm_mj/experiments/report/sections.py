@@ -75,6 +75,7 @@ CAPTIONS = {
     "sensitivity": "Each choice on its own against the default: orange intervals lie above zero, blue ones below",
     "robustness": "Failed robots: lines through the medians, bands between the quartiles, dots are runs",
     "time_step": "Physics steps a second: lines through the medians, bands between the quartiles, dots are runs",
+    "message_time": "Messages that take time: bars to the median, lines to the third quartile, dots are runs",
 }
 
 COMMANDS = {

@@ -3,6 +3,7 @@ other, at several baud rates."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import PREDICTED, Claim, Finding, Rows, in_words, rule_of, verdict_of
 from iswarm_mj.experiments.analysis.measures import TIME, finished, quartiles, select, values
@@ -14,57 +15,63 @@ from iswarm_mj.experiments.studies import hop_count
 from iswarm_mj.simulation.initial import robots_for
 
 REPEATS = 12
-BAUD_RATES = (0.0, 30000.0, 2000.0, 1000.0)
-"""Rates of the LEDs [bit/s], 0 where messages take no time.
+SETTINGS: dict[str, dict[str, Any]] = {
+    "no time": {"baud_rate": 0.0},
+    "30000 bit/s": {"baud_rate": 30000.0},
+    "2000 bit/s": {"baud_rate": 2000.0},
+    "1000 bit/s": {"baud_rate": 1000.0},
+    "30000 bit/s, all photodiodes on": {"baud_rate": 30000.0, "photodiodes_while_emitting": "all"},
+}
+"""Optics of each setting.
 
-Kilobots, robots of 33 mm, send at 8 MHz / 269 = 29.7 kbit/s (kilolib, message_send.S). The paper tells no rate of its
-robots. With the default 8 slots, 427 bit/s leave no time to walk; between these limits, the others are choices.
+The paper tells no rate of its robots. Kilobots, robots of 33 mm, send at 8 MHz / 269 = 29.7 kbit/s (kilolib,
+message_send.S). With the default 8 slots, 427 bit/s leave no time to walk; the rates between are choices.
 """
-
-_SLOWER = "Messages at {} bit/s slow a swarm with hop counts down"
+INSTANT, *TIMED = SETTINGS
 
 
 def entries(plan: Plan) -> list[Entry]:
-    """Runs with and without hop counts at all baud rates."""
+    """Runs with and without hop counts in all settings."""
     n_robots = robots_for(plan.config.arena, plan.genome.density_of_robots)
     repeats, steps = (3, 300) if plan.quick else (REPEATS, TIME_LIMIT)
     listed = []
-    for rate in BAUD_RATES:
-        config = replace(plan.config, optics=replace(plan.config.optics, baud_rate=rate))
+    for name, own in SETTINGS.items():
+        config = replace(plan.config, optics=replace(plan.config.optics, **own))
+        number = int(own["baud_rate"]) + (len(own) - 1)
         for use_hop_count in (True, False):
             genome = replace(plan.genome, use_hop_count=use_hop_count)
             for repeat in range(repeats):
-                seed = run_seed(plan.seed, int(rate), int(use_hop_count), repeat)
-                labels = {"baud_rate": rate, "use_hop_count": use_hop_count, "repeat": repeat}
+                seed = run_seed(plan.seed, number, int(use_hop_count), repeat)
+                labels = {"setting": name, "use_hop_count": use_hop_count, "repeat": repeat}
                 listed.append(Entry(labels, Job(config, genome, n_robots, seed, steps, plan.goal)))
     return listed
 
 
 def findings(rows: Rows) -> list[Finding]:
-    """Whether messages that take time slow the cleaning, and the statements of Fig. 15 at each rate."""
-    found = [_slower(rows, rate) for rate in BAUD_RATES[1:]]
-    for rate in BAUD_RATES[1:]:
-        for finding in hop_count.findings(select(rows, baud_rate=rate)):
-            claim = f"{finding.claim}, where messages are sent at {rate:g} bit/s"
+    """Whether messages that take time slow the cleaning, and the statements of Fig. 15 in each setting."""
+    found = [_slower(rows, name) for name in TIMED]
+    for name in TIMED:
+        for finding in hop_count.findings(select(rows, setting=name)):
+            claim = f"{finding.claim}, with messages at {name}"
             found.append(finding._replace(claim=claim, source="not in the paper", paper="not studied"))
     return found
 
 
 def draw(rows: Rows, out: Path) -> list[Path]:
-    """Draw the measures of Fig. 15 by baud rate, with and without hop counts."""
+    """Draw the measures of Fig. 15 by setting, with and without hop counts."""
     labels = {
-        (rate, flag): f"{f'{rate:g} bit/s' if rate else 'no time'}\n{'with' if flag else 'without'}"
-        for rate in BAUD_RATES
+        (name, flag): "\n".join([*name.replace("photodiodes ", "").split(", "), "with" if flag else "without"])
+        for name in SETTINGS
         for flag in (True, False)
     }
-    setting = Quantity("messages, hop counts", lambda row: (row["baud_rate"], row["use_hop_count"]))
+    setting = Quantity("messages, hop counts", lambda row: (row["setting"], row["use_hop_count"]))
     return [draw_bars(rows, setting, labels, out / "message_time")]
 
 
-def _slower(rows: Rows, rate: float) -> Finding:
+def _slower(rows: Rows, name: str) -> Finding:
     """Whether swarms with hop counts take longer than where messages take no time."""
-    claim = Claim(_SLOWER.format(f"{rate:g}"), "not in the paper", "not studied", PREDICTED)
-    groups = [select(rows, baud_rate=of, use_hop_count=True) for of in (rate, 0.0)]
+    claim = Claim(f"Messages at {name} slow a swarm with hop counts down", "not in the paper", "not studied", PREDICTED)
+    groups = [select(rows, setting=of, use_hop_count=True) for of in (name, INSTANT)]
     here, instant = (values(group, TIME) for group in groups)
     if not len(here) or not len(instant):
         return claim.not_run()
@@ -80,7 +87,7 @@ def _slower(rows: Rows, rate: float) -> Finding:
 
 EXPERIMENT = Experiment(
     name="message-time",
-    title="hop counts on and off where messages take time, 4 baud rates, 12 runs each",
+    title="hop counts on and off where messages take time, at three baud rates, 12 runs each",
     source="section 4.1, Fig. 15",
     entries=entries,
     findings=findings,
