@@ -79,6 +79,13 @@ class TestReplicates:
         assert finding.ours.endswith(f"from {100 * min(shares):.1f} to {100 * max(shares):.1f}")
         assert "8 of 8 above 20, sign test p = 0.0078" in finding.statistics  # 2 / 2^8
 
+    @pytest.mark.parametrize("n, verdict", [(2, HOLDS), (3, TOO_FEW)])
+    def test_evolutions_without_a_value_do_not_count(self, paper, n, verdict):
+        """Those of which no run cleans the arena say nothing of the runs that do."""
+        rows = changed(paper, lambda row, number: {"delivered": 40} if number < n else {})
+        finding = found_in(rows)[claims.COUNTED.text]
+        assert finding.verdict == verdict and finding.ours.endswith(f"; {n} evolutions without 30 such runs")
+
     @pytest.mark.parametrize("falling, verdict", [(8, HOLDS), (4, UNDECIDED), (0, FAILS)])
     def test_evolutions_that_disagree_leave_it_open(self, paper, falling, verdict):
         """The pooled runs of eight evolutions would decide it in each case."""

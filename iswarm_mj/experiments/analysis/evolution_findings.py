@@ -61,13 +61,14 @@ def _judged(item: Quantity, sample: Evolutions) -> Finding:
     values = [value for value in map(item.value, sample) if value is not None]
     if not values:
         return item.claim.found(_times(len(sample)), f"no value: needs {item.needs}", TOO_FEW)
-    told, over = item.told(sample), interval(values, median)
+    told, over, lacking = item.told(sample), interval(values, median), len(sample) - len(values)
+    without = f"; {_times(lacking)} without {item.needs}" if lacking else ""
     shown = Interval(*(item.scale * value for value in over))
     if len(values) < EVOLUTIONS:
         ours = f"{told}; {number(shown.estimate)} {item.unit}".rstrip()
-        return item.claim.found(f"{ours}{_of(len(values), 'median')}", _too_few(len(values)), TOO_FEW)
+        return item.claim.found(f"{ours}{_of(len(values), 'median')}{without}", _too_few(len(values)), TOO_FEW)
     ends = " to ".join(number(item.scale * value) for value in (min(values), max(values)))
-    ours = f"{told}; median over {_times(len(values))} {span(shown, item.unit)}, from {ends}"
+    ours = f"{told}; median over {_times(len(values))} {span(shown, item.unit)}, from {ends}{without}"
     return item.claim.found(ours, f"{_signs(item, values)}; {_rule(item)}", within(over, item.low, item.high))
 
 
