@@ -16,6 +16,7 @@ from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
+from iswarm_mj.commands.infer import Infer
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
@@ -38,6 +39,7 @@ COMMANDS: dict[str, type[Command]] = {
     "grasp": Grasp,
     "evolve": Evolve,
     "experiment": Experiment,
+    "infer": Infer,
     "report": Report,
     "reproduce": Reproduce,
     "video": Video,

@@ -389,6 +389,16 @@ class TestMjx:
         assert [outcome.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
 
 
+def test_large_batches_are_of_similar_size():
+    """A few hundred worlds of several sizes; a generation of ten swarms stays one batch."""
+    sizes = [100, 950, 240, 119, 900, 95] * 64
+    jobs = [SimpleNamespace(n_robots=n) for n in sizes]
+    parts = batches._of_similar_size(range(len(jobs)), jobs)
+    assert sorted(index for part in parts for index in part) == list(range(len(jobs)))
+    assert [sorted({sizes[i] for i in part}) for part in parts] == [[900, 950], [119, 240], [95, 100]]
+    assert len(batches._of_similar_size(range(6), jobs)) == 1
+
+
 class TestPlanarInBatches:
     def test_where_there_is_a_gpu(self, monkeypatch):
         with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")

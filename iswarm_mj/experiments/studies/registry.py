@@ -4,6 +4,7 @@ from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import (
     density,
     hop_count,
+    infer,
     message_time,
     robustness,
     sensitivity,
@@ -14,7 +15,7 @@ from iswarm_mj.utils.errors import UserError
 
 EXPERIMENTS = {
     module.EXPERIMENT.name: module.EXPERIMENT
-    for module in (hop_count, density, swarm_types, sensitivity, robustness, time_step, message_time)
+    for module in (hop_count, density, swarm_types, sensitivity, robustness, time_step, message_time, infer)
 }
 
 

@@ -1,0 +1,212 @@
+"""Which readings of the rules agree with the paper's numbers: many combinations, each run on all of section 4.6."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import qmc
+
+from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, percent
+from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
+from iswarm_mj.experiments.analysis.support import ACCEPTED, Combination, accepted, support
+from iswarm_mj.experiments.analysis.support_figure import draw_support
+from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
+from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.utils.errors import ConfigError
+
+COMBINATIONS, REPEATS = 512, 1
+NAMED_REPEATS = 6
+"""Runs of each setting for the named readings."""
+DENSITIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
+TYPE_STEPS = 800
+
+Values = Mapping[str, Any]
+"""Settings by names such as optics.mode."""
+
+FACTORS: Mapping[str, Mapping[str, Values]] = {
+    "avoidance_sides": {"front": {}, "all": {"strategy.avoidance_sides": "all"}},
+    "avoidance_course": {
+        "any": {},
+        "crossing": {"strategy.avoidance_course": "crossing"},
+        "oncoming": {"strategy.avoidance_course": "oncoming"},
+    },
+    "priority_repulsion": {"higher": {}, "scaled": {"strategy.priority_repulsion": "scaled"}},
+    "avoids_at_dust": {"no": {}, "yes": {"strategy.avoids_at_dust": True}},
+    "blocked": {"pushes": {}, "waits": {"strategy.blocked": "waits"}},
+    "random_turn": {f"{turn:g} deg": {"strategy.random_turn": turn} for turn in (30.0, 90.0, 180.0)},
+    "max_turn": {"90 deg": {}, "180 deg": {"drive.max_turn": 180.0, "drive.turn_substeps": 6}},
+    "avoidance_gain": {f"{gain:g}": {"strategy.avoidance_gain": gain} for gain in (2.0, 8.0, 32.0)},
+    "forget_on_arrival": {"yes": {}, "no": {"strategy.forget_on_arrival": False}},
+    "scouts_pick": {"no": {}, "yes": {"strategy.scouts_pick": True}},
+    "bit_errors": {
+        "one, noticed": {},
+        "independent, noticed if odd": {"optics.independent_bit_errors": True},
+        "one, not noticed": {"optics.parity_check": False},
+    },
+    "drops": {"none": {}, "1 % a step": {"gripper.drop_rate": 0.01}},
+    "odometry": {
+        "exact": {},
+        "10 deg, 10 %": {"strategy.odometry_error_turn": 10.0, "strategy.odometry_error_step": 0.1},
+    },
+    "actuators": {"exact": {}, "10 deg, 10 %": {"drive.error_turn": 10.0, "drive.error_step": 0.1}},
+    "dust_offset": {f"{offset:g} rd": {"arena.dust_area_offset": offset} for offset in (12.0, 16.0, 20.0)},
+    "dust_size": {f"{size:g} rd": {"arena.dust_area_size": size} for size in (4.0, 6.0, 8.0)},
+    "dump_size": {f"{size:g} rd": {"arena.dump_size": size} for size in (4.0, 5.0, 7.0)},
+}
+"""Readings that are tried, by the names of their columns: labels, and the settings that they stand for."""
+
+
+class Setting(NamedTuple):
+    """What each combination is run on."""
+
+    study: str
+    setting: str
+    genome: Genome
+    density: float
+    steps: int
+    all_balls: bool
+    """The run ends with the last ball, not with the 66th of 72."""
+
+
+SETTINGS = (
+    *(
+        Setting(HOP_COUNT, name, Genome(use_hop_count=flag), Genome().density_of_robots, TIME_LIMIT, False)
+        for name, flag in (("with", True), ("without", False))
+    ),
+    *(Setting(DENSITY, f"{density:g}", Genome(), density, TIME_LIMIT, False) for density in DENSITIES),
+    *(
+        Setting(TYPES, name, PRESETS[name], PRESETS[name].density_of_robots, TYPE_STEPS, True)
+        for name in ("type1", "type2")
+    ),
+)
+"""Figs. 15 and 17 and Table 2."""
+
+
+def with_values(config: SwarmConfig, values: Values) -> SwarmConfig:
+    """Configuration with these values; those of one part are changed at once, since they may depend on each other."""
+    parts = {}
+    for part, names in groupby(sorted(values), key=lambda name: name.partition(".")[0]):
+        parts[part] = replace(getattr(config, part), **{name.partition(".")[2]: values[name] for name in names})
+    return replace(config, **parts)
+
+
+def design(n: int, seed: int) -> list[dict[str, str]]:
+    """Labels of n combinations, a Latin hypercube over the factors: each label comes equally often, but for one.
+
+    Source: McKay, Beckman and Conover (1979), Technometrics 21, 239.
+    """
+    drawn = qmc.LatinHypercube(len(FACTORS), rng=np.random.default_rng(seed)).random(n)
+    return [
+        {name: list(levels)[int(u * len(levels))] for (name, levels), u in zip(FACTORS.items(), row, strict=True)}
+        for row in drawn
+    ]
+
+
+def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
+    """Runs of all combinations, and of the named readings, which are not part of the sample."""
+    n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
+    listed = []
+    for place, name in enumerate(READINGS):
+        base = replace(READINGS[name], arena=plan.config.arena)
+        labels = dict.fromkeys(FACTORS) | {"combination": place - len(READINGS), "reading": name}
+        listed += _runs(plan, base, labels, named)
+    for place, labels in enumerate(design(n, plan.seed)):
+        config = plan.config
+        for name, label in labels.items():
+            config = with_values(config, FACTORS[name][label])
+        listed += _runs(plan, config, {**labels, "combination": place, "reading": None}, 1 if plan.quick else repeats)
+    return listed
+
+
+def _runs(plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], repeats: int) -> list[Entry]:
+    """Runs of one configuration on all settings; every configuration meets the same seeds."""
+    listed = []
+    for place, (study, setting, genome, density, steps, all_balls) in enumerate(SETTINGS):
+        n_robots = robots_for(config.arena, density)
+        for repeat in range(repeats):
+            seed = run_seed(plan.seed, labels["combination"] + len(READINGS), place, repeat)
+            limit, goal = (100, None) if plan.quick else (steps, None if all_balls else plan.goal)
+            row = {**labels, "study": study, "setting": setting, "density": density, "repeat": repeat}
+            listed.append(Entry(row, Job(config, genome, n_robots, seed, limit, goal)))
+    return listed
+
+
+def combinations_of(rows: Rows) -> list[Combination]:
+    """Combinations and named readings with their answers, from the table."""
+    found: dict[int, list[Any]] = {}
+    for row in rows:
+        found.setdefault(row["combination"], []).append(row)
+    return [
+        Combination(runs[0]["reading"], {name: runs[0][name] for name in FACTORS}, answers(runs), time_error(runs))
+        for runs in found.values()
+    ]
+
+
+def findings(rows: Rows) -> list[Finding]:
+    """How many statements are reproduced, by how many combinations, and which choices they support."""
+    best = Claim("Combinations of readings that reproduce the paper's statements", "section 4.6", "all", PREDICTED)
+    if not rows:
+        return [best.not_run()]
+    every = combinations_of(rows)
+    sample, named = ([c for c in every if (c.reading is None) is flag] for flag in (True, False))
+    kept = accepted(sample)
+    counts = [sum(c.answers) for c in sample]
+    most, total = max(counts), len(STATEMENTS)
+    said = "; ".join(f"{c.reading} {sum(c.answers)} of {total}" for c in named)
+    rule = (
+        f"{len(sample)} combinations drawn from {len(FACTORS)} readings; the {len(kept)} that miss the fewest "
+        "statements are accepted (approximate Bayesian computation by rejection); of equals those nearer in the times "
+        "of both types"
+    )
+    ours = f"at most {most} of {total}, by {counts.count(most)}; median {number(float(np.median(counts)))}; {said}"
+    listed = [best.found(ours, rule, "")]
+    for name, levels in FACTORS.items():
+        shares = support(sample, kept, name, list(levels))
+        text = "; ".join(f"{label}: {percent(share)}" for label, share in shares.items())
+        claim = Claim(f"Support of {name.replace('_', ' ')}", "not in the paper", "not stated", NOT_COMPARABLE)
+        prior = (
+            f"share of the accepted combinations, of which {number(100 / len(levels))} % without any support; Wilson"
+        )
+        listed.append(claim.found(text, prior, ""))
+    return listed
+
+
+def draw(rows: Rows, out: Path) -> list[Path]:
+    """Draw how many statements are reproduced, and the support of each choice."""
+    every = combinations_of(rows)
+    sample = [c for c in every if c.reading is None]
+    kept = accepted(sample)
+    shares = {name: support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()}
+    return [draw_support(every, shares, [s.text for s in STATEMENTS], out / "infer")]
+
+
+def experiment_of(combinations: int = COMBINATIONS, repeats: int = REPEATS) -> Experiment:
+    """Return the experiment with a number of combinations, and runs of each setting for each of them.
+
+    Raises:
+        ConfigError: fewer than 20 combinations, of which none could be told from another, or no runs.
+    """
+    least = math.ceil(1 / ACCEPTED)
+    if combinations < least:
+        raise ConfigError("combinations", combinations, f"at least {least}")
+    if repeats < 1:
+        raise ConfigError("repeats", repeats, "at least 1")
+    return Experiment(
+        name="infer",
+        title=f"{combinations} combinations of readings on Figs. 15 and 17 and both types",
+        source="section 4.6",
+        entries=partial(entries, combinations, repeats),
+        findings=findings,
+        draw=draw,
+    )
+
+
+EXPERIMENT = experiment_of()

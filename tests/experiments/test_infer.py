@@ -1,0 +1,140 @@
+"""Which readings agree with the paper: the design, the statements, and the support in made-up rows."""
+
+from dataclasses import replace
+
+import pytest
+
+from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
+from iswarm_mj.experiments.analysis.support import Combination, accepted, support
+from iswarm_mj.experiments.runner.experiment import Plan, row_of
+from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.studies.infer import (
+    DENSITIES,
+    FACTORS,
+    NAMED_REPEATS,
+    SETTINGS,
+    combinations_of,
+    design,
+    draw,
+    entries,
+    experiment_of,
+    findings,
+    with_values,
+)
+from iswarm_mj.simulation.common import DIFFERENT
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import ConfigError
+
+N = 40
+
+
+def outcome(entry, like_the_paper):
+    """What the paper reports of such a run; or the opposite: dense swarms are best, hop counts no use."""
+    row, job = entry.labels, entry.job
+    if row["study"] == "types":
+        time = {"type1": 310, "type2": 311}[row["setting"]] if like_the_paper else 120
+        collisions = job.n_robots * {"type1": 180, "type2": 80}[row["setting"]] if like_the_paper else 0
+    elif row["study"] == "density":
+        off = abs(row["density"] - 0.12) if like_the_paper else 1 - row["density"]
+        time, collisions = 100 + round(1000 * off), round(job.n_robots * (10 + 100 * off))
+        time = None if like_the_paper and not 0.1 <= row["density"] <= 0.2 else time
+    else:
+        good = (row["setting"] == "with") == like_the_paper
+        time, collisions = 200 if good else None, job.n_robots * (10 if good else 20)
+    goal = job.stop_at or 72
+    return Outcome(goal if time else goal - 20, goal, collisions, time or 300.0, time, time or job.steps, 0.0)
+
+
+def rows_where(like_the_paper, combinations=N):
+    return [row_of(e, outcome(e, like_the_paper(e.labels))) for e in entries(combinations, 1, Plan())]
+
+
+class TestDesign:
+    def test_every_label_comes_equally_often(self):
+        drawn = design(60, 0)
+        for name, levels in FACTORS.items():
+            counts = [sum(labels[name] == level for labels in drawn) for level in levels]
+            assert counts == [60 // len(levels)] * len(levels)
+        assert drawn != design(60, 1) and drawn == design(60, 0)
+
+    def test_every_label_is_a_setting_of_its_own(self):
+        """The defaults are among them, and all but two can differ within one run."""
+        for name, levels in FACTORS.items():
+            configs = [with_values(SwarmConfig(), values) for values in levels.values()]
+            assert len(set(configs)) == len(levels) and SwarmConfig() in configs, name
+            names = {key for values in levels.values() for key in values}
+            together = {f"{part}.{item}" for part, items in DIFFERENT.items() for item in items}
+            assert names <= together | {"drive.max_turn", "drive.turn_substeps"}
+
+    def test_each_combination_is_run_on_all_figures_and_both_types(self):
+        listed = entries(N, 2, Plan())
+        sampled = [e for e in listed if e.labels["reading"] is None]
+        assert len(sampled) == N * 2 * len(SETTINGS) == N * 2 * (2 + len(DENSITIES) + 2)
+        assert len(listed) - len(sampled) == len(READINGS) * NAMED_REPEATS * len(SETTINGS)
+        for entry in sampled[:24]:
+            config = SwarmConfig()
+            for name in FACTORS:
+                config = with_values(config, FACTORS[name][entry.labels[name]])
+            assert entry.job.config == config
+        types = [e.job for e in sampled if e.labels["study"] == "types"]
+        assert {(job.genome, job.steps, job.stop_at) for job in types} == {
+            (PRESETS[name], 800, None) for name in ("type1", "type2")
+        }
+        absent = [e.job for e in sampled if e.labels["setting"] == "without"]
+        assert {(j.genome, j.stop_at, j.steps) for j in absent} == {
+            (replace(PRESETS["type1"], use_hop_count=False), 66, 1200)
+        }
+
+    def test_the_named_readings_are_run_as_they_are(self):
+        listed = entries(N, 1, Plan())
+        for name, config in READINGS.items():
+            assert {e.job.config for e in listed if e.labels["reading"] == name} == {config}
+
+    @pytest.mark.parametrize(("numbers", "says"), [((19, 1), "combinations must be at least 20"), ((20, 0), "repeats")])
+    def test_too_few_are_refused(self, numbers, says):
+        with pytest.raises(ConfigError, match=says):
+            experiment_of(*numbers)
+
+
+class TestStatements:
+    def test_all_hold_for_runs_as_the_paper_reports_them(self):
+        runs = [row for row in rows_where(lambda labels: True) if row["combination"] == 0]
+        assert all(answers(runs)) and time_error(runs) == 0.0
+
+    def test_none_holds_for_their_opposite(self):
+        runs = [row for row in rows_where(lambda labels: False) if row["combination"] == 0]
+        held = {s.name for s, holds in zip(STATEMENTS, answers(runs), strict=True) if holds}
+        assert held == {"cleans", "same_time"}  # both may hold for other reasons
+        assert time_error(runs) > 0.9
+
+
+class TestSupport:
+    def test_a_choice_that_decides_is_supported_and_no_other_one(self):
+        rows = rows_where(lambda labels: labels["reading"] == "paper" or labels["avoidance_sides"] == "front")
+        every = combinations_of(rows)
+        sample = [c for c in every if c.reading is None]
+        kept = accepted(sample)
+        assert len(kept) == 2 and len(sample) == N
+        sides = support(sample, kept, "avoidance_sides", ["front", "all"])
+        assert sides["front"].estimate == 1.0 and sides["all"].estimate == 0.0
+        for shares in (support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()):
+            assert sum(share.estimate for share in shares.values()) == pytest.approx(1.0)
+
+    def test_the_times_decide_between_equals(self):
+        sample = [Combination(None, {"a": str(k)}, [True, k % 2 == 0], abs(k - 10) / 10) for k in range(40)]
+        assert [c.labels["a"] for c in accepted(sample)] == ["10", "8"] or accepted(sample)[0].labels["a"] == "10"
+        assert support(sample, accepted(sample), "a", ["10", "99"]).keys() == {"10"}
+
+    def test_findings_name_both_readings(self, tmp_path):
+        rows = rows_where(lambda labels: labels["reading"] != "initial" and labels["avoidance_sides"] != "all")
+        first, *others = findings(rows)
+        total = len(STATEMENTS)
+        assert f"at most {total} of {total}, by 20" in first.ours
+        assert f"paper {total} of {total}; initial 2 of {total}" in first.ours
+        assert "front: 100.0 %" in next(f for f in others if "avoidance sides" in f.claim).ours
+        (picture,) = draw(rows, tmp_path)
+        assert picture.stat().st_size > 20_000
+
+    def test_without_rows_nothing_is_found(self):
+        assert [f.verdict for f in findings([])] == ["not run yet"]
