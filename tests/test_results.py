@@ -19,6 +19,7 @@ OTHER_TABLES = (
     "package | contents",
     "part | CPUs: `engine.py`, compiled by numba",
     "directory | command",
+    "setting `optics.` | default | meaning",
     "robots | cores | ms per control step | sense | policy | physics | ARGoS 3, one core",
     "robots | worlds | refinement | billion robot-physics-steps/s",
     "impl | robots | worlds | iterations | GPUs | million robot-physics-steps/s",

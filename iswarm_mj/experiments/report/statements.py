@@ -25,7 +25,6 @@ TITLES = {
     "sensitivity": "Beyond the paper: other choices and other noise",
     "robustness": "Beyond the paper: failed robots",
     "time-step": "Beyond the paper: the physics time step",
-    "message-time": "Beyond the paper's figures: messages that take time (section 4.1)",
 }
 """Topics and their titles; experiments that have none here come last."""
 FINDINGS = "findings.csv"

@@ -60,7 +60,8 @@ def findings(rows: Rows) -> list[Finding]:
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw the measures of Fig. 15 by setting, with and without hop counts."""
     labels = {
-        (name, flag): "\n".join([*name.replace("photodiodes ", "").split(", "), "with" if flag else "without"])
+        (name, flag): name.replace(" bit", "\nbit").replace(", all photodiodes", "\nall")
+        + ("\nwith" if flag else "\nwithout")
         for name in SETTINGS
         for flag in (True, False)
     }
