@@ -141,7 +141,7 @@ class TestContents:
             tables.content("results", "density")
         with pytest.raises(UserError, match=r"an existing directory"):
             tables.content("results-none", "grasp")
-        with pytest.raises(UserError, match="^The block was 'grasps'; there are laws, grasp, "):
+        with pytest.raises(UserError, match=r"^The block was 'grasps'; there are laws, grasp, "):
             tables.content("results", "grasps")
         partial = Tables(root, partial=True)
         assert partial.content("results", "density") is None is partial.content("results-none", "grasp")
