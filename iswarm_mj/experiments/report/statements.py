@@ -25,6 +25,7 @@ TITLES = {
     "sensitivity": "Beyond the paper: other choices and other noise",
     "robustness": "Beyond the paper: failed robots",
     "time-step": "Beyond the paper: the physics time step",
+    "infer": "Beyond the paper: which readings agree with it",
 }
 """Topics and their titles; experiments that have none here come last."""
 FINDINGS = "findings.csv"

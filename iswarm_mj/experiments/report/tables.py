@@ -59,22 +59,25 @@ class Tables:
         if name == SUMMARY:
             return _each(found, lambda topics: summary([f for topic in topics for f in topic.findings]))
         if name == STATEMENTS:
-            same = [dict(zip(places, topics, strict=True)) for topics in zip(*found.values(), strict=True)]
+            same: dict[str, dict[str, Topic]] = {}
+            for place, topics in found.items():
+                for topic in topics:
+                    same.setdefault(topic.title, {})[place] = topic
             return "\n\n".join(
-                f"### {topics[directory].title}\n\n{_each(topics, lambda topic: statements(topic.findings))}"
-                for topics in same
+                f"### {title}\n\n{_each(topics, lambda topic: statements(topic.findings))}"
+                for title, topics in same.items()
             )
         topics = {place: topic for place, (topic,) in found.items()}
         table = _each(topics, numbers)
         return "\n\n".join(filter(None, [table, verdicts({place: t.findings for place, t in topics.items()})]))
 
     def _named(self, directory: str, name: str) -> list[Topic]:
-        """Topic of this name with its results; all topics for the names of none."""
+        """Topic of this name; for the names of none all that have results or need none."""
         if directory not in self._topics:
             self._topics[directory] = {topic.name: topic for topic in topics_of(collect([self._root / directory]))}
         topics = self._topics[directory]
         if name in (SUMMARY, STATEMENTS):
-            return list(topics.values())
+            return [topic for topic in topics.values() if topic.results or topic.name == LAWS]
         if not topics[name].results and name != LAWS:
             raise UserError(f"{directory} has no results for the block {name!r}; make them with `iswarm reproduce`.")
         return [topics[name]]
