@@ -85,8 +85,15 @@ class TestPlans:
     def test_sensitivity_varies_the_update_order(self, quick, n_runs):
         entries = sensitivity.entries(replace(PLAN, quick=quick))
         in_turn = [e for e in entries if e.job.config.strategy.update_order == "sequential"]
-        assert in_turn == entries[-n_runs:]  # so that the seeds of the others are what they were
-        assert {e.labels["group"] for e in in_turn} == {"update order"}
+        later = [e for e in entries if e.labels["group"] == "readings"]
+        assert in_turn + later == entries[-n_runs - len(later) :]  # so that the seeds of the others are what they were
+        assert {e.labels["group"] for e in in_turn} == {"update order"} and len(later) == (n_runs if quick else 11 * 10)
+
+    @pytest.mark.parametrize(("reading", "other"), [("paper", "all"), ("initial", "front")])
+    def test_sensitivity_leaves_out_what_is_the_default(self, reading, other):
+        entries = sensitivity.entries(Plan(READINGS[reading]))
+        sides = {e.labels["value"] for e in entries if e.labels["choice"] == "strategy.avoidance_sides"}
+        assert sides == {other}
 
     def test_dead_robots_are_there_and_absent_ones_are_not(self):
         entries = robustness.entries(PLAN)

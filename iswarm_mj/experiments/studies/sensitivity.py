@@ -55,8 +55,21 @@ VARIATIONS: Mapping[str, tuple[tuple[str, tuple[Any, ...]], ...]] = {
     ),
     "motion": (("drive.max_turn", (45.0, 120.0)),),
     "update order": (("strategy.update_order", ("sequential",)),),
+    "readings": (
+        ("strategy.avoidance_sides", ("front", "all")),
+        ("strategy.avoidance_course", ("crossing", "oncoming")),
+        ("strategy.priority_repulsion", ("higher", "scaled")),
+        ("strategy.avoids_at_dust", (True,)),
+        ("strategy.blocked", ("waits",)),
+        ("optics.parity_check", (False,)),
+        ("strategy.odometry_error_turn", (10.0,)),
+        ("strategy.odometry_error_step", (0.1,)),
+        ("drive.error_turn", (10.0,)),
+        ("drive.error_step", (0.1,)),
+    ),
 }
-"""Values other than the default, by groups; the paper's own values (Table 1) are varied too where they are noise.
+"""Values by groups; those that are the default's are left out. The paper's own values (Table 1) are varied too where
+they are noise.
 
 A run's seed follows from its place here: what is added comes last.
 """
@@ -88,8 +101,10 @@ def entries(plan: Plan) -> list[Entry]:
     ]
     for group, choices in VARIATIONS.items():
         for name, others in choices[:1] if plan.quick else choices:
-            labels = [{"group": group, "choice": name, "value": str(other)} for other in others]
-            settings += zip(labels, [varied(plan.config, name, other) for other in others], strict=True)
+            for other in others:
+                labels = {"group": group, "choice": name, "value": str(other)}
+                settings.append((labels, varied(plan.config, name, other)))
+    settings = settings[:1] + [item for item in settings[1:] if item[1] != plan.config]
     listed = []
     for place, (labels, config) in enumerate(settings):
         for repeat in range(repeats):
