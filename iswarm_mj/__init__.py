@@ -1,11 +1,58 @@
-"""A physics-based simulator of the I-SWARM micro-robot swarm on MuJoCo."""
+"""A physics-based simulator of the I-SWARM micro-robot swarm on MuJoCo.
+
+The names in `__all__` are imported from their modules when they are first used, so that importing the package, or one
+of its laws, loads nothing else.
+"""
 
 import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from iswarm_mj.config import READINGS, SwarmConfig
+    from iswarm_mj.simulation.rollout import rollout
+    from iswarm_mj.simulation.run import Run
+    from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+    from iswarm_mj.strategy.genome import PRESETS
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "PRESETS",
+    "READINGS",
+    "MjxSettings",
+    "MujocoSettings",
+    "PlanarSettings",
+    "Run",
+    "RunSettings",
+    "SwarmConfig",
+    "rollout",
+]
+
+_MODULES = {
+    "config": ("READINGS", "SwarmConfig"),
+    "simulation.rollout": ("rollout",),
+    "simulation.run": ("Run",),
+    "simulation.settings": ("MjxSettings", "MujocoSettings", "PlanarSettings", "RunSettings"),
+    "strategy.genome": ("PRESETS",),
+}
+"""Where the names of `__all__` are defined."""
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 # JAX 0.10 and 0.11 report every program that they load from their compilation cache on a CPU as an error, because the
 # features stored with it include two preferences of the compiler that no processor has. XLA reads its log level
 # when JAX is imported, so this works only if the package is imported before JAX. The user's own setting takes
 # precedence.
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
