@@ -122,7 +122,7 @@ class TestPlans:
     def test_an_unknown_name_lists_the_others(self):
         with pytest.raises(
             UserError,
-            match=r"'hops'; there are hop-count, density, types, sensitivity, robustness, time-step, message-time: ",
+            match=rf"'hops'; there are hop-count, density, .*{list(EXPERIMENTS)[-1]}: ",
         ):
             experiment("hops")
         assert [line.split()[0] for line in listing().splitlines()] == list(EXPERIMENTS)
@@ -164,7 +164,8 @@ class TestFindings:
         )
         rows = [row | {"aggregation": 0.3, "overlap": 0.05, "ms_per_step": 2.0} for row in rows]
         found = EXPERIMENTS[name].findings(rows)
-        assert TOO_FEW in {finding.verdict for finding in found} <= {TOO_FEW, NOT_RUN, ""}
+        verdicts = {finding.verdict for finding in found}
+        assert verdicts <= {TOO_FEW, NOT_RUN, ""} and (TOO_FEW in verdicts or name == "infer")  # which judges nothing
 
     @pytest.mark.parametrize(
         "best, sparse, verdicts",

@@ -94,12 +94,12 @@ GATHER = Claim(
 
 def entries(plan: Plan) -> list[Entry]:
     """Runs of all presets, each at its own density."""
-    listed = []
+    listed, steps = [], 200 if plan.quick else STEPS
     for place, (name, genome) in enumerate(PRESETS.items()):
         repeats = 3 if plan.quick else COMPARED if name in PAPER_FITNESS else REPEATS
         n_robots = robots_for(plan.config.arena, genome.density_of_robots)
         for repeat in range(repeats):
-            job = Job(plan.config, genome, n_robots, run_seed(plan.seed, place, repeat), STEPS)
+            job = Job(plan.config, genome, n_robots, run_seed(plan.seed, place, repeat), steps)
             listed.append(Entry({"type": name, "repeat": repeat}, job))
     return listed
 
@@ -141,7 +141,7 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         if row["repeat"] >= (1 if plan.quick else RECORDED):
             continue
         directory = out / f"{row['type']}-{row['repeat']}"
-        settings = RunSettings(row["n_robots"], STEPS, row["seed"], stop_at=plan.goal)
+        settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=plan.goal)
         with redirect_stdout(io.StringIO()):
             clean(Run(plan.config, PRESETS[row["type"]], settings), settings, directory)
         frames = load(directory)[1]
