@@ -1,6 +1,7 @@
 """Which readings agree with the paper: the design, the statements, and the support in made-up rows."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -95,6 +96,23 @@ class TestDesign:
     def test_too_few_are_refused(self, numbers, says):
         with pytest.raises(ConfigError, match=says):
             experiment_of(*numbers)
+
+
+def test_the_page_of_readings_names_all_that_are_tried():
+    """And the named readings differ as its table says."""
+    page = (Path(__file__).parents[2] / "docs" / "readings.md").read_text(encoding="utf-8")
+    tried = {name for levels in FACTORS.values() for values in levels.values() for name in values}
+    tried -= {"drive.turn_substeps", "strategy.avoidance_gain", "strategy.forget_on_arrival", "strategy.scouts_pick"}
+    assert {name for name in tried if f"`{name}`" not in page} == set()
+    differing = {
+        name: (getattr(mine, name), getattr(other, name))
+        for mine, other in [[READINGS[name].strategy for name in ("paper", "initial")]]
+        for name in vars(mine)
+        if getattr(mine, name) != getattr(other, name)
+    }
+    assert len(differing) == 2
+    for name, (paper, initial) in differing.items():
+        assert f"| `strategy.{name}` | {paper} | {initial} |" in page
 
 
 class TestStatements:
