@@ -17,7 +17,7 @@ _FROM_ARENA = {"m": MM, "m/s": MM}
 """Arena units in SI."""
 
 
-def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int) -> Scene:
+def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int, number: int) -> Scene:
     """What does not change in one world of a run.
 
     Args:
@@ -25,6 +25,7 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int) -
         robot: its geometry.
         start: record of the start (1, W, ...).
         world: which of the W worlds.
+        number: of this world in its run.
     """
     arena = config.arena
 
@@ -40,6 +41,9 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int) -
         dump=np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER,
         dust_areas=np.array(dust) * ROBOT_DIAMETER,
         control_period=config.drive.control_period,
+        is_alive=start.swarm.is_alive[0, world],
+        message_range=config.strategy.message_range * ROBOT_DIAMETER,
+        world=number,
     )
 
 
@@ -58,17 +62,27 @@ def frames_of(records: Sequence[StepRecord], world: int) -> Frames:
     is_loaded[step, balls.holder[step, ball]] = True
     values = {
         "step": record.step,
+        "is_running": record.is_running,
         "pose": record.poses.astype(np.float32),
         "is_loaded": is_loaded,
         "has_priority": record.has_priority,
+        "message": record.message,
+        "command": np.stack([record.command.turn, record.command.forward], axis=-1),
         "ball_position": record.balls.astype(np.float32),
         "ball_state": np.where(balls.is_held, HELD, np.where(balls.is_delivered, DELIVERED, LYING)),
+        "ball_holder": balls.holder,
         "link_sender": record.links.sender,
         "link_valid": record.links.valid,
+        "link_led": record.links.led,
+        "link_bearing": record.links.bearing,
+        "link_distance": record.measured_distance,
+        "link_heard": record.is_heard,
         "dust_vector": memory.dust.vector,
         "dust_known": memory.dust.known,
+        "dust_hop": memory.dust.hop,
         "dump_vector": memory.dump.vector,
         "dump_known": memory.dump.known,
+        "dump_hop": memory.dump.hop,
         "delivered": balls.is_delivered.sum(axis=1),
         "picked": balls.was_picked.sum(axis=1),
         "collisions": record.collisions,

@@ -23,6 +23,8 @@ from iswarm_mj.utils.geometry import rotate
 
 TRAIL_FRAMES = 20
 """Length of a trail [frames]."""
+NO_HOP = -1
+"""Hop count of a robot that knows no vector."""
 
 
 def robot_classes(
@@ -202,9 +204,18 @@ class Recording:
                 which = ", ".join(map(str, np.flatnonzero(is_bad[t])[:10]))
                 raise SimulationFault(f"Step {frames.step[t]}: the {name} of {kind} {which} is not finite.")
 
-    def _send(self, entity: str, columns: Any, lengths: np.ndarray | list[int] | None = None) -> None:
-        """Send columns of one entity; row t gets the next `lengths[t]` instances (one each if not given)."""
-        parts = columns if lengths is None else columns.partition(lengths)
+    def _send(
+        self, entity: str, columns: Any, lengths: np.ndarray | list[int] | None = None, **values: np.ndarray
+    ) -> None:
+        """Send columns of one entity; row t gets the next `lengths[t]` instances (one each if not given).
+
+        `values` are shown by the viewer where an instance is selected.
+        """
+        # As arrow arrays: of an empty one Rerun otherwise does not know the type.
+        more = rr.AnyValues.columns(**{name: pa.array(value.ravel()) for name, value in values.items()})
+        parts = [*columns, *more]
+        if lengths is not None:
+            parts = [part.partition(lengths) for part in parts]
         self._stream.send_columns(entity, self._index, parts, strict=True)
 
     def _robots(self, frames: Frames, centres: np.ndarray, yaw: np.ndarray, size: np.ndarray) -> None:
@@ -217,7 +228,16 @@ class Recording:
             quaternions=quaternions.reshape(-1, 4),
             class_ids=robot_classes(frames.is_loaded, self._scene.is_scout, frames.has_priority).reshape(-1),
         )
-        self._send(look.ROBOTS, columns, [n_robots] * n_frames)
+        self._send(
+            look.ROBOTS,
+            columns,
+            [n_robots] * n_frames,
+            message=frames.message,
+            dust_hop=np.where(frames.dust_known, frames.dust_hop, NO_HOP).astype(np.int8),
+            dump_hop=np.where(frames.dump_known, frames.dump_hop, NO_HOP).astype(np.int8),
+            turn_deg=np.rad2deg(frames.command[..., 0]),
+            forward_mm=frames.command[..., 1] * np.float32(MILLIMETRES),
+        )
         fronts = centres + 0.34 * size[0] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
         fronts[..., 2] = size[2] + look.FRONT_RADIUS * size[0]
         self._send(look.FRONTS, rr.Points3D.columns(positions=fronts.reshape(-1, 3)), [n_robots] * n_frames)
@@ -236,7 +256,15 @@ class Recording:
         """Links of each step, and the trails of robots now loaded."""
         segments, counts = link_segments(centres, frames.link_sender, frames.link_valid)
         strips = _strips(segments, np.full(len(segments), 2))
-        self._send(look.LINKS, rr.LineStrips3D.columns(strips=strips), counts)
+        valid = frames.link_valid
+        self._send(
+            look.LINKS,
+            rr.LineStrips3D.columns(strips=strips),
+            counts,
+            receiver=np.nonzero(valid)[1].astype(np.int16),
+            sender=frames.link_sender[valid],
+            is_heard=frames.link_heard[valid],
+        )
         history = np.concatenate([self._before, centres])
         points, lengths = trails(history, len(self._before), frames.is_loaded)
         columns = rr.LineStrips3D.columns(strips=_strips(points, lengths))

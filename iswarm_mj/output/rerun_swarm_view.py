@@ -61,6 +61,9 @@ LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends prior
 
 **Lines**: grey from a robot to the one it hears, blue the trail of a loaded robot.
 
+**Selected**: a robot shows its number, its message of 32 bits, its hop counts (-1: no vector), its turn and its way;
+a line the numbers of receiver and sender, and whether the message was heard.
+
 **Floor**: yellow the dump, light blue the dust. All lengths are in millimetres."""
 _SHEET = 0.02
 """Thickness of the areas that are painted on the floor [mm]."""
@@ -96,7 +99,8 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     yield "world/arena/dump", _sheet(np.atleast_2d(scene.dump) * MILLIMETRES, 2 * _SHEET, _DUMP)
     areas = np.reshape(scene.dust_areas, (-1, 4)) * MILLIMETRES
     yield "world/arena/dust_areas", _sheet(areas, 2 * _SHEET, _DUST_AREA)
-    yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False)
+    names = [f"robot {robot}" for robot in range(len(scene.is_scout))]
+    yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False, labels=names)
     yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
     radii = np.asarray(scene.ball_radius) * MILLIMETRES
     yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False)

@@ -1,7 +1,7 @@
 """What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.output.trajectory import RECORDING, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -32,6 +32,19 @@ def clear_worlds(out: Path) -> None:
             place.rmdir()  # it holds something else, or is no directory
 
 
+def about(run: Run, settings: RunSettings) -> dict[str, Any]:
+    """Return what a run was, whatever of it is recorded: version, settings, engine, genome and configuration."""
+    own = asdict(settings)
+    del own["record_worlds"]
+    return {
+        "version": __version__,
+        **run.identity,
+        "settings": own,
+        "genome": asdict(run.genome),
+        "config": asdict(run.config),
+    }
+
+
 def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float) -> dict[str, Any]:
     """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
 
@@ -48,9 +61,7 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
         return values[0] if settings.n_worlds == 1 else values
 
     return {
-        "version": __version__,
         "seed": settings.seed,
-        **run.identity,
         "n_worlds": settings.n_worlds,
         "n_robots": settings.n_robots,
         "n_dust": run.config.arena.n_dust,
@@ -61,8 +72,7 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
         "fitness": each(scores),
         "wall_s": round(wall_s, 3),
         "seconds": {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
-        "genome": asdict(run.genome),
-        "config": asdict(run.config),
+        **about(run, settings),
     }
 
 
@@ -72,9 +82,10 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
         part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def write_trajectory(out: Path, scene: Scene, frames: Frames) -> None:
-    """Write trajectory.npz: the arrays of `Frames` and, with the prefix scene_, of `Scene`."""
+def write_trajectory(out: Path, scene: Scene, frames: Frames, about: Mapping[str, Any]) -> None:
+    """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
     arrays = {f.name: getattr(frames, f.name) for f in fields(frames)}
     arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
+    arrays[ABOUT] = np.bytes_(json.dumps(about).encode())
     with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
         np.savez(file, **arrays)

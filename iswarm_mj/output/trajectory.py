@@ -4,10 +4,12 @@ from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8, UInt32
 
 RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
 """Names of the files of a run."""
+ABOUT = "about"
+"""Of a trajectory's arrays, the one that holds version, settings, genome and configuration as JSON."""
 
 
 class Scene(NamedTuple):
@@ -29,6 +31,12 @@ class Scene(NamedTuple):
     """Rectangles [m]."""
     control_period: float
     """Time between two frames [s]."""
+    is_alive: Bool[np.ndarray, "N"]
+    """The others are dead: they only stand in the way."""
+    message_range: float
+    """Longest vector that a message can carry [m]; with it `sensors.messages.unpack` reads the frames' messages."""
+    world: int
+    """Number of the world in its run."""
 
 
 def _stored(dtype: type, *units: str) -> dict[str, Any]:
@@ -46,26 +54,47 @@ class Frames:
 
     step: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
     """Control step."""
+    is_running: Bool[np.ndarray, "T"] = field(metadata=_stored(np.bool_))
+    """The world took this step; false once it is finished or faulty."""
     pose: Float[np.ndarray, "T N 3"] = field(metadata=_stored(np.float32, "m", "m", "rad"))
     """x, y, and yaw, counted from the x axis and not wrapped."""
     is_loaded: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
     has_priority: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
     """Whether the robot sends the priority flag."""
+    message: UInt32[np.ndarray, "T N"] = field(metadata=_stored(np.uint32))
+    """The 32 bits that the robot's first LED sent as the step began; those of its other LEDs differ in number and
+    parity. No meaning in frame 0, where the world did not take the step, and for dead robots."""
+    command: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "rad", "m"))
+    """Turn and distance ahead that the drive carried out in the step, within its limits and with its errors."""
     ball_position: Float[np.ndarray, "T K 3"] = field(metadata=_stored(np.float32, "m"))
     """Centres of the balls."""
     ball_state: UInt8[np.ndarray, "T K"] = field(metadata=_stored(np.uint8))
     """0 on the floor, 1 held, 2 delivered."""
+    ball_holder: Int[np.ndarray, "T K"] = field(metadata=_stored(np.int16))
+    """The robot that holds the ball, or the last one that did."""
     link_sender: Int[np.ndarray, "T N S"] = field(metadata=_stored(np.int16))
     """The robot that photodiode sector s receives; meaningless where not `link_valid`."""
     link_valid: Bool[np.ndarray, "T N S"] = field(metadata=_stored(np.bool_))
+    link_led: UInt8[np.ndarray, "T N S"] = field(metadata=_stored(np.uint8))
+    """The sender's LED; like what follows, no meaning where not `link_valid`."""
+    link_bearing: Float[np.ndarray, "T N S"] = field(metadata=_stored(np.float32, "rad"))
+    """Measured direction of the sender in the receiver's frame."""
+    link_distance: Float[np.ndarray, "T N S"] = field(metadata=_stored(np.float32, "m"))
+    """Distance of the sender, as the receiver measured it."""
+    link_heard: Bool[np.ndarray, "T N S"] = field(metadata=_stored(np.bool_))
+    """The sender's message arrived, and its parity is correct, if that is checked."""
     dust_vector: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "m"))
     """Remembered vector to the dust, in the robot's own frame (x ahead, y left)."""
     dust_known: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
     """Whether the robot remembers a vector to the dust."""
+    dust_hop: UInt8[np.ndarray, "T N"] = field(metadata=_stored(np.uint8))
+    """Number of robots that this vector came through."""
     dump_vector: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "m"))
     """Remembered vector to the dump, in the robot's own frame."""
     dump_known: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
     """Whether the robot remembers a vector to the dump."""
+    dump_hop: UInt8[np.ndarray, "T N"] = field(metadata=_stored(np.uint8))
+    """Number of robots that this vector came through."""
     delivered: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
     """Balls delivered so far."""
     picked: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt32
 
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
@@ -30,6 +30,8 @@ class Received(NamedTuple):
     """A message arrived, and its parity is correct, if that is checked."""
     distance: Float[Array, "N S"]
     """Measured distance of the sender [mm]."""
+    bits: UInt32[Array, "N 4"]
+    """What each LED of each robot sent."""
 
 
 def exchange(channel: Channel, content: Message, links: Links, key: Array) -> Received:
@@ -43,11 +45,12 @@ def exchange(channel: Channel, content: Message, links: Links, key: Array) -> Re
     """
     noise_key, bits_key = jax.random.split(key)
     columns = jax.tree.map(lambda a: a[:, None], content)._replace(led=jnp.arange(4)[None])
-    bits = pack(columns, channel.max_range)[links.sender, links.led]
+    sent = pack(columns, channel.max_range)
+    bits = sent[links.sender, links.led]
     draw = jax.random.uniform(bits_key, (*links.sender.shape, 4))
     damaged = corrupt(bits, draw[..., :3], channel.noise.error_in_communication, channel.noise.independent_bit_errors)
     message, parity_holds = unpack(damaged, channel.max_range)
     arrives = links.valid & (draw[..., 3] >= channel.noise.p_communication_break)
     is_heard = arrives & (parity_holds | ~jnp.asarray(channel.noise.parity_check))
     error = channel.noise.error_distance_measure * jax.random.normal(noise_key, links.distance.shape)
-    return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0))
+    return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0), sent)

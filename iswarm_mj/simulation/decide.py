@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
@@ -40,6 +40,17 @@ class Situation(NamedTuple):
     """Whether the world takes this step."""
 
 
+class Spoken(NamedTuple):
+    """What robots sent as the step began, and what became of it."""
+
+    message: UInt32[Array, "*B N"]
+    """The 32 bits that a robot's first LED sent; those of the other LEDs differ in number and parity."""
+    is_heard: Bool[Array, "*B N S"]
+    """A message arrived on this side, and its parity is correct, if that is checked."""
+    measured_distance: Float[Array, "*B N S"]
+    """Of the sender of a link [mm]."""
+
+
 class Decision(NamedTuple):
     """Outcome of `decide`."""
 
@@ -50,6 +61,7 @@ class Decision(NamedTuple):
     """The robot sends the priority flag as the step begins."""
     links: Links
     """Of each side (*B, N, S), the sender whose message it receives unless noise spoils it."""
+    spoken: Spoken
 
 
 def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
@@ -99,7 +111,8 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
     decided = SwarmState(memory, balls, is_alive)
     kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
-    return Decision(kept, command, said.priority & is_alive, sight.links)
+    spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
+    return Decision(kept, command, said.priority & is_alive, sight.links, spoken)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))

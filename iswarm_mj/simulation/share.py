@@ -61,7 +61,8 @@ class Share:
         with self._watch("policy"):
             situation = situation._replace(poses=situation.poses.astype(np.float32))
             decision = decide_worlds(self._config, self.engine.robot, self.params, swarm, situation)
-            return jax.tree.map(np.asarray, decision._replace(swarm=None))._replace(swarm=decision.swarm)
+            needed = jax.tree.map(np.asarray, decision._replace(swarm=None, spoken=None))
+            return needed._replace(swarm=decision.swarm, spoken=decision.spoken)
 
 
 def rows(tree: Any, worlds: slice) -> Any:

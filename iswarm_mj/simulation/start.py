@@ -24,6 +24,7 @@ from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSet
 from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
@@ -134,6 +135,10 @@ def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], 
         swarm=swarm,
         links=Links(*nothing),
         has_priority=np.zeros(poses.shape[:2], bool),
+        message=np.zeros(poses.shape[:2], np.uint32),
+        is_heard=np.zeros(sides, bool),
+        measured_distance=np.zeros(sides, np.float32),
+        command=Command(*np.zeros((2, *poses.shape[:2]), np.float32)),
         balls=ball_centres(swarm.balls, poses, robot),
         collisions=zero,
         speed=zero.astype(float),

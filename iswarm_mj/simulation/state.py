@@ -5,11 +5,12 @@ All are pytrees of arrays of one world, or of B worlds with a leading axis.
 
 from typing import Any, NamedTuple
 
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.utils.arrays import Array
 
@@ -77,6 +78,16 @@ class StepRecord(NamedTuple):
     """By which the robots heard each other in this step; none at the start."""
     has_priority: Bool[Array, "*T N"]
     """The robot sent the priority flag as the step began."""
+    message: UInt32[Array, "*T N"]
+    """The 32 bits (`sensors.messages`) that the robot's first LED sent as the step began; no meaning at the start,
+    where the world did not take this step, and for dead robots."""
+    is_heard: Bool[Array, "*T N S"]
+    """The message of a link arrived, and its parity is correct, if that is checked."""
+    measured_distance: Float[Array, "*T N S"]
+    """Of the sender, as the receiver measured it [mm]; no meaning where the link is not valid."""
+    command: Command
+    """What the drive carried out: the strategy's command with the actuators' errors, within the limits; zero at the
+    start, where the world did not take this step, and for dead robots."""
     balls: Float[Array, "*T K 3"]
     """Centres of the balls [mm]."""
     collisions: Int[Array, "*T"]

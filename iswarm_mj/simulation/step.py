@@ -54,7 +54,8 @@ def control_step(
     command, refused = limited(config, decision.command)
     motion = engine.move(state.bodies, drive_phases(config.drive, command), is_running & ~refused.any(axis=-1))
     new = account(params, state, decision.swarm, motion, refused, situation)
-    return new, record(stepper, params, new, decision, situation) if stepper.records else None
+    done = decision._replace(command=command)
+    return new, record(stepper, params, new, done, situation) if stepper.records else None
 
 
 def limited(config: SwarmConfig, command: Command) -> tuple[Command, Bool[Array, "*B N"]]:
@@ -145,17 +146,22 @@ def record(
         stepper: engine and configuration.
         params: of the world.
         state: after the step.
-        decision: of the robots.
+        decision: of the robots, with the commands that the drive carried out.
         situation: as the step began.
     """
-    links, is_running = decision.links, situation.is_running
+    links, spoken, is_running = decision.links, decision.spoken, situation.is_running
+    xp = array_module(is_running)
     poses = stepper.engine.poses(state.bodies)
     return StepRecord(
-        step=array_module(is_running).broadcast_to(situation.step + 1, is_running.shape),
+        step=xp.broadcast_to(situation.step + 1, is_running.shape),
         poses=poses,
         swarm=decision.swarm,
         links=links._replace(valid=links.valid & is_running[..., None, None]),
         has_priority=decision.has_priority,
+        message=spoken.message,
+        is_heard=xp.asarray(spoken.is_heard) & is_running[..., None, None],
+        measured_distance=spoken.measured_distance,
+        command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.command)),
         balls=ball_centres(decision.swarm.balls, poses, stepper.engine.robot),
         collisions=state.collisions,
         speed=mean_step(situation.poses, poses, params.is_present) / stepper.config.drive.control_period,

@@ -29,7 +29,9 @@ class Recorder:
         from iswarm_mj.output.rerun_swarm import Recording
 
         self._watch, self._out, self._index = run.watch, out, index
-        self._scene = scene_of(run.config, run.robot, run.start, index)
+        number = run.worlds[run.settings.record_worlds[index]].index
+        self._scene = scene_of(run.config, run.robot, run.start, index, number)
+        self._about = results.about(run, run.settings)
         self._pending: list[StepRecord] = [run.start]
         self._blocks: list[Frames] = []
         metadata = {"genome": asdict(run.genome), "run": asdict(run.settings), **asdict(run.config)}
@@ -47,7 +49,7 @@ class Recorder:
                 self._write()
             finally:
                 self._recording.__exit__(*reason)
-                results.write_trajectory(self._out, self._scene, Frames.concatenate(self._blocks))
+                results.write_trajectory(self._out, self._scene, Frames.concatenate(self._blocks), self._about)
 
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""

@@ -250,9 +250,9 @@ def test_a_whole_run_of_such_robots(file):
 @pytest.fixture(scope="module")
 def scene(file):
     memory, balls = SimpleNamespace(is_scout=np.zeros((1, 1, N), bool)), SimpleNamespace(radius=np.zeros((1, 1, 0)))
-    swarm = SimpleNamespace(memory=memory, balls=balls)
+    swarm = SimpleNamespace(memory=memory, balls=balls, is_alive=np.ones((1, 1, N), bool))
     start = StepRecord(**dict.fromkeys(StepRecord._fields) | {"swarm": swarm})
-    return scene_of(CONFIG, read_robot(file), start, 0)
+    return scene_of(CONFIG, read_robot(file), start, 0, 0)
 
 
 class TestOutput:

@@ -29,12 +29,15 @@ def make_scene(n_robots=40, n_balls=12):
         dump=np.array([-7e-3, -7e-3, 7e-3, 7e-3]),
         dust_areas=np.array([[-45e-3, 20e-3, -20e-3, 45e-3], [22e-3, -45e-3, 45e-3, -22e-3]]),
         control_period=PERIOD,
+        is_alive=np.ones(n_robots, bool),
+        message_range=0.14,
+        world=0,
     )
 
 
 def make_frames(scene, n_frames=50, seed=0):
     """Random walks: robots load in the dust areas, head for the dump, and drop their ball there."""
-    rng = np.random.default_rng(seed)
+    rng, more = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     n, k = len(scene.is_scout), len(scene.ball_radius)
     half = scene.arena_size / 2 - 2e-3
     areas = np.asarray(scene.dust_areas)
@@ -85,14 +88,24 @@ def make_frames(scene, n_frames=50, seed=0):
         one = {
             "step": np.int32(step),
             "pose": np.column_stack([xy, yaw]).astype(np.float32),
+            "is_running": np.bool_(True),
+            "message": more.integers(2**32, size=n, dtype=np.uint32),
+            "command": more.normal(0, [0.5, 1e-3], (n, 2)).astype(np.float32),
             "is_loaded": ball_of >= 0,
             "has_priority": (ball_of >= 0) & (np.arange(n) % 3 > 0),
             "ball_position": balls.astype(np.float32),
             "ball_state": state.copy(),
             "link_sender": np.where(valid, nearest, -1).astype(np.int16),
             "link_valid": valid,
+            "link_led": more.integers(4, size=(n, 4), dtype=np.uint8),
+            "link_bearing": more.normal(size=(n, 4)).astype(np.float32),
+            "link_distance": more.random((n, 4), np.float32),
+            "link_heard": valid & (more.random((n, 4)) < 0.8),
+            "ball_holder": np.zeros(k, np.int16),
             "dust_vector": body[0].astype(np.float32),
             "dust_known": knows[0].copy(),
+            "dust_hop": more.integers(15, size=n, dtype=np.uint8),
+            "dump_hop": more.integers(15, size=n, dtype=np.uint8),
             "dump_vector": body[1].astype(np.float32),
             "dump_known": knows[1].copy(),
             "delivered": np.int32((state == 2).sum()),
@@ -198,6 +211,26 @@ def test_links_reach_from_receiver_to_sender(run):
         assert len(strips) == len(wanted)
         if wanted:
             np.testing.assert_allclose(np.array(strips)[..., :2], 1e3 * np.array(wanted), atol=1e-3)
+
+
+def test_links_name_their_ends(run):
+    _, frames, recorded = run
+    links = recorded["/world/links"]
+    for t, valid in enumerate(frames.link_valid):
+        assert links["receiver"][t] == np.nonzero(valid)[0].tolist()
+        assert links["sender"][t] == frames.link_sender[t][valid].tolist()
+        assert links["is_heard"][t] == frames.link_heard[t][valid].tolist()
+
+
+def test_robots_tell_messages_hop_counts_and_commands(run):
+    _, frames, recorded = run
+    robots = recorded["/world/robots/body"]
+    np.testing.assert_array_equal(robots["message"], frames.message)
+    for name in ("dust", "dump"):
+        hops, known = getattr(frames, f"{name}_hop"), getattr(frames, f"{name}_known")
+        np.testing.assert_array_equal(robots[f"{name}_hop"], np.where(known, hops.astype(int), -1))
+    np.testing.assert_allclose(robots["turn_deg"], np.rad2deg(frames.command[..., 0]), rtol=1e-5)
+    np.testing.assert_allclose(robots["forward_mm"], 1e3 * frames.command[..., 1], rtol=1e-5)
 
 
 @pytest.mark.parametrize("kind", ["dust", "dump"])

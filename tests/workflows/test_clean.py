@@ -9,7 +9,7 @@ from helpers_rrd import read
 from helpers_runs import engine_of, first_step, records, run_of, spoil
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.trajectory import ABOUT, Frames, Scene
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER
@@ -78,7 +78,9 @@ def test_result_has_all_that_was_promised(done, small):
 
 def test_trajectory_agrees_with_result(done):
     _, content, frames, _ = done
-    assert frames.keys() == {f.name for f in fields(Frames)} | {f"scene_{name}" for name in Scene._fields}
+    assert frames.keys() == {f.name for f in fields(Frames)} | {f"scene_{name}" for name in Scene._fields} | {ABOUT}
+    about = json.loads(frames[ABOUT].item())
+    assert about == {name: content[name] for name in ("version", "engine", "settings", "genome", "config")}
     np.testing.assert_array_equal(frames["step"], np.arange(content["steps"] + 1))
     for name in ("delivered", "picked", "collisions"):
         assert frames[name][-1] == content[name] and frames[name][0] == 0
@@ -106,6 +108,25 @@ def test_trajectory_is_in_si(done):
         np.testing.assert_array_equal(frames[f"link_{name}"], links)
     np.testing.assert_array_equal(frames["has_priority"], [record.has_priority[0] for record in recorded])
     assert frames["link_valid"].any() and frames["dust_known"].any() and frames["has_priority"].any()
+
+
+def test_trajectory_has_hop_counts_messages_commands_and_senders(done):
+    _, _, frames, recorded = done
+    for name in ("dust", "dump"):
+        hops = np.stack([getattr(record.swarm.memory, name).hop[0] for record in recorded])
+        np.testing.assert_array_equal(frames[f"{name}_hop"], hops)
+        assert len(set(hops.ravel())) > 3
+    np.testing.assert_array_equal(frames["message"], [record.message[0] for record in recorded])
+    np.testing.assert_allclose(frames["command"][..., 0], [record.command.turn[0] for record in recorded], rtol=1e-6)
+    np.testing.assert_allclose(frames["command"][..., 1], [1e-3 * record.command.forward[0] for record in recorded])
+    np.testing.assert_array_equal(frames["link_led"], [record.links.led[0] for record in recorded])
+    np.testing.assert_allclose(frames["link_bearing"], [record.links.bearing[0] for record in recorded], rtol=1e-6)
+    measured = [1e-3 * record.measured_distance[0] for record in recorded]
+    np.testing.assert_allclose(frames["link_distance"], measured, rtol=1e-6)
+    np.testing.assert_array_equal(frames["link_heard"], [record.is_heard[0] for record in recorded])
+    balls = [record.swarm.balls.holder[0] for record in recorded]
+    np.testing.assert_array_equal(frames["ball_holder"], balls)
+    assert frames["is_running"].all() and frames["scene_is_alive"].all() and frames["scene_world"] == 0
 
 
 def test_scene(done):
