@@ -102,17 +102,24 @@ class TestMotion:
             assert not ours.touching[world][~here].any() and not ours.touching[world][:, ~here].any()
 
     def test_too_little_room_is_said(self):
-        """20 pairs and 30 contact points, for 67 pairs that are near but do not touch, 10 pairs that do, and none."""
-        small = compile_mjx_arena(SMALL, N, "jax", 3, ContactCapacity(pairs=20, contacts=30))
-        near, touching, free = np.zeros((3, N, 3), np.float32)
+        """20 pairs and 30 contact points, for 67 pairs that are near but do not touch, 10 pairs that do, and none.
+
+        Also where there is room again at the end, as in the last world, whose robots go apart.
+        """
+        small = compile_mjx_arena(SMALL, N, "jax", 4, ContactCapacity(pairs=20, contacts=30))
+        near, touching, free, parting = np.zeros((4, N, 3), np.float32)
         grid = np.arange(N) % 7, np.arange(N) // 7
         near[:, :2] = np.column_stack(grid) * 2.4 - 7
         free[:, :2] = np.column_stack(grid) * 3.0 - 9
         touching[:] = free
         touching[np.arange(1, N, 4), 0] -= 1.1
-        poses = np.stack([near, touching, free])
-        ours = moved(MjxEngine(small, SMALL, False), poses, 0 * poses, ALL[:3], 1)
-        assert ours.fault.tolist() == [FaultKind.TOO_MANY_PAIRS, FaultKind.TOO_MANY_CONTACTS, 0]
+        parting[:, :2] = np.column_stack(grid) * 2.8 - 8.4
+        poses, velocity = np.stack([near, touching, free, parting]), np.zeros((4, N, 3), np.float32)
+        velocity[3] = parting / 8.4
+        engine = MjxEngine(small, SMALL, False)
+        ours = moved(engine, poses, velocity, ALL[:4])
+        full = FaultKind.TOO_MANY_PAIRS
+        assert ours.fault.tolist() == [full, FaultKind.TOO_MANY_CONTACTS, 0, full]
         np.testing.assert_array_equal(ours.bodies.poses, poses)
 
 

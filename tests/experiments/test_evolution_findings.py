@@ -195,6 +195,12 @@ def test_the_fittest_are_those_of_generations_35_to_100():
     )
 
 
+def test_the_first_and_the_last_generation_of_the_plateau_count():
+    """The first generation is number 1; those just before and just behind are as fit, and left out."""
+    rows = [{"generation": g, "fitness": float(g in (33, 34, 99, 100))} for g in range(120) for _ in range(10)]
+    assert sorted(r["generation"] for r in fittest(rows, 35, 100) if r["fitness"]) == [34] * 10 + [99] * 10
+
+
 def test_quantities_of_one_search():
     """By hand: 40 generations of two runs, of which the second cleans the arena and is the fitter one."""
     rows = []

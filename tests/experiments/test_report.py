@@ -80,6 +80,15 @@ class TestResults:
         assert found.left_out == [results / "quick/hop_count.parquet"]
         assert set(found.searches) == {"paper"} and found.trials is not None
 
+    def test_a_larger_quick_table_does_not_come_first(self, tmp_path):
+        write_hop_count(tmp_path / "a", Plan())
+        full = collect([tmp_path]).experiments["hop-count"]
+        (tmp_path / "b").mkdir()
+        write_table(tmp_path / "b/hop_count.parquet", [*full.rows, *full.rows], {**full.settings, "quick": True})
+        found = collect([tmp_path])
+        assert found.experiments["hop-count"].path == full.path
+        assert found.left_out == [tmp_path / "b/hop_count.parquet"]
+
     def test_links_out_of_the_directory_are_not_followed(self, results, tmp_path):
         inside = tmp_path / "inside"
         (inside / "types").mkdir(parents=True)

@@ -17,7 +17,7 @@ from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate,
 from iswarm_mj.experiments.runner import pool, resumable
 from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, run_job
-from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, optimiser
+from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, generator, optimiser
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
     BEST,
@@ -150,6 +150,15 @@ def test_seeds_differ_and_are_seeds():
     assert len(seeds) == 6000 and max(seeds) < 2**32 - 1 and min(seeds) >= 0
     assert run_seed(SEARCH, Place(1, 2, 0)) != run_seed(SEARCH, Place(2, 1, 0))
     assert len({replicate_seed(seed, r) for seed in range(20) for r in range(20)}) == 400
+
+
+def test_generations_and_seeds_have_random_numbers_of_their_own():
+    assert len({generator(seed, generation).random() for seed in range(5) for generation in range(20)}) == 100
+    search, found = optimiser("random", Operators(), 10, 3), []
+    for _ in range(4):
+        found += [individual.genome for individual in search.ask()]
+        search.tell([1.0] * 10)
+    assert len(set(found)) == 40
 
 
 class TestReplicates:

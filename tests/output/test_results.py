@@ -1,10 +1,16 @@
 """Results of earlier runs make way, and a file appears complete or not at all."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import TRAJECTORY
+from iswarm_mj.simulation.metrics import Measures
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.profiling import Stopwatch
 
 
 def test_a_directory_in_the_place_of_a_file(tmp_path):
@@ -24,6 +30,15 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
         raise RuntimeError
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
     assert (tmp_path / "result.json").read_text() == "old"
+
+
+def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
+    """Ten points for each of those that it was given, not of those that it took."""
+    run = SimpleNamespace(config=small, identity={}, goal=24, watch=Stopwatch(), genome=Genome())
+    measures = [Measures(24, 24, 60, 5.0, finished_at) for finished_at in (40, 55)]
+    content = results.result(run, RunSettings(30, 100, n_worlds=2), measures, 55, 1.0)
+    assert content["fitness"] == pytest.approx([40 * 24 + 10 * 60 - 0.1, 40 * 24 + 10 * 45 - 0.1])
+    assert content["finished_at"] == [40, 55] and (content["steps"], content["max_steps"]) == (55, 100)
 
 
 def test_further_worlds_of_an_earlier_run_are_removed(tmp_path):

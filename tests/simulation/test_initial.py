@@ -109,6 +109,13 @@ def test_seeds_and_worlds(small):
         assert np.array_equal(value, world) == (value is first[-1])
 
 
+def test_worlds_of_neighbouring_seeds_begin_differently(small):
+    """World 1 of seed 0 is not world 0 of seed 1."""
+    starts = [draw_start(small, 3, seed, world) for seed in range(4) for world in range(4)]
+    for values in zip(*((s.poses, s.balls.position, s.balls.work_tool_object) for s in starts), strict=True):
+        assert len({value.tobytes() for value in values}) == 16
+
+
 def test_nothing_is_held_at_the_start(small):
     _, balls, is_alive = draw_start(small, 30, 0, 0)
     assert balls.position.shape == (24, 2)

@@ -249,6 +249,14 @@ def test_learning_is_forgetting_then_listening_then_feeling():
     assert memory.dust.known.all() and not memory.dump.known.any()
 
 
+def test_the_draws_of_a_step_are_independent():
+    """What decides on dust says nothing on the dump, nor on where a robot wanders; each is uniform from 0 to 1."""
+    numbers = np.concatenate([np.asarray(d).reshape(MANY, -1) for d in draw(MANY, 4, jax.random.key(6))], axis=1)
+    assert numbers.shape == (MANY, 12)
+    assert abs(np.corrcoef(numbers.T) - np.eye(12)).max() < 0.04
+    np.testing.assert_allclose(np.quantile(numbers, [0.25, 0.5, 0.75], axis=0).T, [[0.25, 0.5, 0.75]] * 12, atol=0.02)
+
+
 def test_silent_sides_teach_nothing():
     seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(is_heard=jnp.zeros((3, 4), bool))
     memory = learn_here(RULES, memories(3), seen, draws(3, forget=1.0))

@@ -96,10 +96,11 @@ class TestMutation:
             assert turned == 0 or abs(np.corrcoef(changed[:, IS_BOOLEAN].T) - np.eye(3)).max() < 0.04
 
     def test_independent_mutation(self):
-        """One value in twenty is drawn anew from its range; half of such Booleans change."""
+        """One value in twenty is drawn anew from its range, each by itself; half of such Booleans change."""
         mutants = self.mutants(replace(PAPER, dependent_rate=0.0))
         changed = mutants != self.MIDDLE
         assert near(changed.sum(axis=0)[REAL], DRAWS, 0.05) and near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, 0.025)
+        assert abs(np.corrcoef(changed.T) - np.eye(len(NAMES))).max() < 0.04
         low, high = ranges(PAPER)
         for i in np.flatnonzero(REAL):
             drawn = mutants[changed[:, i], i]
@@ -184,6 +185,22 @@ class TestSelection:
         assert stats.chisquare(pairs.ravel(), expected.ravel()).pvalue > 1e-3
         kinds = [c.origin for c in children]
         assert near(kinds.count("intermediate"), len(kinds), 0.5)
+
+    def test_children_have_the_genes_of_both_parents_that_they_name(self):
+        """The average of both, or as often the one's as the other's."""
+        children = self.parents(replace(STILL, crossover_rate=1.0), np.ones(10))
+        one, other = (
+            np.array([POPULATION[i].p_vector_forget for i in names])
+            for names in zip(*(c.parents for c in children), strict=True)
+        )
+        own, average = (
+            np.array([f(c) for c in children])
+            for f in (lambda c: c.genome.p_vector_forget, lambda c: c.origin == "intermediate")
+        )
+        np.testing.assert_allclose(own[average], ((one + other) / 2)[average])
+        mixed = ~average & (one != other)
+        assert ((own == one) ^ (own == other))[mixed].all()
+        assert near((own == one)[mixed].sum(), mixed.sum(), 0.5)
 
     def test_fitness_below_zero_counts_as_zero(self):
         np.testing.assert_allclose(selection_probabilities([-50, 0, 30, 10]), [0, 0, 0.75, 0.25])

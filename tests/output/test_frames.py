@@ -1,0 +1,33 @@
+"""Frames of a trajectory from the records of a run."""
+
+import numpy as np
+import pytest
+from helpers_runs import N, run_of
+
+from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS
+
+
+@pytest.fixture(scope="module")
+def run(small):
+    """Two worlds of different genomes and seeds, both recorded."""
+    return run_of(small, worlds=[World(PRESETS["type1"], N), World(PRESETS["type2"], N, seed=1)])
+
+
+def test_each_world_has_its_own_scene(run):
+    scenes = [scene_of(run.config, run.robot, run.start, world) for world in (0, 1)]
+    assert [scene.is_scout.sum() for scene in scenes] == [2, 8]
+    for scene, start in zip(scenes, run.starts, strict=True):
+        np.testing.assert_array_equal(scene.ball_radius, start.balls.radius)
+    assert (scenes[0].ball_radius != scenes[1].ball_radius).all()
+
+
+@pytest.mark.parametrize("held", [3, 7])
+def test_a_robot_is_loaded_whatever_it_held_before(run, held):
+    """Of two balls that robot 5 picked up, one lies on the floor again."""
+    swarm = run.start.swarm
+    holder, is_held = np.zeros_like(swarm.balls.holder), np.zeros_like(swarm.balls.is_held)
+    holder[0, 1, [3, 7]], is_held[0, 1, held] = 5, True
+    record = run.start._replace(swarm=swarm._replace(balls=swarm.balls._replace(holder=holder, is_held=is_held)))
+    assert [np.argwhere(frames_of([record], world).is_loaded).tolist() for world in (0, 1)] == [[], [[0, 5]]]
