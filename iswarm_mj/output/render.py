@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
-from iswarm_mj.output.stage import Shot, Stage, load
+from PIL import Image
+
+from iswarm_mj.output.recorded import load
+from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import atomic_write, make_output_directory
 
 
 def render(directory: Path, step: int, shot: Shot, out: Path) -> None:
@@ -19,16 +22,12 @@ def render(directory: Path, step: int, shot: Shot, out: Path) -> None:
     Raises:
         UserError: no such run, step or camera, or no off-screen OpenGL, or `out` is not writable.
     """
+    check("out", str(out), "a name ending in .png", out.suffix in Image.registered_extensions())
     config, frames = load(directory)
     last = int(frames["step"][-1])
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
+    make_output_directory(out.parent, given=out)
     with Stage(config, frames, shot) as stage:
         pixels = stage.frame(frames, step)
-    from PIL import Image
-
-    try:
-        Image.fromarray(pixels).save(out)
-    except (OSError, ValueError) as error:
-        raise UserError(
-            f"--out must be a writable name ending in .png (got {out}, which cannot be written: {error})"
-        ) from None
+    with atomic_write(out) as part:
+        Image.fromarray(pixels).save(part)

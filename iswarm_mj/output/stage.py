@@ -1,6 +1,5 @@
 """The arena of a recorded run before a camera, rendered off-screen by MuJoCo."""
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -9,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_m
@@ -30,23 +28,6 @@ class Shot(NamedTuple):
     """Magnification of the balls, since 20 um are invisible beside 139 mm."""
     fine: bool = True
     """With shadows and round shapes; without them a frame takes a tenth of the time on a CPU."""
-
-
-def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
-    """Return the configuration of the arena and the arrays of the trajectory of a recorded run.
-
-    Raises:
-        UserError: the directory holds no recorded run.
-    """
-    try:
-        arena = json.loads((directory / RESULT).read_text(encoding="utf-8"))["config"]["arena"]
-        with np.load(directory / TRAJECTORY) as file:
-            return SwarmConfig(arena=ArenaConfig(**arena)), dict(file)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError(
-            f"{directory} holds no readable {RESULT} with {TRAJECTORY} ({error}); "
-            "give the --out of a run that `iswarm clean` recorded."
-        ) from None
 
 
 class Stage:

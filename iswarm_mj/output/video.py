@@ -1,9 +1,12 @@
 """A video of a run, H.264 in an mp4 file, rendered off-screen by MuJoCo from the run's directory."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import NamedTuple
 
 import imageio_ffmpeg
@@ -12,14 +15,15 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
-from iswarm_mj.output.stage import Shot, Stage, load
+from iswarm_mj.output.recorded import load
+from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write
+from iswarm_mj.utils.files import atomic_write, make_output_directory
 
 RATE = 24
 """Frames per second."""
-QUALITY = 4
-"""From 0 to 10; 4 is a constant rate factor of 30 of x264."""
+RATE_FACTOR = 30
+"""Constant rate factor of x264: from 0, without loss, to 51."""
 
 
 class Film(NamedTuple):
@@ -49,6 +53,7 @@ def write_video(directory: Path, out: Path, film: Film) -> None:
     config, frames = load(directory)
     last = len(frames["step"]) - 1 if film.steps is None else min(film.steps, len(frames["step"]) - 1)
     total = last * film.frames_per_step + 1
+    make_output_directory(out.parent, given=out)
     with atomic_write(out) as part, Stage(config, frames, film.shot) as stage:
         pictures = _pictures(stage, frames, film, last)
         encode(tqdm(pictures, out.stem, total, unit="frame", disable=not sys.stderr.isatty()), part, film.shot.size)
@@ -60,25 +65,33 @@ def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> 
     Raises:
         UserError: ffmpeg could not write the file.
     """
-    writer = imageio_ffmpeg.write_frames(
-        str(out),
-        size,
-        fps=RATE,
-        codec="libx264",
-        pix_fmt_out="yuv420p",
-        macro_block_size=2,
-        quality=QUALITY,
-        output_params=["-movflags", "+faststart", "-f", "mp4"],
-        ffmpeg_log_level="error",
-    )
-    try:
-        writer.send(None)
-        for picture in pictures:
-            writer.send(np.ascontiguousarray(picture))
-    except (OSError, subprocess.SubprocessError) as error:
-        raise UserError(f"The video {out} could not be written ({error}); choose a writable directory.") from None
-    finally:
-        writer.close()
+    given = f"-f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -r {RATE} -i -"
+    wanted = f"-an -c:v libx264 -pix_fmt yuv420p -crf {RATE_FACTOR} -movflags +faststart -f mp4"
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *given.split(), *wanted.split(), f"file:{out}"]
+    with TemporaryFile() as told:
+        # In a group of its own, so that Ctrl-C reaches this process alone.
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=told, process_group=0)
+        assert process.stdin is not None
+        try:
+            with suppress(BrokenPipeError), process.stdin as stdin:  # ffmpeg's own words say more
+                for picture in pictures:
+                    stdin.write(np.ascontiguousarray(picture).data)
+            status = process.wait()
+        finally:
+            process.kill()
+            process.wait()
+        told.seek(0)
+        words = told.read().decode(errors="replace")
+    if status:
+        raise UserError(
+            f"ffmpeg could not write the video ({_in_one_line(words, status)}); make room or choose another `out`"
+        )
+
+
+def _in_one_line(words: str, status: int) -> str:
+    """The first of ffmpeg's lines, which names the cause; without one, how it ended."""
+    lines = [re.sub(r"^\[[^]]*\] *", "", line).strip(" .") for line in words.splitlines()]
+    return next(filter(None, lines), f"it ended with status {status}")
 
 
 def _pictures(stage: Stage, frames: dict[str, np.ndarray], film: Film, last: int) -> Iterator[np.ndarray]:

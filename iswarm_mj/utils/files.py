@@ -1,11 +1,17 @@
 """Output directories, and files that are replaced in one step."""
 
+import errno
 import os
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from iswarm_mj.utils.errors import ConfigError, UserError
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_PART = re.compile(r"\.[0-9]+-")
+"""How the names of temporary files begin: with the number of the process."""
 
 
 def make_output_directory(out: Path, given: Path | None = None) -> None:
@@ -29,8 +35,14 @@ def make_output_directory(out: Path, given: Path | None = None) -> None:
 
 
 def write_error(path: Path, error: OSError) -> UserError:
-    """Return the error to raise where a file cannot be opened, replaced or removed."""
-    return UserError(f"{path} cannot be written ({error.strerror}); move it away or choose another `out`")
+    """Return the error to raise where a file cannot be opened, written, replaced or removed."""
+    remedy = "make room" if error.errno in _FULL else "move it away"
+    return UserError(f"{path} cannot be written ({_reason(error)}); {remedy} or choose another `out`")
+
+
+def _reason(error: OSError) -> str:
+    """What the system says; libraries put more into their errors, or leave out the number."""
+    return os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
 
 
 def remove(path: Path) -> None:
@@ -50,14 +62,22 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same directory, which replaces `path` if the block succeeds.
 
     Raises:
-        UserError: `path` cannot be replaced.
+        UserError: the system refused to write, for example because the disk is full.
     """
-    part = path.with_name(f".{os.getpid()}-{path.name}")
+    part = path.parent / f".{os.getpid()}-{path.name}"
     try:
         yield part
-        try:
-            part.replace(path)
-        except OSError as error:
-            raise write_error(path, error) from None
+        part.replace(path)
+    except OSError as error:
+        raise write_error(path, error) from None
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def remove_parts(out: Path, *names: str) -> None:
+    """Remove what `atomic_write` left of files of these names, or patterns, in processes that were killed."""
+    for name in names:
+        for part in out.glob(f".*-{name}"):
+            if _PART.match(part.name):
+                remove(part)

@@ -2,8 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,7 @@ from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.files import make_output_directory, remove
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases
@@ -67,12 +65,11 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
     seconds = time.perf_counter() - started
     rows = trial_rows(settings, listed, outcomes)
     mappings = [row._asdict() for row in rows]
-    with _writing(out):
-        _clear(out)
-        write_table(out / TABLE, mappings, settings.metadata(), csv=True)
-        draw_figures(mappings, settings.metadata(), out)
-        for number in record:
-            _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
+    _clear(out)
+    write_table(out / TABLE, mappings, settings.metadata(), csv=True)
+    draw_figures(mappings, settings.metadata(), out)
+    for number in record:
+        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
     lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s, {settings.engine}"), ("results", str(out))]
     print("\n".join(f"{name:>12}  {text}" for name, text in lines))
     return rows
@@ -101,30 +98,17 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
         trial = Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity)
         rows += force_curve(trial, settings.protocol, voltage)
     metadata = {**settings.metadata(), "relative_humidity": humidity}
-    with _writing(out):
-        write_table(out / CURVES, rows, metadata, csv=True)
-        path = draw_force_curve(rows, metadata, out)
+    write_table(out / CURVES, rows, metadata, csv=True)
+    path = draw_force_curve(rows, metadata, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}, {path}")
     return rows
-
-
-@contextmanager
-def _writing(out: Path) -> Iterator[None]:
-    """Turn a failure to write the results into a UserError."""
-    try:
-        yield
-    except OSError as error:
-        raise UserError(
-            f"Results in {out} cannot be written ({error.strerror}: {error.filename2 or error.filename}); "
-            "make room, or choose a writable directory as --out."
-        ) from None
 
 
 def _clear(out: Path) -> None:
     """Remove the results of an earlier run."""
     for pattern in _RESULTS:
         for path in out.glob(pattern):
-            path.unlink()
+            remove(path)
 
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:

@@ -1,19 +1,19 @@
 """Pictures of runs: any number of robots, in the colours of their states, and clear errors."""
 
-import json
 import subprocess
 import sys
-from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_files import full_disk
 from helpers_opengl import needs_opengl
+from helpers_recorded import write_run
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.recorded import load
 from iswarm_mj.output.render import render
-from iswarm_mj.output.stage import Shot, load
-from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.output.stage import Shot
 from iswarm_mj.utils.errors import UserError
 
 N = 330
@@ -28,17 +28,16 @@ def directory(tmp_path_factory):
     pose = np.column_stack([(grid - [10.5, 7]) * 5e-3, np.zeros(N)])
     pose[:, 1] += 1e-3 * np.sign(pose[:, 1])
     kind = np.arange(N) * 3 // N
-    (out / RESULT).write_text(json.dumps({"config": asdict(SwarmConfig())}))
-    np.savez(
-        out / TRAJECTORY,
+    return write_run(
+        out,
         step=np.array([0]),
         pose=pose[None].astype(np.float32),
         is_loaded=(kind == 0)[None],
         scene_is_scout=kind == 1,
         scene_ball_radius=np.full(2, 2e-5),
         ball_position=np.full((1, 2, 3), 2e-5),
+        delivered=np.array([0]),
     )
-    return out
 
 
 @needs_opengl
@@ -82,3 +81,37 @@ def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):
 def test_a_step_outside_the_run_is_refused(directory, tmp_path, step):
     with pytest.raises(UserError, match=rf"step must be a step of the run, 0 to 0 \(got {step}\)"):
         render(directory, step, Shot(size=(64, 64)), tmp_path / "a.png")
+
+
+class Blank:
+    """In place of a stage: a picture that does not compress."""
+
+    def __init__(self, config, frames, shot):
+        self.pixels = np.random.default_rng(0).integers(0, 255, (shot.size[1], shot.size[0], 3), np.uint8)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def frame(self, frames, step):
+        return self.pixels
+
+
+def test_a_full_disk_leaves_the_old_picture(directory, tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    (tmp_path / "a.png").write_bytes(b"old")
+    with pytest.raises(UserError, match=r"a\.png cannot be written \(File too large\); make room"), full_disk(1000):
+        render(directory, 0, Shot(size=(64, 64)), tmp_path / "a.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"] and (tmp_path / "a.png").read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("out", ["", "a", "a.mp5", "a.png/"])
+def test_names_that_are_no_picture(directory, tmp_path, monkeypatch, out):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.png").mkdir()
+    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    with pytest.raises(UserError, match=r"a name ending in \.png|cannot be written"):
+        render(directory, 0, Shot(size=(64, 64)), Path(out))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]

@@ -23,15 +23,6 @@ def test_a_directory_in_the_place_of_a_file(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
 
-def test_a_file_appears_whole_or_not_at_all(tmp_path):
-    (tmp_path / "result.json").write_text("old")
-    with pytest.raises(RuntimeError), results.atomic_write(tmp_path / "result.json") as part:
-        part.write_text("half")
-        raise RuntimeError
-    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
-    assert (tmp_path / "result.json").read_text() == "old"
-
-
 def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     """Ten points for each of those that it was given, not of those that it took."""
     run = SimpleNamespace(config=small, identity={}, goal=24, watch=Stopwatch(), genome=Genome())

@@ -6,9 +6,12 @@ import sys
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from helpers_files import full_disk
 from helpers_opengl import needs_opengl
+from helpers_recorded import write_run
 
 from iswarm_mj.commands.main import main
+from iswarm_mj.output.stage import Shot
 from iswarm_mj.output.video import RATE, Film, encode, interpolated, write_video
 from iswarm_mj.utils.errors import UserError
 
@@ -74,21 +77,14 @@ def test_bad_flags_end_with_a_sentence(flags, said, capsys):
 @needs_opengl
 def test_a_run_is_filmed(small, tmp_path):
     """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
-    import json
-    from dataclasses import asdict
-
-    from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
-
-    (tmp_path / RESULT).write_text(json.dumps({"config": asdict(small)}))
     pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
-    np.savez(
-        tmp_path / TRAJECTORY,
-        step=np.arange(3),
+    write_run(
+        tmp_path,
+        small,
         pose=pose,
         is_loaded=np.array([[False], [False], [True]]),
         scene_is_scout=np.array([False]),
         scene_ball_radius=np.array([2e-5]),
-        delivered=np.zeros(3, int),
         ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
     )
     out, size = tmp_path / "a.mp4", (640, 480)
@@ -109,3 +105,52 @@ def test_a_run_is_filmed(small, tmp_path):
     assert np.diff([found.mean() for found in reds]) == pytest.approx([reds[1].mean() - reds[0].mean()] * 3, abs=2)
     assert reds[2].mean() == pytest.approx(320, abs=3)
     assert len(columns(upper[4], 2)) > 4 and len(columns(upper[4], 0)) <= 2
+
+
+@pytest.fixture
+def directory(tmp_path_factory):
+    """Of a recorded run of two steps."""
+    return write_run(tmp_path_factory.mktemp("run"))
+
+
+def noise(n, size=(160, 96)):
+    rng = np.random.default_rng(0)
+    return (rng.integers(0, 255, (size[1], size[0], 3), np.uint8) for _ in range(n))
+
+
+def test_a_full_disk_is_told_in_one_sentence(tmp_path):
+    said = r"^ffmpeg could not write the video \([^\n]+\); make room or choose"
+    with pytest.raises(UserError, match=said), full_disk(20_000):
+        encode(noise(40), tmp_path / "a.mp4", (160, 96))
+
+
+def test_what_ffmpeg_said_is_told(tmp_path):
+    with pytest.raises(UserError, match=r"^ffmpeg could not write the video \(.*No such file or directory\); make"):
+        encode(noise(2), tmp_path / "nowhere" / "a.mp4", (160, 96))
+
+
+def test_a_video_that_fails_leaves_the_old_one(directory, tmp_path, monkeypatch):
+    """Whatever the reason, and without a temporary file."""
+    out = tmp_path / "a.mp4"
+    out.write_bytes(b"old")
+
+    class Blank:
+        def __init__(self, config, frames, shot):
+            self.size = shot.size
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def show(self, *_):
+            return next(noise(1, self.size))
+
+    monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
+    film = Film(frames_per_step=24, shot=Shot(size=(320, 240)))
+    with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
+        write_video(directory, out, film)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
+    write_video(directory, out, film)
+    assert len(decoded(out, (320, 240))[0]) == 49

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, write_error
+from iswarm_mj.utils.files import atomic_write
 
 START = re.compile(r"^<!-- (results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *-->$")
 END = "<!-- end -->"
@@ -81,8 +81,5 @@ def write(texts: Mapping[Path, str]) -> None:
         UserError: one of them cannot be written.
     """
     for path, text in texts.items():
-        try:
-            with atomic_write(path) as part:
-                part.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise write_error(path, error) from None
+        with atomic_write(path) as part:
+            part.write_text(text, encoding="utf-8")

@@ -16,7 +16,7 @@ from iswarm_mj.experiments.runner.experiment import Experiment, Plan, run_experi
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory, remove, write_error
+from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
@@ -85,11 +85,8 @@ class Part:
             if not (work / path.name).exists():
                 remove(path)
         for path in [work / self.table, *made]:
-            try:
-                with atomic_write(target / path.name) as part:
-                    shutil.copyfile(path, part)
-            except OSError as error:
-                raise write_error(target / path.name, error) from None
+            with atomic_write(target / path.name) as part:
+                shutil.copyfile(path, part)
 
 
 def parts_of(plans: Plans, execution: Execution) -> dict[str, Part]:

@@ -24,7 +24,7 @@ from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Individual, Operators
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.files import atomic_write, make_output_directory, remove_parts
 from iswarm_mj.utils.serialization import added_later, to_dict
 from iswarm_mj.utils.tables import write_table
 
@@ -84,7 +84,7 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, re
     make_output_directory(out)
     settings = settings_of(search, execution)
     with Journal(out / CHECKPOINT, settings) as journal:
-        _remove_partial_files(out)
+        remove_parts(out, CHECKPOINT, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg")
         if execution.in_batches:
             _forget_partial_generations(search, journal)
         rows = _run_generations(search, execution, journal, out)
@@ -221,10 +221,3 @@ def _check_out(out: Path, resume: bool) -> None:
             raise ConfigError("out", out, "a directory without a search", "continue the search with `resume`")
     elif (out / TABLE).exists():
         raise ConfigError("out", out, "a directory without a search", f"this one lacks its {CHECKPOINT}")
-
-
-def _remove_partial_files(out: Path) -> None:
-    """Remove what a killed process left half written."""
-    for name in (CHECKPOINT, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg"):
-        for part in out.glob(f".*-{name}"):
-            part.unlink()

@@ -30,7 +30,7 @@ from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, mostl
 from iswarm_mj.experiments.runner.experiment import Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.output.plot_swarm import draw_swarm
-from iswarm_mj.output.stage import load
+from iswarm_mj.output.recorded import load
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
