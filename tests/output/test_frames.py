@@ -16,8 +16,8 @@ def run(small):
 
 
 def test_each_world_has_its_own_scene(run):
-    scenes = [scene_of(run.config, run.robot, run.start, world) for world in (0, 1)]
-    assert [scene.is_scout.sum() for scene in scenes] == [2, 8]
+    scenes = [scene_of(run.config, run.robot, run.start, world, world + 3) for world in (0, 1)]
+    assert [(scene.is_scout.sum(), scene.world) for scene in scenes] == [(2, 3), (8, 4)]
     for scene, start in zip(scenes, run.starts, strict=True):
         np.testing.assert_array_equal(scene.ball_radius, start.balls.radius)
     assert (scenes[0].ball_radius != scenes[1].ball_radius).all()
