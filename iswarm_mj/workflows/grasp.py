@@ -15,8 +15,9 @@ from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.utils.files import make_output_directory, remove
+from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.jax_setup import configure_jax
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases
 from iswarm_mj.workflows.grasp_table import TrialRow, summary, trial_rows
@@ -46,15 +47,19 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         The rows of the table.
 
     Raises:
-        UserError: `out` is not writable.
+        UserError: `out` is not writable or in use.
     """
-    from iswarm_mj.output.plot_trials import draw_figures
-
     if record:
         from iswarm_mj.output.rerun_trial import check_recordings
 
         check_recordings()
-    make_output_directory(out)
+    with locked(out):
+        return _run(settings, out, record)
+
+
+def _run(settings: GraspSettings, out: Path, record: Sequence[int]) -> list[TrialRow]:
+    from iswarm_mj.output.plot_trials import draw_figures
+
     if settings.engine == "mjx":
         configure_jax()
     started = time.perf_counter()
@@ -87,11 +92,15 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
         The rows of the table; see `force_curve`.
 
     Raises:
-        UserError: `out` is not writable.
+        UserError: `out` is not writable or in use.
     """
+    with locked(out):
+        return _run_force_curves(settings, voltages, out)
+
+
+def _run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
     from iswarm_mj.output.plot_trials import draw_force_curve
 
-    make_output_directory(out)
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []
     for radius, voltage in product(settings.radii, voltages):

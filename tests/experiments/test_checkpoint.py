@@ -1,8 +1,6 @@
 """The journal of finished runs: what is in it stays, what does not fit is refused."""
 
 import resource
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -141,17 +139,3 @@ def test_another_version_is_refused(path, written, monkeypatch):
     monkeypatch.setattr(checkpoint, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
     with pytest.raises(UserError, match=r"was created with different versions \(iswarm_mj: .* there, 9\.9 now, "):
         entries(path)
-
-
-def test_one_process_at_a_time(path):
-    code = (
-        "import sys; from pathlib import Path; from iswarm_mj.experiments.runner.checkpoint import Journal\n"
-        f"with Journal(Path({str(path)!r}), {SETTINGS!r}): print('has it', flush=True); sys.stdin.read()"
-    )
-    with subprocess.Popen([sys.executable, "-c", code], stdin=-1, stdout=-1, text=True) as holder:
-        assert holder.stdout.readline() == "has it\n"
-        with pytest.raises(UserError, match=r"is in use by another process; wait for its end or choose another `out`$"):
-            entries(path)
-        holder.kill()  # the lock goes with its process
-        holder.wait(timeout=600)
-    assert entries(path) == {}

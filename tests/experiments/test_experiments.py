@@ -22,6 +22,7 @@ from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, list
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import read_table
 
@@ -409,6 +410,13 @@ class TestDirectory:
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
         rows, _ = read_table(tmp_path / "hop_count.parquet")
         assert counted == [] and [row["finished_at"] for row in rows] == [1000 + k for k in range(len(entries))]
+
+    def test_a_running_experiment_keeps_its_runs(self, counted, tmp_path):
+        """Another one that is to discard them is refused before it does."""
+        (tmp_path / "runs.jsonl").write_text("of the running one")
+        with locked(tmp_path), pytest.raises(UserError, match="is in use by another process"):
+            run_experiment(EXPERIMENTS["hop-count"], Plan(quick=True), tmp_path, again=True)
+        assert (tmp_path / "runs.jsonl").read_text() == "of the running one" and counted == []
 
     def test_an_interruption_keeps_what_is_finished(self, counted, tmp_path, monkeypatch):
         working = resumable.run_jobs

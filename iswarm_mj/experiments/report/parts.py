@@ -16,7 +16,8 @@ from iswarm_mj.experiments.runner.experiment import Experiment, Plan, run_experi
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
+from iswarm_mj.utils.files import atomic_write, remove
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
@@ -79,14 +80,14 @@ class Part:
             UserError: they cannot be written.
         """
         target = results / self.name
-        make_output_directory(target)
         made = [path for pattern in PUBLISHED for path in work.glob(pattern)]
-        for path in {path for pattern in PUBLISHED for path in target.glob(pattern)}:
-            if not (work / path.name).exists():
-                remove(path)
-        for path in [work / self.table, *made]:
-            with atomic_write(target / path.name) as part:
-                shutil.copyfile(path, part)
+        with locked(target):
+            for path in {path for pattern in PUBLISHED for path in target.glob(pattern)}:
+                if not (work / path.name).exists():
+                    remove(path)
+            for path in [work / self.table, *made]:
+                with atomic_write(target / path.name) as part:
+                    shutil.copyfile(path, part)
 
 
 def parts_of(plans: Plans, execution: Execution) -> dict[str, Part]:
@@ -121,10 +122,7 @@ def _search(settings: search.Search, execution: Execution) -> Part:
     n_rows = settings.generations * settings.n_runs
 
     def make(out: Path, again: bool) -> None:
-        if again:
-            remove(out / search.CHECKPOINT)
-            remove(out / SEARCH)
-        search.run_search(settings, out, execution, resume=True)
+        search.run_search(settings, out, execution, resume=True, again=again)
 
     def is_whole(rows: Rows) -> bool:
         return len(rows) == n_rows

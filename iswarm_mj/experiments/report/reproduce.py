@@ -12,6 +12,7 @@ from iswarm_mj.experiments.report.tables import Tables, check_name
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.lock import locked
 
 
 class Places(NamedTuple):
@@ -63,6 +64,11 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
     """
     blocks.new_texts(places.pages, check_name)  # before anything takes hours
     make_output_directory(places.results, places.results)
+    with locked(places.out):
+        _make(parts, places, again, same_engine)
+
+
+def _make(parts: Sequence[Part], places: Places, again: bool, same_engine: bool) -> None:
     for part in parts:
         why = "again" if again else part.lacks(places.results, same_engine)
         print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
@@ -70,7 +76,6 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
             part.make(places.out / part.name, again)
             part.publish(places.out / part.name, places.results)
     rewrite(places, partial=True)
-    make_output_directory(places.out)
     report([places.results], places.out / "report.html", places.beside)
 
 
@@ -86,6 +91,7 @@ def rewrite(places: Places, partial: bool = False) -> None:
     """
     topics = topics_of(collect([places.results]))
     texts = blocks.new_texts(places.pages, Tables(partial=partial).content)
-    write_findings(topics)
+    with locked(places.results):
+        write_findings(topics)
     blocks.write(texts)
     print(f"findings in {places.results}" + "".join(f"\ntables in {path}" for path in texts))

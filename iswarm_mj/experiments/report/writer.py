@@ -12,7 +12,8 @@ from iswarm_mj.experiments.report.render import render
 from iswarm_mj.experiments.report.results import Results, collect
 from iswarm_mj.experiments.report.sections import Section, sections_of
 from iswarm_mj.experiments.report.statements import tally, topics_of
-from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.files import atomic_write
+from iswarm_mj.utils.lock import locked
 
 TITLE = "The I-SWARM paper beside its re-implementation"
 INTRODUCTION = (
@@ -44,19 +45,20 @@ def report(directories: Sequence[Path], out: Path, beside: Path | None = None) -
     results = collect(directories)
     others = {f.claim: f for topic in topics_of(collect([beside])) for f in topic.findings} if beside else {}
     figures = out.with_name(f"{out.stem}_figures")
-    make_output_directory(figures, given=out)
-    sections = sections_of(results, figures)
-    for picture in (picture for section in sections for picture in section.pictures):
-        if picture.path.parent != figures:
-            shutil.copy(picture.path, figures / picture.path.name)
+    markdown = out.with_suffix(".md")
     again = f"iswarm report --results {' '.join(map(str, directories))} --out {out}"
     again += f" --beside {beside}" if beside else ""
-    content = content_of(sections, results) | {"again": again, "figures": figures.name}
-    content |= {"beside": str(beside or ""), "others": others}
-    markdown = out.with_suffix(".md")
-    for path, template in ((out, "report.html"), (markdown, "report.md")):
-        with atomic_write(path) as part:
-            part.write_text(render(template, content), encoding="utf-8")
+    with locked(figures, given=out):
+        sections = sections_of(results, figures)
+        for picture in (picture for section in sections for picture in section.pictures):
+            if picture.path.parent != figures:
+                with atomic_write(figures / picture.path.name) as part:
+                    shutil.copyfile(picture.path, part)
+        content = content_of(sections, results) | {"again": again, "figures": figures.name}
+        content |= {"beside": str(beside or ""), "others": others}
+        for path, template in ((out, "report.html"), (markdown, "report.md")):
+            with atomic_write(path) as part:
+                part.write_text(render(template, content), encoding="utf-8")
     print(f"{content['tally_text']}\nreport in {out} and {markdown}")
     return sections
 

@@ -6,7 +6,6 @@ the fitness of earlier genomes. A last line that was truncated when its process 
 an error. A database would detect less: SQLite has no checksums, and needs a second file beside the first.
 """
 
-import fcntl
 import json
 import os
 import zlib
@@ -24,14 +23,14 @@ _LEFT_OUT = "the default"  # of a setting that a file omits, see `serialization.
 
 
 class Journal:
-    """Finished runs by their keys; a context manager that locks the file.
+    """Finished runs by their keys; a context manager, to be used in a directory that is `locked`.
 
     Args:
         path: of the file, which is created if it does not exist.
         settings: that determine the runs; they must be representable as JSON.
 
     Raises:
-        UserError: the file cannot be written, is in use or damaged, or was created with different settings or versions.
+        UserError: the file cannot be written, is damaged, or was created with different settings or versions.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any]):
@@ -43,11 +42,6 @@ class Journal:
         except OSError as error:
             raise write_error(path, error) from None
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.close()
-            raise UserError(f"{path} is in use by another process; wait for its end or choose another `out`") from None
-        try:
             self._read()
         except UserError:
             self._file.close()
@@ -58,7 +52,7 @@ class Journal:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        """Close and unlock the file."""
+        """Close the file."""
         self._file.close()
 
     def add(self, key: Key, entry: Any) -> None:

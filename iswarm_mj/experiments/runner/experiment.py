@@ -17,7 +17,8 @@ from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Within, validate
-from iswarm_mj.utils.files import make_output_directory, remove
+from iswarm_mj.utils.files import remove
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
@@ -100,11 +101,15 @@ def run_experiment(
         again: discard the finished runs in `out`.
 
     Raises:
-        UserError: `out` is not writable, or its runs are of another version.
+        UserError: `out` is not writable or in use, or its runs are of another version.
         SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
-    make_output_directory(out)
+    with locked(out):
+        return _run(experiment, plan, out, execution, again)
+
+
+def _run(experiment: Experiment, plan: Plan, out: Path, execution: Execution, again: bool) -> list[Finding]:
     if again:
         remove(out / RUNS)
     entries = experiment.entries(plan)
@@ -113,6 +118,8 @@ def run_experiment(
     settings = settings_of(experiment, plan, execution)
     if experiment.extra is not None:
         experiment.extra(plan, out, rows)
+    for name in (FINDINGS, Path(FINDINGS).with_suffix(".csv")):
+        remove(out / name)  # those of an earlier table
     write_table(out / experiment.table, rows, settings, csv=True)
     findings = experiment.findings(rows)
     if findings:

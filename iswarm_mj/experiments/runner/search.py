@@ -24,7 +24,8 @@ from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Individual, Operators
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory, remove_parts
+from iswarm_mj.utils.files import atomic_write, remove, remove_parts
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.serialization import added_later, to_dict
 from iswarm_mj.utils.tables import write_table
 
@@ -60,7 +61,9 @@ class Search:
         return self.replicates * self.population * self.evaluations
 
 
-def run_search(search: Search, out: Path, execution: Execution | None = None, resume: bool = False) -> Best:
+def run_search(
+    search: Search, out: Path, execution: Execution | None = None, resume: bool = False, again: bool = False
+) -> Best:
     """Search, write the results into `out`, print a summary.
 
     Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome, and with replicates the
@@ -74,16 +77,15 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, re
         out: directory of the results.
         execution: how to run the jobs, by default on all cores; a search must be resumed with its own engine.
         resume: continue the search in `out`, if there is one.
+        again: discard the search in `out`.
 
     Raises:
-        UserError: `out` is not writable, contains a search that is not to be resumed, or a different one.
+        UserError: `out` is not writable or in use, contains a search that is not to be resumed, or a different one.
         SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
-    _check_out(out, resume)
-    make_output_directory(out)
     settings = settings_of(search, execution)
-    with Journal(out / CHECKPOINT, settings) as journal:
+    with locked(out), _journal(out, settings, resume, again) as journal:
         remove_parts(out, CHECKPOINT, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg")
         if execution.in_batches:
             _forget_partial_generations(search, journal)
@@ -212,6 +214,15 @@ def _forget_partial_generations(search: Search, journal: Journal) -> None:
     """Forget generations of which only some runs are known; of a run that is written twice, the later one counts."""
     n_known = Counter(key[0] for key in journal.entries)
     journal.entries = {key: entry for key, entry in journal.entries.items() if n_known[key[0]] == search.n_runs}
+
+
+def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) -> Journal:
+    """The search's journal, after what is to be discarded was removed."""
+    if again:
+        for name in (BEST, TABLE, CHECKPOINT):
+            remove(out / name)
+    _check_out(out, resume)
+    return Journal(out / CHECKPOINT, settings)
 
 
 def _check_out(out: Path, resume: bool) -> None:
