@@ -107,14 +107,15 @@ def crowd(rng, density, edge=9):
     return np.column_stack([turned(xy, whole), yaw + whole])[rng.permutation(edge**2)]
 
 
-def squares_in_the_way(poses):
-    """Exact `reaches` for worlds (B, N, 3): no third robot's 2 x 2 mm square meets the segment."""
+def squares_in_the_way(poses, half_edges=(1.0, 1.0)):
+    """Exact `reaches` for worlds (B, N, 3): no third robot's rectangle, 2 x 2 mm by default, meets the segment."""
+    half = np.array(half_edges)
 
     def one(world, origin, target, receiver, sender):
         third = np.delete(poses[world], [receiver, sender], axis=0)
         a, b = (turned(end - third[:, :2], -third[:, 2]) for end in (origin, target))
         with np.errstate(divide="ignore", invalid="ignore"):
-            cuts = np.stack([(-1 - a) / (b - a), (1 - a) / (b - a)])
+            cuts = np.stack([(-half - a) / (b - a), (half - a) / (b - a)])
         enters = np.maximum(cuts.min(axis=0).max(axis=1), 0) if len(third) else np.zeros(0)
         leaves = np.minimum(cuts.max(axis=0).min(axis=1), 1) if len(third) else np.zeros(0)
         return not (enters < leaves).any()
@@ -125,31 +126,36 @@ def squares_in_the_way(poses):
     return reaches
 
 
-def all_links(poses, reaches, sector=90.0, beam=60.0):
-    """Links of one world (N, 3) by trying every pair, in sector mode: sender and LED (N, 4), -1 for none.
+def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
+    """Links of one world (N, 3) by trying every pair, in sector mode: sender and LED (N, S), -1 for none.
 
-    Also the number of sides whose nearest sender is hidden while another one is heard.
+    Also the number of sides whose nearest sender is hidden while another one is heard. Angles and points are complex
+    numbers, by default those of four LEDs and photodiodes in the middle of the sides of a square.
     """
-    n = len(poses)
-    offset = poses[None, :, :2] - poses[:, None, :2]
-    distance = np.hypot(*np.moveaxis(offset, -1, 0))
-    direction = np.arctan2(offset[..., 1], offset[..., 0])
-    sender, led, passed_over = np.full((n, 4), -1), np.full((n, 4), -1), 0
+    quarters = np.exp(1j * np.arange(4) * np.pi / 2)
+    leds = receivers = led_axes = axes = quarters
+    if robot is not None:
+        leds, receivers, led_axes, axes = (
+            np.array(points) @ [1, 1j]
+            for points in (robot.leds, robot.receivers, robot.sides.leds, robot.sides.photodiodes)
+        )
+    n, n_sides = len(poses), len(axes)
+    at, heading = poses[:, 0] + 1j * poses[:, 1], np.exp(1j * poses[:, 2])
+    sender, led, passed_over = np.full((n, n_sides), -1), np.full((n, n_sides), -1), 0
     for i in range(n):
-        heard_at, hidden_at = np.full(4, np.inf), np.full(4, np.inf)
-        for j in np.flatnonzero((distance[i] < RADIUS) & (np.arange(n) != i)):
-            at_receiver = np.degrees(direction[i, j] - poses[i, 2])
-            at_sender = np.degrees(direction[j, i] - poses[j, 2])
-            side, shines = round(at_receiver / 90) % 4, round(at_sender / 90) % 4
-            if abs((at_receiver + 45) % 90 - 45) > sector / 2 or abs((at_sender + 45) % 90 - 45) > beam / 2:
+        heard_at, hidden_at = np.full(n_sides, np.inf), np.full(n_sides, np.inf)
+        for j in np.flatnonzero((abs(at - at[i]) < RADIUS) & (np.arange(n) != i)):
+            distance = abs(at[j] - at[i])
+            off_axis = abs(np.degrees(np.angle((at[j] - at[i]) / heading[i] / axes)))
+            off_beam = abs(np.degrees(np.angle((at[i] - at[j]) / heading[j] / led_axes)))
+            side, shines = off_axis.argmin(), off_beam.argmin()
+            if off_axis[side] > sector / 2 or off_beam[shines] > beam / 2:
                 continue
-            ends = [
-                poses[k, :2] + turned(np.array([1.0, 0.0]), poses[k, 2] + s * np.pi / 2)
-                for k, s in ((i, side), (j, shines))
-            ]
-            if not reaches(*(np.array([a]) for a in (0, *ends, i, j)))[0]:
-                hidden_at[side] = min(hidden_at[side], distance[i, j])
-            elif distance[i, j] < heard_at[side]:
-                heard_at[side], sender[i, side], led[i, side] = distance[i, j], j, shines
+            ends = at[i] + heading[i] * receivers[side], at[j] + heading[j] * leds[shines]
+            ends = [np.array([[end.real, end.imag]]) for end in ends]
+            if not reaches(np.array([0]), *ends, np.array([i]), np.array([j]))[0]:
+                hidden_at[side] = min(hidden_at[side], distance)
+            elif distance < heard_at[side]:
+                heard_at[side], sender[i, side], led[i, side] = distance, j, shines
         passed_over += int((hidden_at < heard_at)[np.isfinite(heard_at)].sum())
     return sender, led, passed_over

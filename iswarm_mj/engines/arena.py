@@ -1,7 +1,6 @@
 """The arena with its robots and balls, composed from the MJCF files in `models/`."""
 
 from collections.abc import Callable
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,8 +8,8 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import SIDES, Point, Robot
+from iswarm_mj.engines.robot_file import models_directory, read_robot, robot_spec, without_visual
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_m, mm_from_rd
 
 
@@ -34,65 +33,6 @@ class ArenaModel(NamedTuple):
     """Geometry and mass of a robot."""
     refinement: int
     """Time steps of the model in a physics step of the drive's configuration."""
-
-
-def models_directory() -> Path:
-    """Return the directory of the MJCF files: inside an installed package, or beside it in a checkout."""
-    package = Path(str(files("iswarm_mj")))
-    return next(p for p in (package / "models", package.parent / "models") if p.is_dir())
-
-
-def read_robot(path: Path | None = None) -> Robot:
-    """Read a robot's geometry and mass from its MJCF file.
-
-    The sites of LEDs and photodiodes stand a little off the hull; light starts and ends on the hull's surface, where
-    their optical axes cross it.
-
-    Args:
-        path: an MJCF file with the bodies, geoms and sites of `models/robot.xml`, by default that file.
-
-    Raises:
-        UserError: the hull does not stand on the floor with the robot's origin at its centre, or an LED or a
-            photodiode does not look straight out of its side.
-    """
-    path = _robot_file(path)
-    model = mujoco.MjModel.from_xml_path(str(path))
-    hull, body, tip = model.geom("hull"), model.body("robot"), model.site("probe_tip")
-    half_edges = tuple(hull.size.tolist())
-    if hull.pos.any() or body.pos.tolist() != [0.0, 0.0, half_edges[2]]:
-        raise UserError(
-            f"the hull in {path} must stand on the floor with its centre at the robot's origin (got body at "
-            f"{body.pos}, hull at {hull.pos} in it, half height {half_edges[2]}); change their pos."
-        )
-
-    def on_hull(name: str, side: int) -> Point:
-        """Where a site's optical axis leaves the hull."""
-        site, matrix = model.site(name), np.zeros(9)
-        mujoco.mju_quat2Mat(matrix, site.quat)
-        normal, axis = SIDES[side], side % 2
-        along, across = site.pos[axis] * normal[axis], site.pos[1 - axis]
-        looks_outward = np.allclose(matrix[[0, 3, 6]], [*normal, 0.0], atol=1e-6)
-        if not looks_outward or along < half_edges[axis] or abs(across) > half_edges[1 - axis]:
-            raise UserError(
-                f"site {name} in {path} must lie on side {side} of the hull and look along its outward normal "
-                f"{normal} (got pos {site.pos}, x axis {matrix[[0, 3, 6]]}); change its pos or xyaxes."
-            )
-        point = [float(across)] * 2
-        point[axis] = normal[axis] * half_edges[axis]
-        return point[0], point[1]
-
-    top_of_tip = body.pos + tip.pos
-    front, left, back, right = (on_hull(f"led{side}", side) for side in range(len(SIDES)))
-    return Robot(
-        half_edges=half_edges,
-        leds=(front, left, back, right),
-        photodiodes=tuple(
-            (on_hull(f"photodiode{side}a", side), on_hull(f"photodiode{side}b", side)) for side in range(len(SIDES))
-        ),
-        probe_tip=(float(top_of_tip[0]), float(top_of_tip[1])),
-        tip_height=float(top_of_tip[2]),
-        mass=float(body.mass[0]),
-    )
 
 
 def arena_spec(
@@ -119,10 +59,9 @@ def arena_spec(
     spec.option.timestep = config.drive.timestep / refinement
     spec.copy_during_attach = True
     spec.memory = 16 * 2**20 + n_robots * 200 * 2**10
-    robot = mujoco.MjSpec.from_file(str(_robot_file(robot_file)))
+    robot = robot_spec(robot_file)
     if not visual:
-        robot.delete(robot.body("visual"))
-        for unused in [*robot.sites, *robot.meshes]:
+        for unused in without_visual(robot).sites:
             robot.delete(unused)
     _tune_drive(robot, read_robot(robot_file), spec.option.timestep)
     _tune_contacts(robot, spec.option.timestep)
@@ -167,10 +106,6 @@ def compile_arena(
         robot=read_robot(robot_file),
         refinement=refinement,
     )
-
-
-def _robot_file(path: Path | None) -> Path:
-    return models_directory() / "robot.xml" if path is None else path
 
 
 def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:

@@ -20,7 +20,7 @@ class Sight(NamedTuple):
     links: Links
     """The nearest sender in sight of each side (*B, N, S); where messages take time, the nearest
     `OpticsConfig.n_senders` of each (*B, N, S, K)."""
-    sees_wall: Bool[Array, "*B N 4"]
+    sees_wall: Bool[Array, "*B N S"]
     """A wall reflects the light of this side's LED."""
 
 

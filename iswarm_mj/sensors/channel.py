@@ -19,6 +19,8 @@ class Channel(NamedTuple):
     """Probabilities and errors (Table 1 of the paper)."""
     max_range: float
     """Length of the longest vector that a message can carry [mm]."""
+    n_leds: int = 4
+    """Of a robot."""
 
 
 class Received(NamedTuple):
@@ -44,13 +46,15 @@ def exchange(channel: Channel, content: Message, links: Links, key: Array) -> Re
         key: random key.
     """
     noise_key, bits_key = jax.random.split(key)
-    columns = jax.tree.map(lambda a: a[:, None], content)._replace(led=jnp.arange(4)[None])
-    sent = pack(columns, channel.max_range)
+    columns = jax.tree.map(lambda a: a[:, None], content)._replace(led=jnp.arange(channel.n_leds)[None])
+    sent = pack(columns, channel.max_range, channel.n_leds)
     bits = sent[links.sender, links.led]
     draw = jax.random.uniform(bits_key, (*links.sender.shape, 4))
     damaged = corrupt(bits, draw[..., :3], channel.noise.error_in_communication, channel.noise.independent_bit_errors)
-    message, parity_holds = unpack(damaged, channel.max_range)
+    message, parity_holds = unpack(damaged, channel.max_range, channel.n_leds)
     arrives = links.valid & (draw[..., 3] >= channel.noise.p_communication_break)
     is_heard = arrives & (parity_holds | ~jnp.asarray(channel.noise.parity_check))
+    if channel.n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
+        is_heard &= message.led < channel.n_leds
     error = channel.noise.error_distance_measure * jax.random.normal(noise_key, links.distance.shape)
     return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0), sent)

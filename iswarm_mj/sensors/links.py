@@ -16,7 +16,6 @@ from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
 from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Paths, circles, judge
 from iswarm_mj.sensors.optics import (
-    N_SIDES,
     Reception,
     facing_side,
     into_frame,
@@ -33,7 +32,7 @@ LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
 
 
 class Links(NamedTuple):
-    """What each of the S = 4 sides of N robots receives, in one world or in several.
+    """What each of the S sides of N robots receives, in one world or in several.
 
     Where messages take time, engines tell of the K nearest senders in sight of each side, nearest first, along a last
     axis; `message_time.understood` chooses among them.
@@ -86,11 +85,13 @@ def find_candidates(
     """
     heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
     ahead, left = into_frame(around.dx, around.dy, heading)
-    side, back = facing_side(ahead, left), around.reverse
-    reception = receive_views((ahead, left), (ahead[back], left[back]), side, side[back], robot, optics)
+    sides, back = robot.sides, around.reverse
+    side = facing_side(ahead, left, sides.photodiodes)
+    shines = side if sides.leds == sides.photodiodes else facing_side(ahead, left, sides.leds)
+    reception = receive_views((ahead, left), (ahead[back], left[back]), side, shines[back], robot, optics)
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & sends[around.other])
     reception = Reception(*(values[arrives] for values in reception))
-    slot = around.robot[arrives] * N_SIDES + reception.side
+    slot = around.robot[arrives] * len(sides) + reception.side
     key = slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999
     order = np.argsort(key)
     if (np.diff(key[order]) == 0.0).any():  # seldom
@@ -126,7 +127,7 @@ def find_links(
     if optics.line_of_sight:
         clear = _by_rays(flat, around, found, robot, n_robots, reaches, optics.n_senders)
     pick, rank = _first(clear, found.slot, optics.n_senders)
-    shape = (n_worlds, n_robots, N_SIDES, optics.n_senders)
+    shape = (n_worlds, n_robots, len(robot.sides), optics.n_senders)
 
     def scatter(values: np.ndarray, dtype: type) -> np.ndarray:
         out = np.zeros(shape, dtype)

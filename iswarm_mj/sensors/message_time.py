@@ -1,7 +1,7 @@
 """Messages that take time: slots, photodiodes that are off, and senders that disturb each other.
 
 In each control step all robots stand still for a window of slots, each as long as one message. A robot lights its LEDs
-one after the other, front, left, back and right, in four consecutive slots from a slot on that it draws anew in each
+one after the other, front, left, back and right, in consecutive slots from a slot on that it draws anew in each
 control step; the window's last slot is followed by its first. The slots of all robots begin at the same time, as in
 slotted ALOHA (Roberts 1975, Comput. Commun. Rev. 5, 28); with clocks that are not synchronous a message could be
 disturbed in twice that time.
@@ -17,8 +17,8 @@ from jaxtyping import Bool, Int
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import PAPER_SIDES, Sides
 
 
 def draw_first_slots(optics: OpticsConfig, key: Array, n_robots: int) -> Int[Array, "N"]:
@@ -26,38 +26,40 @@ def draw_first_slots(optics: OpticsConfig, key: Array, n_robots: int) -> Int[Arr
     return jax.random.randint(key, (n_robots,), 0, optics.slots)
 
 
-def sides_on(optics: OpticsConfig) -> Bool[Array, "S"]:
+def sides_on(optics: OpticsConfig, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
     """Sides whose photodiodes are on while their robot emits, and see the wall that reflects its light."""
-    on = {"front": (True, False, False, False), "none": (False,) * N_SIDES, "all": (True,) * N_SIDES}
+    on = {"front": sides.front, "none": (False,) * len(sides), "all": (True,) * len(sides)}
     return jnp.array(on[optics.photodiodes_while_emitting])
 
 
-def listens(optics: OpticsConfig, since: Int[Array, "*N S"]) -> Bool[Array, "*N S"]:
+def listens(optics: OpticsConfig, since: Int[Array, "*N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "*N S"]:
     """Whether each side receives messages.
 
     Args:
         optics: which photodiodes are on when.
         since: number of slots since the robot lit its front LED, below `optics.slots`, for each of its sides.
+        sides: of the robots.
     """
-    side = jnp.arange(N_SIDES)
-    while_silent = (since % N_SIDES == side) | (not optics.serial_photodiodes)
-    return jnp.where(since < N_SIDES, sides_on(optics) & (since != side), while_silent)
+    side = jnp.arange(len(sides))
+    while_silent = (since % len(sides) == side) | (not optics.serial_photodiodes)
+    return jnp.where(since < len(sides), sides_on(optics, sides) & (since != side), while_silent)
 
 
-def understood(optics: OpticsConfig, in_sight: Links, first_slot: Int[Array, "N"]) -> Links:
+def understood(optics: OpticsConfig, in_sight: Links, first_slot: Int[Array, "N"], sides: Sides = PAPER_SIDES) -> Links:
     """The nearest sender that each side understands.
 
     Args:
         optics: slots, photodiodes and capture.
         in_sight: the K nearest senders in sight of each side (N, S, K), nearest first.
         first_slot: see `draw_first_slots`.
+        sides: of the robots.
 
     Returns:
         Links (N, S); zero where a side understands nobody.
     """
     slot = (first_slot[in_sight.sender] + in_sight.led) % optics.slots
     since = (slot - first_slot[:, None, None]) % optics.slots
-    is_on = jnp.moveaxis(listens(optics, jnp.moveaxis(since, -1, -2)), -1, -2)
+    is_on = jnp.moveaxis(listens(optics, jnp.moveaxis(since, -1, -2), sides), -1, -2)
     # Sender q, on the last axis, disturbs sender k.
     is_other = in_sight.valid[..., None, :] & ~jnp.eye(slot.shape[-1], dtype=bool)
     disturbs = is_other & (slot[..., None, :] == slot[..., :, None])

@@ -6,10 +6,18 @@
           17-30  vector to the dump, likewise
           31     parity: makes the number of ones even
 
+Robots with five to eight LEDs need one bit more for their number, and take it from the range of the vector to the dump:
+
+    bit   0-2    number of the LED
+          3      priority flag
+          4-17   vector to dust:  bearing 5, range 5, hop count 4
+          18-30  vector to the dump:  bearing 5, range 4, hop count 4
+          31     parity
+
 The layout is a choice; the paper specifies the capacity, the LED's two bits, the flag, the two vectors and the hop
-count. Bearings count anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps up to the
-codec's `max_range`, to which longer vectors are shortened. A hop count of 15 means "no vector": a vector that came
-through more than 14 robots is not sent on, so that rumours die out.
+count. Bearings count anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps, or 15 with
+4 bits, up to the codec's `max_range`, to which longer vectors are shortened. A hop count of 15 means "no vector": a
+vector that came through more than 14 robots is not sent on, so that rumours die out.
 """
 
 from typing import NamedTuple
@@ -22,11 +30,33 @@ from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array
 
 BEARINGS = 32
-RANGES = 31
+RANGE_BITS = 5
 MAX_HOP = 14
 NO_VECTOR = 15
 
-_DUST_SHIFT, _DUMP_SHIFT = 3, 17
+MAX_LEDS = 8
+"""Of a robot whose messages tell their number."""
+
+
+class _Layout(NamedTuple):
+    """Where the parts of a message are."""
+
+    led_bits: int
+    dump_range_bits: int
+
+    @property
+    def dust(self) -> int:
+        """First bit of the vector to dust."""
+        return self.led_bits + 1
+
+    @property
+    def dump(self) -> int:
+        """First bit of the vector to the dump."""
+        return self.dust + 9 + RANGE_BITS
+
+
+def _layout(n_leds: int) -> _Layout:
+    return _Layout(2, RANGE_BITS) if n_leds <= 4 else _Layout(3, RANGE_BITS - 1)
 
 
 class Message(NamedTuple):
@@ -42,21 +72,22 @@ class Message(NamedTuple):
     """Vector to the dump in the sender's frame [mm]."""
 
 
-def pack_vector(memory: VectorMemory, max_range: float) -> UInt32[Array, "*N"]:
-    """14 bits that encode a remembered vector: bearing, range and hop count."""
+def pack_vector(memory: VectorMemory, max_range: float, range_bits: int = RANGE_BITS) -> UInt32[Array, "*N"]:
+    """14 bits that encode a remembered vector: bearing, range and hop count; or 13, with 4 bits of range."""
+    ranges = 2**range_bits - 1
     x, y = memory.vector[..., 0], memory.vector[..., 1]
     bearing = jnp.round(jnp.arctan2(y, x) * (BEARINGS / (2 * jnp.pi))).astype(jnp.int32) % BEARINGS
-    distance = jnp.clip(jnp.round(jnp.hypot(x, y) * (RANGES / max_range)), 0, RANGES).astype(jnp.int32)
+    distance = jnp.clip(jnp.round(jnp.hypot(x, y) * (ranges / max_range)), 0, ranges).astype(jnp.int32)
     hop = jnp.where(memory.known & (memory.hop <= MAX_HOP), memory.hop, NO_VECTOR)
-    return (bearing | (distance << 5) | (hop << 10)).astype(jnp.uint32)
+    return (bearing | (distance << 5) | (hop << (5 + range_bits))).astype(jnp.uint32)
 
 
-def unpack_vector(bits: UInt32[Array, "*N"], max_range: float) -> VectorMemory:
-    """Vector that 14 bits encode; the inverse of `pack_vector` within half a quantum."""
-    bits = bits.astype(jnp.int32)
+def unpack_vector(bits: UInt32[Array, "*N"], max_range: float, range_bits: int = RANGE_BITS) -> VectorMemory:
+    """Vector that 14 bits encode, or 13; the inverse of `pack_vector` within half a quantum."""
+    bits, ranges = bits.astype(jnp.int32), 2**range_bits - 1
     angle = (bits & 31) * (2 * jnp.pi / BEARINGS)
-    distance = ((bits >> 5) & 31) * (max_range / RANGES)
-    hop = (bits >> 10) & 15
+    distance = ((bits >> 5) & ranges) * (max_range / ranges)
+    hop = (bits >> (5 + range_bits)) & 15
     known = hop != NO_VECTOR
     vector = jnp.stack([distance * jnp.cos(angle), distance * jnp.sin(angle)], axis=-1)
     return VectorMemory(jnp.where(known[..., None], vector, 0.0), jnp.where(known, hop, 0), known)
@@ -67,24 +98,26 @@ def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
     return jax.lax.population_count(bits) & 1
 
 
-def pack(message: Message, max_range: float) -> UInt32[Array, "*N"]:
-    """32 bits that encode a message, including parity."""
+def pack(message: Message, max_range: float, n_leds: int = 4) -> UInt32[Array, "*N"]:
+    """32 bits that encode a message of a robot with so many LEDs, including parity."""
+    layout = _layout(n_leds)
     bits = (
-        (message.led.astype(jnp.uint32) & 3)
-        | (message.priority.astype(jnp.uint32) << 2)
-        | (pack_vector(message.dust, max_range) << _DUST_SHIFT)
-        | (pack_vector(message.dump, max_range) << _DUMP_SHIFT)
+        (message.led.astype(jnp.uint32) & (2**layout.led_bits - 1))
+        | (message.priority.astype(jnp.uint32) << layout.led_bits)
+        | (pack_vector(message.dust, max_range) << layout.dust)
+        | (pack_vector(message.dump, max_range, layout.dump_range_bits) << layout.dump)
     )
     return bits | (parity(bits) << 31)
 
 
-def unpack(bits: UInt32[Array, "*N"], max_range: float) -> tuple[Message, Bool[Array, "*N"]]:
+def unpack(bits: UInt32[Array, "*N"], max_range: float, n_leds: int = 4) -> tuple[Message, Bool[Array, "*N"]]:
     """Message that 32 bits encode, and whether their parity is correct."""
+    layout = _layout(n_leds)
     message = Message(
-        led=(bits & 3).astype(jnp.int32),
-        priority=((bits >> 2) & 1).astype(bool),
-        dust=unpack_vector((bits >> _DUST_SHIFT) & 0x3FFF, max_range),
-        dump=unpack_vector((bits >> _DUMP_SHIFT) & 0x3FFF, max_range),
+        led=(bits & (2**layout.led_bits - 1)).astype(jnp.int32),
+        priority=((bits >> layout.led_bits) & 1).astype(bool),
+        dust=unpack_vector((bits >> layout.dust) & 0x3FFF, max_range),
+        dump=unpack_vector((bits >> layout.dump) & 0x3FFF, max_range, layout.dump_range_bits),
     )
     return message, parity(bits) == 0
 

@@ -1,8 +1,10 @@
 """Beams and photodiodes: what light from one robot does at another (sections 3.1 and 4.3 of the paper).
 
-Each side of a robot carries one LED and two photodiodes. Sides are numbered 0 front, 1 left, 2 back, 3 right. The
-functions accept NumPy and JAX arrays of pairs; lengths are in mm, angles in rad. They ignore what stands between two
-robots: see `links`.
+Each side of a robot has one LED and two photodiodes. Those of the paper's robot are numbered 0 front, 1 left, 2 back,
+3 right; other robots have S sides, from two to eight, in any directions. Light from a direction falls on the side whose
+photodiodes look nearest there, and light towards a direction comes from the LED that does. The functions accept NumPy
+and JAX arrays of pairs; lengths are in mm, angles in rad. They ignore what stands between two robots, see `links`, and
+robots do not shade their own LEDs and photodiodes.
 """
 
 import math
@@ -10,13 +12,10 @@ from typing import NamedTuple
 
 from jaxtyping import Float, Int
 
-from iswarm_mj.config import N_LEDS, OpticsConfig
+from iswarm_mj.config import OpticsConfig
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.robot import SIDES, Point, Robot
+from iswarm_mj.utils.robot import SIDES, Point, Robot, Sides
 from iswarm_mj.utils.units import mm_from_rd
-
-N_SIDES = N_LEDS
-"""Number of LEDs, and of photodiode sectors (Table 1: 4)."""
 
 
 class Reception(NamedTuple):
@@ -32,6 +31,9 @@ class Reception(NamedTuple):
     """Distance at which a sender on both optical axes is received equally well [mm]; infinite where it is not."""
 
 
+Axes = tuple[Point, ...]
+"""Unit vectors ahead and to the left, one of each side."""
+
 Components = tuple[Float[Array, "*#P"], Float[Array, "*#P"]]
 """Two components of vectors: ahead and to the left in a robot's frame, or cosine and sine of its yaw."""
 
@@ -42,18 +44,27 @@ def into_frame(dx: Float[Array, "*#P"], dy: Float[Array, "*#P"], heading: Compon
     return c * dx + s * dy, c * dy - s * dx
 
 
-def quarter_turns(ahead: Float[Array, "*P"], left: Float[Array, "*P"], side: Int[Array, "*P"]) -> Components:
-    """Components of (ahead, left) along a side's outward normal and to its left."""
+def onto_axis(ahead: Float[Array, "*P"], left: Float[Array, "*P"], side: Int[Array, "*P"], axes: Axes) -> Components:
+    """Components of (ahead, left) along the axis of a side and to its left."""
     xp = array_module(ahead)
-    c = xp.where(side == 0, 1.0, xp.where(side == 2, -1.0, 0.0))
-    s = xp.where(side == 1, 1.0, xp.where(side == 3, -1.0, 0.0))
+    if axes == SIDES:
+        c = xp.where(side == 0, 1.0, xp.where(side == 2, -1.0, 0.0))
+        s = xp.where(side == 1, 1.0, xp.where(side == 3, -1.0, 0.0))
+    else:
+        c, s = (_look_up(values, side, ahead) for values in zip(*axes, strict=True))
     return into_frame(ahead, left, (c, s))
 
 
-def facing_side(ahead: Float[Array, "*P"], left: Float[Array, "*P"]) -> Int[Array, "*P"]:
-    """Number of the side in whose sector of 90 degrees the direction (ahead, left) lies."""
+def facing_side(ahead: Float[Array, "*P"], left: Float[Array, "*P"], axes: Axes = SIDES) -> Int[Array, "*P"]:
+    """Number of the side whose axis is nearest to the direction (ahead, left), of equally near ones the first."""
     xp = array_module(ahead)
-    return xp.where(xp.abs(ahead) >= xp.abs(left), 2 * (ahead < 0), 1 + 2 * (left < 0))
+    if axes == SIDES:
+        return xp.where(xp.abs(ahead) >= xp.abs(left), 2 * (ahead < 0), 1 + 2 * (left < 0))
+    side, nearest = xp.zeros(ahead.shape, int), ahead * axes[0][0] + left * axes[0][1]
+    for k, (x, y) in enumerate(axes[1:], start=1):
+        along = ahead * x + left * y
+        side, nearest = xp.where(along > nearest, k, side), xp.maximum(along, nearest)
+    return side
 
 
 def receive(
@@ -76,7 +87,8 @@ def receive(
     """
     at_receiver = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
-    return receive_views(at_receiver, at_sender, facing_side(*at_receiver), facing_side(*at_sender), robot, optics)
+    side, led = facing_side(*at_receiver, robot.sides.photodiodes), facing_side(*at_sender, robot.sides.leds)
+    return receive_views(at_receiver, at_sender, side, led, robot, optics)
 
 
 def receive_views(
@@ -93,32 +105,42 @@ def receive_views(
         at_receiver: the sender's position ahead and to the left of the receiver [mm].
         at_sender: the receiver's position ahead and to the left of the sender [mm].
         side: the receiver's side that faces the sender.
-        led: the sender's side that faces the receiver.
+        led: the sender's LED that faces the receiver.
         robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
     """
     if optics.mode == "sector":
-        return _receive_in_sector(at_receiver, at_sender, side, led, optics)
+        return _receive_in_sector(at_receiver, at_sender, side, led, robot.sides, optics)
     return _receive_power(at_receiver, at_sender, side, led, robot, optics)
 
 
 def _receive_in_sector(
-    at_receiver: Components, at_sender: Components, side: Array, led: Array, optics: OpticsConfig
+    at_receiver: Components, at_sender: Components, side: Array, led: Array, sides: Sides, optics: OpticsConfig
 ) -> Reception:
     """The paper's rule: light arrives within range, in the receiver's sector and in the sender's beam."""
     xp = array_module(side)
     distance = xp.sqrt(at_receiver[0] ** 2 + at_receiver[1] ** 2)
-    seen = _in_cone(at_receiver[0], at_receiver[1], optics.photodiode_aperture)
-    lit = _in_cone(at_sender[0], at_sender[1], optics.led_beam_aperture)
+    seen = _in_cone(at_receiver, side, sides.photodiodes, optics.photodiode_aperture)
+    lit = _in_cone(at_sender, led, sides.leds, optics.led_beam_aperture)
     received = seen & lit & (distance < mm_from_rd(optics.communication_radius))
-    return Reception(side, led, side * (math.pi / 2), xp.where(received, distance, math.inf))
+    return Reception(side, led, _bearing(side, sides, distance), xp.where(received, distance, math.inf))
 
 
-def _in_cone(ahead: Array, left: Array, aperture: float) -> Array:
-    """Whether a direction lies in the cone of the side that faces it; `aperture` is its full angle [deg]."""
-    xp = array_module(ahead)
-    ahead, left = xp.abs(ahead), xp.abs(left)
-    return xp.minimum(ahead, left) <= xp.maximum(ahead, left) * math.tan(math.radians(aperture / 2))
+def _in_cone(direction: Components, side: Array, axes: Axes, aperture: float) -> Array:
+    """Whether a direction lies in the cone of the `side` that faces it; `aperture` is its full angle [deg]."""
+    xp, half = array_module(side), math.tan(math.radians(aperture / 2))
+    if axes == SIDES:
+        ahead, left = xp.abs(direction[0]), xp.abs(direction[1])
+        return xp.minimum(ahead, left) <= xp.maximum(ahead, left) * half
+    along, across = onto_axis(*direction, side, axes)
+    return xp.abs(across) <= along * half
+
+
+def _bearing(side: Array, sides: Sides, like: Array) -> Array:
+    """Direction in which the photodiodes of a side look [rad], as `like` in type."""
+    if sides.photodiodes == SIDES:
+        return side * (math.pi / 2)
+    return _look_up(sides.bearings, side, like)
 
 
 def _receive_power(
@@ -133,14 +155,14 @@ def _receive_power(
     sender on both axes is received up to `communication_radius`, from centre to centre.
     """
     xp = array_module(side)
-    along_r, across_r = quarter_turns(at_receiver[0], at_receiver[1], side)
-    along_s, across_s = quarter_turns(at_sender[0], at_sender[1], led)
+    along_r, across_r = onto_axis(at_receiver[0], at_receiver[1], side, robot.sides.photodiodes)
+    along_s, across_s = onto_axis(at_sender[0], at_sender[1], led, robot.sides.leds)
     distance = xp.maximum(xp.hypot(along_r, across_r), 1e-6)
     # The sender's normal, seen from the receiving side: the angle between both normals follows from the two views.
     cos = -(along_r * along_s + across_r * across_s) / distance**2
     sin = -(along_r * across_s - across_r * along_s) / distance**2
-    out_r, left_r = _on_side(robot.receivers, side)
-    out_s, left_s = _on_side(robot.leds, led)
+    out_r, left_r = _on_side(robot.receivers, robot.sides.photodiodes, side, distance)
+    out_s, left_s = _on_side(robot.leds, robot.sides.leds, led, distance)
     gap_along = along_r - out_r + out_s * cos + left_s * sin
     gap_across = across_r - left_r - out_s * sin + left_s * cos
     gap = xp.maximum(xp.hypot(gap_along, gap_across), 1e-6)
@@ -150,40 +172,40 @@ def _receive_power(
     splay = math.radians(optics.photodiode_splay)
     a = xp.maximum(gap_along * math.cos(splay) + gap_across * math.sin(splay), 0.0) / gap
     b = xp.maximum(gap_along * math.cos(splay) - gap_across * math.sin(splay), 0.0) / gap
-    bearing = side * (math.pi / 2) + xp.arctan((a - b) / xp.maximum(a + b, 1e-9) / math.tan(splay))
+    bearing = _bearing(side, robot.sides, distance) + xp.arctan((a - b) / xp.maximum(a + b, 1e-9) / math.tan(splay))
     gain = lobe * (a + b) / (2 * math.cos(splay))
-    effective = gap / xp.sqrt(xp.maximum(gain, 1e-12)) + (out_r + out_s)
+    effective = gap / xp.sqrt(xp.maximum(gain, 1e-12)) + xp.maximum(out_r + out_s, 0.0)
     received = effective < mm_from_rd(optics.communication_radius)
     return Reception(side, led, bearing, xp.where(received, effective, math.inf))
 
 
-def _on_side(points: tuple[Point, ...], side: Array) -> tuple[Array, Array]:
-    """Components of each side's point along the side's outward normal and to its left, for `side` (P,)."""
-    along = tuple(x * normal[0] + y * normal[1] for normal, (x, y) in zip(SIDES, points, strict=True))
-    left = tuple(y * normal[0] - x * normal[1] for normal, (x, y) in zip(SIDES, points, strict=True))
-    return _look_up(along, side), _look_up(left, side)
+def _on_side(points: tuple[Point, ...], axes: Axes, side: Array, like: Array) -> tuple[Array, Array]:
+    """Components of each side's point along the side's axis and to its left, for `side` (P,)."""
+    along = tuple(x * axis[0] + y * axis[1] for axis, (x, y) in zip(axes, points, strict=True))
+    left = tuple(y * axis[0] - x * axis[1] for axis, (x, y) in zip(axes, points, strict=True))
+    return _look_up(along, side, like), _look_up(left, side, like)
 
 
-def _look_up(values: tuple[float, ...], side: Array) -> Array:
-    """The value of each of `side` (P,), one number if all sides have the same."""
+def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Array:
+    """The value of each of `side` (P,), as `like` in type, or one number if all sides have the same."""
     if len(set(values)) == 1:
         return values[0]
-    return array_module(side).asarray(values)[side]
+    return array_module(side).asarray(values, dtype=like.dtype)[side]
 
 
-def led_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N 4 2"]:
+def led_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
     """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad]."""
     return _on_robots(poses, robot.leds)
 
 
-def receiver_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N 4 2"]:
+def receiver_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
     """World positions [mm] at which the sides of robots at `poses` [mm, mm, rad] receive light."""
     return _on_robots(poses, robot.receivers)
 
 
-def outward_normals(poses: Float[Array, "*N 3"]) -> Float[Array, "*N 4 2"]:
-    """Outward unit normals of the sides of robots at `poses` [mm, mm, rad], in the world."""
-    return _turned(poses, SIDES)
+def led_axes(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
+    """Optical axes of the LEDs, unit vectors in the world, of robots at `poses` [mm, mm, rad]."""
+    return _turned(poses, robot.sides.leds)
 
 
 def _on_robots(poses: Array, points: tuple[Point, ...]) -> Array:

@@ -85,8 +85,10 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
 
     if optics.baud_rate:
         first_slot = draw_first_slots(optics, jax.random.fold_in(step_key, 4), n_robots)
-        sight = Sight(understood(optics, sight.links, first_slot), sight.sees_wall & sides_on(optics))
-    channel = Channel(params.conditions, mm_from_rd(config.strategy.message_range))
+        sight = Sight(
+            understood(optics, sight.links, first_slot, robot.sides), sight.sees_wall & sides_on(optics, robot.sides)
+        )
+    channel = Channel(params.conditions, mm_from_rd(config.strategy.message_range), len(robot.sides))
 
     def transmit(message: Message) -> Received:
         """Messages as received, with the same noise at whatever time within this step they are sent."""

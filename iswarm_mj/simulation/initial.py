@@ -10,6 +10,7 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD
 
 
@@ -24,15 +25,21 @@ class Start(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def free_cells(arena: ArenaConfig) -> np.ndarray:
-    """Centres (C, 2) of the 1 rd cells outside the dump [mm], read-only; 2376 in the paper's arena."""
-    n = int(arena.size)
-    centre = (np.arange(n) - (n - 1) / 2) * RD
+def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
+    """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena."""
+    n = int(arena.size / cell)
+    centre = (np.arange(n) - (n - 1) / 2) * (cell * RD)
     x, y = (a.ravel() for a in np.meshgrid(centre, centre, indexing="ij"))
     outside = np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD
     cells = np.column_stack([x, y])[outside]
     cells.flags.writeable = False  # all callers share it
     return cells
+
+
+def cell_of(robot: Robot) -> float:
+    """Width of the cells on which robots start, so that none touches another [rd]: 1, or more for large robots."""
+    diameter = 2 * robot.circumradius / RD
+    return diameter if diameter > 1 + 1e-9 else 1.0
 
 
 def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:
@@ -48,19 +55,19 @@ def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int
     return max(1, round(density * len(free_cells(arena))))
 
 
-def check_robots(arena: ArenaConfig, n_robots: int) -> None:
-    """Raise a ConfigError unless the arena has room for `n_robots`."""
-    room = len(free_cells(arena))
+def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:
+    """Raise a ConfigError unless the arena has room for `n_robots` on cells of this width [rd]."""
+    room = len(free_cells(arena, cell))
     if not 1 <= n_robots <= room:
         constraint = f"between 1 and {room} in an arena of {arena.size:g} x {arena.size:g} rd"
         remedy = "use fewer robots or a larger `arena.size`" if n_robots > room else None
         raise ConfigError("n_robots", n_robots, constraint, remedy)
 
 
-def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator) -> np.ndarray:
-    """Start poses (N, 3) x, y [mm], yaw [rad]: on distinct free cells, at random headings."""
-    check_robots(arena, n_robots)
-    cells = free_cells(arena)
+def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator, cell: float = 1.0) -> np.ndarray:
+    """Start poses (N, 3) x, y [mm], yaw [rad]: on distinct free cells of this width [rd], at random headings."""
+    check_robots(arena, n_robots, cell)
+    cells = free_cells(arena, cell)
     xy = cells[rng.choice(len(cells), n_robots, replace=False)]
     return np.column_stack([xy, rng.uniform(-np.pi, np.pi, n_robots)])
 
@@ -86,17 +93,24 @@ def draw_works(gripper: GripperConfig, n: int, rng: np.random.Generator) -> tupl
     return factor * np.asarray(tool), factor * np.asarray(floor)
 
 
-def draw_start(config: SwarmConfig, n_robots: int, seed: int, index: int, failed_fraction: float = 0.0) -> Start:
+def draw_start(
+    config: SwarmConfig, n_robots: int, seed: int, index: int, failed_fraction: float = 0.0, cell: float = 1.0
+) -> Start:
     """Draw how world `index` of a seed begins; all worlds of a seed have balls of the same radii."""
     radii = draw_radii(config.arena, np.random.default_rng([seed, 2**32 - 1]))
-    return start_with(config, n_robots, radii, np.random.default_rng([seed, index]), failed_fraction)
+    return start_with(config, n_robots, radii, np.random.default_rng([seed, index]), failed_fraction, cell)
 
 
 def start_with(
-    config: SwarmConfig, n_robots: int, radii: np.ndarray, rng: np.random.Generator, failed_fraction: float = 0.0
+    config: SwarmConfig,
+    n_robots: int,
+    radii: np.ndarray,
+    rng: np.random.Generator,
+    failed_fraction: float = 0.0,
+    cell: float = 1.0,
 ) -> Start:
-    """Draw how a world with balls of these radii (K,) [m] begins."""
-    poses = place_robots(config.arena, n_robots, rng)
+    """Draw how a world with balls of these radii (K,) [m] begins, its robots on cells of this width [rd]."""
+    poses = place_robots(config.arena, n_robots, rng, cell)
     position = place_balls(config.arena, rng)
     works = draw_works(config.gripper, len(radii), rng)
     floats = (a.astype(np.float32) for a in (position, radii, *works))

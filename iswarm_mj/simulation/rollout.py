@@ -113,7 +113,8 @@ def rollout(
 def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
     """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
     rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
-    return VectorStrategy(rules, n_scouts, common(config).config, read_robot().probe_tip[0])
+    robot = read_robot()
+    return VectorStrategy(rules, n_scouts, common(config).config, robot.probe_tip, robot.sides)
 
 
 def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:

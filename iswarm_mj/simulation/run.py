@@ -11,7 +11,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.faults import decode, summary
-from iswarm_mj.simulation.initial import check_robots
+from iswarm_mj.simulation.initial import cell_of, check_robots
 from iswarm_mj.simulation.metrics import Measures, measure
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
@@ -79,14 +79,17 @@ class Run:
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
         largest = max(world.n_robots for world in self.worlds)
         check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
-        check_robots(config.arena, largest)
         n_dust, goal = config.arena.n_dust, self.goal
         check("stop_at", goal, f"between 1 and the number of balls, {n_dust}", goal <= n_dust)
-        if strategy is not None:
-            check_strategies(strategy, n_worlds, settings.capacity or largest)
-        self.watch = Stopwatch()
-        self.starts = starts_of(config, self.worlds)
         self.robot = read_robot(robot_file)
+        check_robots(config.arena, largest, cell_of(self.robot))
+        slots, n_leds = config.optics.slots, len(self.robot.sides)
+        is_long = not config.optics.baud_rate or slots >= n_leds
+        check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
+        if strategy is not None:
+            check_strategies(strategy, n_worlds, settings.capacity or largest, len(self.robot.sides))
+        self.watch = Stopwatch()
+        self.starts = starts_of(config, self.worlds, cell_of(self.robot))
         plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file, self.goal)
         device = jax.devices("cpu")[0] if self.engine.on_host else None
         with jax.default_device(device):  # engines on the host leave GPUs alone

@@ -15,10 +15,9 @@ from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
-from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.initial import Start, cell_of
 from iswarm_mj.simulation.loop import HostLoop, Loop
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.state import StepRecord, WorldState
@@ -65,7 +64,7 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     capacity = settings.capacity or n_robots
     strategy = plan.strategy
     if strategy is None:
-        strategy = vector_strategies(config, robot.probe_tip[0], worlds)
+        strategy = vector_strategies(config, robot, worlds)
     params = world_params(config, worlds, strategy, plan.goal, capacity)
     poses, state = first_state(plan.starts, params)
     start = start_record(state, poses, settings.record_worlds, robot)
@@ -95,7 +94,8 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
             from iswarm_mj.engines.mjx.engine import MjxEngine
 
             devices = list(mjx.devices or jax.local_devices())[: len(worlds)]
-            buffers = contact_capacity(config, capacity, mjx.contact_capacity)
+            room = mjx.contact_capacity * cell_of(robot) ** 2  # large robots cover more of the floor
+            buffers = contact_capacity(config, capacity, room)
             each = -(-len(worlds) // len(devices))
             compiled = compile_mjx_arena(
                 config, capacity, mjx.impl, each, buffers, mjx.solver_iterations, plan.robot_file
@@ -127,7 +127,7 @@ def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], 
     rows = list(recorded)
     swarm: Any = jax.tree.map(lambda a: np.asarray(a)[rows], state.swarm)
     poses = poses[rows]
-    sides, zero = (*poses.shape[:2], N_SIDES), np.zeros(len(rows), np.int32)
+    sides, zero = (*poses.shape[:2], len(robot.sides)), np.zeros(len(rows), np.int32)
     nothing = [np.zeros(sides, dtype) for dtype in (np.int32, np.bool_, np.int32, np.float32, np.float32)]
     record = StepRecord(
         step=zero,

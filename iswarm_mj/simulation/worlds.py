@@ -22,6 +22,7 @@ from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -60,15 +61,15 @@ def worlds_of_seed(genome: Genome, settings: RunSettings) -> list[World]:
     return [World(genome, s.n_robots, s.seed, index, s.failed_fraction) for index in range(s.n_worlds)]
 
 
-def starts_of(config: SwarmConfig, worlds: Sequence[World]) -> list[Start]:
-    """Return how each world begins.
+def starts_of(config: SwarmConfig, worlds: Sequence[World], cell: float = 1.0) -> list[Start]:
+    """Return how each world begins, with robots on cells as wide as this [rd].
 
     Raises:
         UserError: a world differs in what all worlds of a run share.
     """
     for own in {world.config for world in worlds if world.config is not None}:
         check_common(config, own)
-    return [_start(config, world) for world in worlds]
+    return [_start(config, world, cell) for world in worlds]
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
@@ -126,11 +127,11 @@ def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.
     return _padded([start.poses for start in starts], capacity), state
 
 
-def vector_strategies(config: SwarmConfig, probe_reach: float, worlds: Sequence[World]) -> VectorStrategy:
+def vector_strategies(config: SwarmConfig, robot: Robot, worlds: Sequence[World]) -> VectorStrategy:
     """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
     rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(rules, n_scouts, common(config).config, probe_reach)
+    return VectorStrategy(rules, n_scouts, common(config).config, robot.probe_tip, robot.sides)
 
 
 @jax.jit
@@ -158,11 +159,12 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
     return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
-def _start(config: SwarmConfig, world: World) -> Start:
+def _start(config: SwarmConfig, world: World, cell: float) -> Start:
     if world.start is not None:
         _check_start(world.start, world.n_robots, config.arena.n_dust)
         return world.start
-    return draw_start(world.config or config, world.n_robots, world.seed, world.index, world.failed_fraction)
+    own = world.config or config
+    return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction, cell)
 
 
 def _check_start(start: Start, n_robots: int, n_dust: int) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import StrategyConfig
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import choices
+from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 AVOIDANCE_SIDES = choices(StrategyConfig, "avoidance_sides")
@@ -47,22 +48,25 @@ def repulsion_range(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Arra
     return jnp.where(is_higher, jnp.maximum(kept, others), kept)
 
 
-def listening_sides(rules: Any, n_sides: int) -> Bool[Array, "S"]:
-    """Sides whose photodiodes a robot uses against obstacles, counted anticlockwise from its front."""
-    return (jnp.arange(n_sides) == 0) | (rules.avoidance_sides == AVOIDANCE_SIDES.index("all"))
+def listening_sides(rules: Any, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
+    """Sides whose photodiodes a robot uses against obstacles: those ahead, or all."""
+    return jnp.asarray(sides.front) | (rules.avoidance_sides == AVOIDANCE_SIDES.index("all"))
 
 
-def is_avoided(rules: Any, led: Int[Array, "N S"]) -> Bool[Array, "N S"]:
+def is_avoided(rules: Any, led: Int[Array, "N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "N S"]:
     """Whether a robot avoids what it senses on each side, by that side and by the neighbour's LED that it sees.
 
     Args:
         rules: `Rules`.
-        led: 0 front, 1 left, 2 back, 3 right of the neighbour.
+        led: of the neighbour; of the paper's 0 front, 1 left, 2 back, 3 right.
+        sides: of the robots.
     """
     is_oncoming, goes_away = led == 0, led == 2
+    if sides.leds != SIDES:
+        is_oncoming, goes_away = jnp.asarray(sides.front_leds)[led], jnp.asarray(sides.back_leds)[led]
     course = rules.avoidance_course
     heeds = jnp.where(course == AVOIDANCE_COURSES.index("oncoming"), is_oncoming, ~goes_away)
-    return listening_sides(rules, led.shape[1]) & ((course == AVOIDANCE_COURSES.index("any")) | heeds)
+    return listening_sides(rules, sides) & ((course == AVOIDANCE_COURSES.index("any")) | heeds)
 
 
 def repulsion(
@@ -87,13 +91,16 @@ def repulsion(
     return (strength[..., None] * away).sum(axis=-2)
 
 
-def is_blocked(rules: Any, is_heard: Bool[Array, "N S"], distance: Float[Array, "N S"]) -> Bool[Array, "N"]:
+def is_blocked(
+    rules: Any, is_heard: Bool[Array, "N S"], distance: Float[Array, "N S"], sides: Sides = PAPER_SIDES
+) -> Bool[Array, "N"]:
     """Whether a robot does not walk on, since it hears another one right ahead and these rules make it wait.
 
     Args:
         rules: `Rules`.
         is_heard: a neighbour is heard on this side.
         distance: measured [mm].
+        sides: of the robot.
     """
-    is_near = is_heard[:, 0] & (distance[:, 0] <= mm_from_rd(BLOCKING_DISTANCE))
-    return is_near & (rules.blocked == BLOCKED.index("waits"))
+    is_near = is_heard & (distance <= mm_from_rd(BLOCKING_DISTANCE)) & jnp.asarray(sides.front)
+    return is_near.any(axis=1) & (rules.blocked == BLOCKED.index("waits"))

@@ -1,7 +1,7 @@
 """The vector-based strategy with scouts: what robots say and do, given what they sense (section 4 of the paper).
 
 Pure functions over an axis of N robots. A robot knows its own memory, what its photodiodes receive, and what lies
-under it; it knows neither its position nor its heading. S = 4 is the number of its sides.
+under it; it knows neither its position nor its heading. S is the number of its sides, 4 in the paper.
 """
 
 import math
@@ -24,6 +24,7 @@ from iswarm_mj.strategy.interface import Command, Draws, Observation, Plan, Robo
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, believed_motion, heard
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -43,38 +44,52 @@ def may_pick(rules: Rules, memory: RobotMemory) -> Bool[Array, "N"]:
 
 
 def act(
-    config: SwarmConfig, probe_reach: float, rules: Rules, memory: RobotMemory, observation: Observation, key: Array
+    config: SwarmConfig,
+    probe_tip: Point,
+    rules: Rules,
+    memory: RobotMemory,
+    observation: Observation,
+    key: Array,
+    sides: Sides = PAPER_SIDES,
 ) -> tuple[RobotMemory, Command]:
     """Advance the memories of N robots by one control step, and decide what they do.
 
     Args:
         config: limits of the drive, range of light.
-        probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
+        probe_tip: position of the probe's tip ahead of and to the left of the robot's centre [mm].
         rules: genome and readings.
         memory: from the step before.
         observation: what the robots sense now.
         key: random key of this world and step.
+        sides: of the robots.
     """
     draws = draw(len(memory.is_scout), observation.is_heard.shape[1], key)
-    memory = _remember(config, rules, memory, observation, draws)
+    memory = _remember(config, rules, memory, observation, draws, sides)
     plan = choose(config, rules, memory, observation, draws)
-    push = avoid(config, rules, observation, plan.follows)
+    push = avoid(config, rules, observation, plan.follows, sides)
     approaches = approaching(rules, memory, observation)
     plan = towards_ball(plan, approaches & rules.avoids_at_dust, observation.ball_vector)
     command = steer(config, plan.direction + push, plan.limit, prefers_left=draws.side < 0.5)
     swerves = rules.avoids_at_dust & (push != 0.0).any(axis=-1)
-    command = approach(config, probe_reach, approaches & ~swerves, observation.ball_vector, command)
-    waits = is_blocked(rules, observation.is_heard, observation.distance)
+    command = approach(config, probe_tip, approaches & ~swerves, observation.ball_vector, command)
+    waits = is_blocked(rules, observation.is_heard, observation.distance, sides)
     command = Command(command.turn, jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
     believed = believed_motion(rules, *command, jax.random.fold_in(key, 1))
     dust, dump = (after_motion(vectors, *believed) for vectors in (memory.dust, memory.dump))
     return memory._replace(dust=dust, dump=dump), command
 
 
-def listen(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, key: Array) -> RobotMemory:
+def listen(
+    config: SwarmConfig,
+    rules: Rules,
+    memory: RobotMemory,
+    observation: Observation,
+    key: Array,
+    sides: Sides = PAPER_SIDES,
+) -> RobotMemory:
     """Advance the memories as `act` does, up to what the robots know before they move."""
     draws = draw(len(memory.is_scout), observation.is_heard.shape[1], key)
-    return _remember(config, rules, memory, observation, draws)
+    return _remember(config, rules, memory, observation, draws, sides)
 
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
@@ -91,23 +106,25 @@ def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
 
 
 def _remember(
-    config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws
+    config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws, sides: Sides
 ) -> RobotMemory:
     """Memories after forgetting, listening, sensing the floor and, if so configured, finding nothing."""
-    memory = learn(rules, memory, observation, draws)
+    memory = learn(rules, memory, observation, draws, sides)
     return memory._replace(
         dust=forget_unconfirmed(config, rules, memory.dust, observation.at_dust),
         dump=forget_unconfirmed(config, rules, memory.dump, observation.on_dump),
     )
 
 
-def learn(rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> RobotMemory:
+def learn(
+    rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws, sides: Sides = PAPER_SIDES
+) -> RobotMemory:
     """Memories after forgetting, listening, and sensing the floor."""
     forgets = draws.forget < rules.p_vector_forget
 
     def listen(own: VectorMemory, sent: VectorMemory, tie_break: Array) -> VectorMemory:
-        offers = heard(sent, observation.bearing, observation.distance, observation.led).where(observation.is_heard)
-        return adopt(own.where(~forgets), offers, rules.use_hop_count, tie_break)
+        offers = heard(sent, observation.bearing, observation.distance, observation.led, sides)
+        return adopt(own.where(~forgets), offers.where(observation.is_heard), rules.use_hop_count, tie_break)
 
     return memory._replace(
         dust=arrived(listen(memory.dust, observation.dust, draws.dust_tie), observation.at_dust),
@@ -154,18 +171,20 @@ def towards_ball(plan: Plan, approaches: Bool[Array, "N"], ball_vector: Float[Ar
 
 
 def avoid(
-    config: SwarmConfig, rules: Rules, observation: Observation, follows: Bool[Array, "N"]
+    config: SwarmConfig, rules: Rules, observation: Observation, follows: Bool[Array, "N"], sides: Sides = PAPER_SIDES
 ) -> Float[Array, "N 2"]:
     """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
     loaded, priority = observation.is_loaded, observation.priority
     threshold, reach = (find(rules, loaded, priority) for find in (avoidance_distance, repulsion_range))
-    heeded = observation.is_heard & is_avoided(rules, observation.led)
+    heeded = observation.is_heard & is_avoided(rules, observation.led, sides)
     weight = jnp.where(priority, rules.priority_factor, 1.0) * heeded
     push = repulsion(observation.bearing, distance, threshold, weight, reach)
-    side = jnp.arange(observation.sees_wall.shape[1]) * (math.pi / 2)
-    outward = jnp.stack([jnp.cos(side), jnp.sin(side)], axis=-1)
-    in_sight = observation.sees_wall & listening_sides(rules, len(side)) & ~follows[:, None]
+    outward = jnp.asarray(sides.leds)
+    if sides.leds == SIDES:
+        side = jnp.arange(len(sides)) * (math.pi / 2)
+        outward = jnp.stack([jnp.cos(side), jnp.sin(side)], axis=-1)
+    in_sight = observation.sees_wall & listening_sides(rules, sides) & ~follows[:, None]
     return rules.avoidance_gain * push - rules.wall_gain * (in_sight.astype(jnp.float32) @ outward)
 
 
@@ -193,7 +212,7 @@ def steer(
 
 def approach(
     config: SwarmConfig,
-    probe_reach: float,
+    probe_tip: Point,
     approaches: Bool[Array, "N"],
     ball_vector: Float[Array, "N 2"],
     command: Command,
@@ -202,21 +221,31 @@ def approach(
 
     Args:
         config: limits of the drive.
-        probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
+        probe_tip: position of the probe's tip ahead of and to the left of the robot's centre [mm].
         approaches: the robot approaches a ball.
         ball_vector: from the robot to the ball, in the robot's frame [mm].
         command: without the ball.
     """
     angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])
+    reach, aside = probe_tip
+    ahead = _length(ball_vector)
+    if aside:  # the ball is to be as far aside as the tip
+        angle = _wrapped(angle - jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0)))
+        ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0))
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.step_length)
-    forward = jnp.where(turn == angle, jnp.clip(_length(ball_vector) - probe_reach, -step, step), 0.0)
+    forward = jnp.where(turn == angle, jnp.clip(ahead - reach, -step, step), 0.0)
     return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
 
 
 def _length(vector: Array) -> Array:
     """Lengths (N,) of vectors (N, 2)."""
     return jnp.hypot(vector[:, 0], vector[:, 1])
+
+
+def _wrapped(angle: Array) -> Array:
+    """Angles (N,) between -pi and pi [rad]."""
+    return angle - 2 * math.pi * jnp.round(angle / (2 * math.pi))
 
 
 def _can_be_followed(config: SwarmConfig, length: Array) -> Array:

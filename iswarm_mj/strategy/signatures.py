@@ -7,15 +7,14 @@ import jax.numpy as jnp
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.sensors.optics import N_SIDES
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.utils.errors import UserError
 
 
-def observation_shapes(n_robots: int) -> Observation:
-    """Shapes and types of what N robots sense."""
-    here, sides = (n_robots,), (n_robots, N_SIDES)
+def observation_shapes(n_robots: int, n_sides: int = 4) -> Observation:
+    """Shapes and types of what N robots with S sides sense."""
+    here, sides = (n_robots,), (n_robots, n_sides)
     return Observation(
         is_heard=_flags(*sides),
         bearing=_floats(*sides),
@@ -33,13 +32,14 @@ def observation_shapes(n_robots: int) -> Observation:
     )
 
 
-def check_strategies(strategies: Strategy, n_worlds: int, n_robots: int) -> None:
+def check_strategies(strategies: Strategy, n_worlds: int, n_robots: int, n_sides: int = 4) -> None:
     """Check a strategy whose arrays have a first axis of worlds, see `check_strategy`.
 
     Args:
         strategies: of all worlds.
         n_worlds: B.
         n_robots: N.
+        n_sides: S.
 
     Raises:
         UserError: an array lacks that axis, or a method returns something else.
@@ -49,16 +49,17 @@ def check_strategies(strategies: Strategy, n_worlds: int, n_robots: int) -> None
             raise UserError(
                 f"the arrays of the strategy must have a first axis of {n_worlds} worlds (got shape {jnp.shape(leaf)})"
             )
-    check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0))
+    check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0), n_sides)
 
 
-def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
+def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: int = 4) -> None:
     """Check the shapes and types of what a strategy's methods return.
 
     Args:
         strategy: of one world.
         n_robots: N.
         key: any random key.
+        n_sides: S.
 
     Raises:
         UserError: a method returns something else.
@@ -70,9 +71,9 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array) -> None:
     _compare(f"{name}.say", jax.eval_shape(strategy.say, memory, _flags(n_robots)), message)
     _compare(f"{name}.picks", jax.eval_shape(strategy.picks, memory), _flags(n_robots))
     if isinstance(strategy, RelayingStrategy):
-        listened = jax.eval_shape(strategy.listen, memory, observation_shapes(n_robots), key)
+        listened = jax.eval_shape(strategy.listen, memory, observation_shapes(n_robots, n_sides), key)
         _compare(f"{name}.listen", listened, memory, "memory")
-    returned = jax.eval_shape(strategy.act, memory, observation_shapes(n_robots), key)
+    returned = jax.eval_shape(strategy.act, memory, observation_shapes(n_robots, n_sides), key)
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
     _compare(f"{name}.act", returned[0], memory, "memory")

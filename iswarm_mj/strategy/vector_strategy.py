@@ -11,6 +11,7 @@ from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.interface import Command, Observation, RobotMemory
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import PAPER_SIDES, Point, Sides
 
 
 @jax.tree_util.register_dataclass
@@ -22,13 +23,15 @@ class VectorStrategy:
         rules: genome and readings; worlds may have different ones.
         n_scouts: the first robots are scouts.
         config: limits of the drive, range of light; its `strategy` does not count.
-        probe_reach: distance of the probe's tip ahead of the robot's centre [mm].
+        probe_tip: position of the probe's tip ahead of and to the left of the robot's centre [mm].
+        sides: where LEDs and photodiodes look.
     """
 
     rules: Rules
     n_scouts: Array
     config: SwarmConfig = field(metadata={"static": True})
-    probe_reach: float = field(metadata={"static": True})
+    probe_tip: Point = field(metadata={"static": True})
+    sides: Sides = field(default=PAPER_SIDES, metadata={"static": True})
 
     def init(self, n_robots: int, key: Array) -> RobotMemory:
         """See `Strategy.init`."""
@@ -45,8 +48,8 @@ class VectorStrategy:
 
     def listen(self, memory: RobotMemory, observation: Observation, key: Array) -> RobotMemory:
         """See `RelayingStrategy.listen`."""
-        return controller.listen(self.config, self.rules, memory, observation, key)
+        return controller.listen(self.config, self.rules, memory, observation, key, self.sides)
 
     def act(self, memory: RobotMemory, observation: Observation, key: Array) -> tuple[RobotMemory, Command]:
         """See `Strategy.act`."""
-        return controller.act(self.config, self.probe_reach, self.rules, memory, observation, key)
+        return controller.act(self.config, self.probe_tip, self.rules, memory, observation, key, self.sides)

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.geometry import rotate
+from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 
 
 def after_motion(memory: VectorMemory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> VectorMemory:
@@ -44,22 +45,29 @@ def arrived(memory: VectorMemory, is_there: Bool[Array, "N"]) -> VectorMemory:
 
 
 def heard(
-    sent: VectorMemory, bearing: Float[Array, "*N"], distance: Float[Array, "*N"], led: Int[Array, "*N"]
+    sent: VectorMemory,
+    bearing: Float[Array, "*N"],
+    distance: Float[Array, "*N"],
+    led: Int[Array, "*N"],
+    sides: Sides = PAPER_SIDES,
 ) -> VectorMemory:
     """Vectors that neighbours sent, transformed into the receivers' frames: V_F = V' + Rot(psi) V, hop + 1.
 
     Source: Valdastri et al. (2006), section 4.3 and Fig. 13(a). V' points from the receiver to the sender, in the
     direction of the photodiode and with the measured distance as its length. The sender's LED number tells which of
-    its sides faces the receiver, hence its relative orientation psi = bearing + 180 deg - 90 deg * led.
+    its sides faces the receiver, hence its relative orientation psi = bearing + 180 deg - 90 deg * led, or of other
+    robots than the paper's less the direction in which that LED shines.
 
     Args:
         sent: vectors in the senders' frames.
         bearing: direction of the sender in the receiver's frame [rad].
         distance: measured distance [mm].
-        led: number of the sender's LED, counted anticlockwise from its front.
+        led: number of the sender's LED.
+        sides: of the robots.
     """
     to_sender = distance[..., None] * jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)
-    psi = bearing + jnp.pi - led * (jnp.pi / 2)
+    led_bearing = led * (jnp.pi / 2) if sides.leds == SIDES else jnp.asarray(sides.led_bearings, bearing.dtype)[led]
+    psi = bearing + jnp.pi - led_bearing
     vector = jnp.where(sent.known[..., None], to_sender + rotate(sent.vector, psi), 0.0)
     return VectorMemory(vector, jnp.where(sent.known, sent.hop + 1, 0), sent.known)
 

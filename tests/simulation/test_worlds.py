@@ -85,7 +85,7 @@ class TestManyWorlds:
         """One program makes the keys of any number of worlds, none is needed if they are given."""
         worlds = [World(TYPE1, 5, key=jax.random.key(k) if has_keys else None, index=k) for k in range(37)]
         with compilations() as names:
-            world_params(small, worlds, vector_strategies(small, 0.9, worlds), 24, 5)
+            world_params(small, worlds, vector_strategies(small, read_robot(), worlds), 24, 5)
         assert names == ([] if has_keys else ["jit(_keys)"])
 
 
@@ -160,7 +160,7 @@ class TestWhatDoesNotFit:
             Run(small, TYPE1, RunSettings(5, 3, stop_at=25))
 
     def test_strategies_without_an_axis_of_worlds(self, small):
-        strategy = vector_strategies(small, 0.9, [World(TYPE1, 5)] * 2)
+        strategy = vector_strategies(small, read_robot(), [World(TYPE1, 5)] * 2)
         with pytest.raises(UserError, match=r"first axis of 1 worlds \(got shape \(2,\)\)"):
             Run(small, TYPE1, RunSettings(5, 3), strategy=strategy)
 

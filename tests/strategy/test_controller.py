@@ -39,7 +39,7 @@ from iswarm_mj.utils.units import RD
 CONFIG = SwarmConfig()
 RULES = rules_of(PRESETS["type1"])
 STEP = 0.5 * RD
-PROBE = 0.9
+PROBE = (0.9, 0.0)
 
 DROPPING = SwarmConfig(gripper=GripperConfig(drop_rate=0.2))
 MANY = 20_000  # robots, for statistics; `act` is compiled for them
@@ -184,7 +184,7 @@ def test_the_tip_comes_to_the_ball(seed):
         assert np.abs(command.turn).max() <= np.pi / 2 + 1e-6 and np.abs(command.forward).max() <= STEP + 1e-6
         yaw = yaw + np.asarray(command.turn, float)
         xy = xy + turned(np.column_stack([command.forward, np.zeros(n)]), yaw)
-    tip = xy + turned(np.array([PROBE, 0.0]), yaw)
+    tip = xy + turned(np.array(PROBE), yaw)
     assert np.hypot(*(tip - ball).T).max() < 0.01
 
 
@@ -207,7 +207,7 @@ def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
 def test_the_tip_goes_to_the_ball_that_is_approached():
     command, ball = Command(jnp.array([0.1, 0.1]), jnp.array([1.2, 1.2])), jnp.array([[0.0, 1.5]] * 2)
     got = approach_here(CONFIG, PROBE, jnp.array([True, False]), ball, command)
-    np.testing.assert_allclose(got, [[math.pi / 2, 0.1], [1.5 - PROBE, 1.2]], rtol=1e-5)
+    np.testing.assert_allclose(got, [[math.pi / 2, 0.1], [1.5 - PROBE[0], 1.2]], rtol=1e-5)
 
 
 def test_scouts_pick_only_if_they_may():
@@ -373,7 +373,7 @@ def world(rng, centre, spread):
     poses = np.column_stack([centre + rng.uniform(-spread, spread, (n, 2)), rng.uniform(-3, 3, n)])
     memory, seen = crowded(n, rng)
     lying = poses[:8, :2] + rng.uniform(-1.2, 1.2, (8, 2))
-    under = poses[8:10, :2] + turned(np.array([[PROBE, 0.05]] * 2), poses[8:10, 2])  # within the tool's reach
+    under = poses[8:10, :2] + turned(np.array([[PROBE[0], 0.05]] * 2), poses[8:10, 2])  # within the tool's reach
     memory = memory._replace(is_scout=memory.is_scout.at[8:10].set(False))
     balls = lay(*lying, *under, *[(0.0, 0.0)] * 3, holders=[None] * 10 + [20, 21, 22])
     links = Links(
@@ -456,7 +456,7 @@ def test_the_dump_and_dust_are_learnt_by_standing_there():
 def test_carried_balls_fall_at_the_configured_rate():
     rows = [(40, 8 * i - 50, 29 * i) for i in range(N_BALLS)]
     here = silent_world(rows, np.zeros((N_BALLS, 2)), list(range(N_BALLS)))
-    tips = here[0][:N_BALLS, :2] + turned(np.array([PROBE, 0.0]), here[0][:N_BALLS, 2])
+    tips = here[0][:N_BALLS, :2] + turned(np.array(PROBE), here[0][:N_BALLS, 2])
     fallen, seeds = 0, 150
     for seed in range(seeds):
         after, _, priority, _ = decided(*here, seed)

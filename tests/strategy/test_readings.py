@@ -17,7 +17,7 @@ from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
 from iswarm_mj.strategy.vectors import believed_motion
 from iswarm_mj.utils.units import RD
 
-N, PROBE = 5000, 0.9
+N, PROBE = 5000, (0.9, 0.0)
 NOTHING = RobotMemory(*[remember(jnp.zeros((N, 2)), known=False)] * 2, jnp.zeros(N, bool))
 decide = jax.jit(act, static_argnums=(0, 1))
 

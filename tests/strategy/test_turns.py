@@ -69,7 +69,7 @@ def chain(update_order):
     """
     strategy, drive = StrategyConfig(update_order=update_order), DriveConfig(step_length=1e-6, max_turn=1e-6)
     config = SwarmConfig(optics=NO_NOISE, strategy=strategy, drive=drive)
-    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config, PROBE[0])
+    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config, PROBE)
     poses = place(*[(k * GAP, 0, 0) for k in range(N)])
     links, poses = links_of(poses, config.optics), jnp.asarray(poses, jnp.float32)
 
@@ -128,7 +128,7 @@ def swarm_that_hears(n_seed):
 
     memory = RobotMemory(vectors(), vectors(), jnp.asarray(rng.random(n) < 0.1))
     links, key = links_of(poses, config.optics), jax.random.key(n_seed)
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, PROBE[0])
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, PROBE)
     was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
 
     message, is_heard, distance = transmit(strategy, links, key, memory, was_loaded)
@@ -234,7 +234,7 @@ def test_by_default_nothing_is_repeated():
     n, texts = 6, {}
     for order in ("synchronous", "sequential"):
         config = SwarmConfig(strategy=StrategyConfig(update_order=order))
-        strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(1), config, PROBE[0])
+        strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(1), config, PROBE)
         state = SwarmState(strategy.init(n, None), lay((0.0, 60.0)), jnp.ones(n, bool))
         poses = place(*[(k * 8.0, 0, 0) for k in range(n)])
         arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
@@ -272,7 +272,7 @@ class TestRuns:
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
-    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE[0])
+    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE)
     deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "say", "picks", "act")})
     state = SwarmState(deaf.init(2, None), lay((0.0, 60.0)), jnp.ones(2, bool))
     poses = place((0, 0, 0), (8, 0, 0))

@@ -82,6 +82,9 @@ def _cast(arena: MjxArena, view: mjx.Data, crowd: Crowd, path: Paths) -> Array:
     """Whether a ray along one path meets its sender, its wall or nothing first."""
     away = path.origin - crowd.poses[path.receiver, :2]
     start = path.origin + away * (_START / arena.robot.inradius)
+    if not arena.robot.sides.is_regular:  # light may pass through the hull of its receiver, see `sensors.optics`
+        hidden = view.geom_xpos.at[arena.hull + path.receiver, 2].set(_HIDDEN)
+        view, start = view.replace(geom_xpos=hidden), path.origin
     origin, vector = jnp.append(start, arena.robot.ray_height), jnp.append(path.target - start, 0.0)
     share, geom = mjx.ray(arena.sight, view, origin, vector, _HULLS_AND_WALLS)
     is_sender = geom == arena.hull + path.sender

@@ -15,12 +15,11 @@ from iswarm_mj.engines.mjx.arena import MjxArena
 from iswarm_mj.engines.mjx.rays import Crowd, Paths, in_sight
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import (
-    N_SIDES,
     Reception,
     facing_side,
     into_frame,
+    led_axes,
     led_positions,
-    outward_normals,
     receive,
     receiver_positions,
 )
@@ -64,7 +63,7 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[A
         clear = is_searching
         if config.optics.line_of_sight:
             target = _facing_leds(arena, poses, candidate).reshape(-1, 2)
-            paths = Paths(origin, target, jnp.repeat(index, N_SIDES), candidate.ravel())
+            paths = Paths(origin, target, jnp.repeat(index, len(arena.robot.sides)), candidate.ravel())
             clear = in_sight(arena, crowd, paths, is_searching.ravel()).reshape(is_searching.shape)
         return Search(
             distance=jnp.where(is_searching, distance, search.distance),
@@ -73,7 +72,7 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[A
             is_searching=is_searching & ~clear,
         )
 
-    shape = len(poses), N_SIDES
+    shape = len(poses), len(arena.robot.sides)
     nobody = Search(
         jnp.full(shape, -1.0), jnp.full(shape, -1, jnp.int32), jnp.zeros(shape, bool), jnp.ones(shape, bool)
     )
@@ -95,7 +94,7 @@ def _next(search: Search, reach: Array, side: Array) -> tuple[Array, Array]:
     """
     index = jnp.arange(len(reach), dtype=jnp.int32)
     columns = []
-    for s in range(N_SIDES):
+    for s in range(search.sender.shape[1]):
         last, sender = search.distance[:, s, None], search.sender[:, s, None]
         later = (reach > last) | ((reach == last) & (index > sender))
         distance = jnp.where((side == s) & later, reach, jnp.inf)
@@ -107,7 +106,7 @@ def _next(search: Search, reach: Array, side: Array) -> tuple[Array, Array]:
 def _facing_leds(arena: MjxArena, poses: Array, sender: Array) -> Array:
     """Where the LED of each sender (N, S) sits that shines towards its receiver (N, S, 2) [mm]."""
     dx, dy = poses[:, None, 0] - poses[sender, 0], poses[:, None, 1] - poses[sender, 1]
-    led = facing_side(*into_frame(dx, dy, _heading(poses[sender])))
+    led = facing_side(*into_frame(dx, dy, _heading(poses[sender])), arena.robot.sides.leds)
     return led_positions(poses, arena.robot)[sender, led]
 
 
@@ -144,9 +143,12 @@ def _heading(poses: Array) -> tuple[Array, Array]:
 def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array, "N S"]:
     """Find out whether a wall is the first thing on the axis of each LED, within range."""
     leds = led_positions(crowd.poses, arena.robot)
-    ends = leds + outward_normals(crowd.poses) * mm_from_rd(config.optics.wall_range)
+    ends = leds + led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
     beyond = (jnp.abs(ends).max(axis=-1) > arena.edge) & crowd.is_present[:, None]
-    robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), N_SIDES)
+    robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), len(arena.robot.sides))
     wall = jnp.full_like(robot, len(leds))
     paths = Paths(leds.reshape(-1, 2), ends.reshape(-1, 2), robot, wall)
-    return in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
+    sees = in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
+    if arena.robot.sides.is_regular:
+        return sees
+    return sees | ((jnp.abs(leds).max(axis=-1) > arena.edge) & crowd.is_present[:, None])  # in a wall, looking along it

@@ -8,7 +8,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import find_links
-from iswarm_mj.sensors.optics import N_SIDES, led_positions, outward_normals
+from iswarm_mj.sensors.optics import led_axes, led_positions
 from iswarm_mj.utils.units import mm_from_rd
 
 _RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
@@ -90,17 +90,18 @@ def sense(
 
 def find_walls(
     scene: Scene, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]
-) -> Bool[np.ndarray, "B N 4"]:
+) -> Bool[np.ndarray, "B N S"]:
     """Whether a wall is the first thing on the axis of each LED, within range.
 
     A LED that a robot presses slightly into a wall sees it too.
     """
     length = mm_from_rd(scene.config.optics.wall_range)
     edge = mm_from_rd(scene.config.arena.size) / 2
-    sees = np.zeros((*poses.shape[:2], N_SIDES), bool)
+    sees = np.zeros((*poses.shape[:2], len(scene.robot.sides)), bool)
     may_see = np.abs(poses[..., :2]).max(axis=-1) + scene.robot.circumradius + length > edge
     world, robot = np.nonzero(may_see & is_present)
-    leds, outward = led_positions(poses[world, robot], scene.robot), outward_normals(poses[world, robot]) * length
+    leds = led_positions(poses[world, robot], scene.robot)
+    outward = led_axes(poses[world, robot], scene.robot) * length
     beyond = np.abs(leds + outward).max(axis=-1) > edge
     near, _ = np.nonzero(beyond)
     share, hit = scene.cast_rays(world[near], leds[beyond], outward[beyond], robot[near])

@@ -17,6 +17,7 @@ from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
 from iswarm_mj.engines.planar.gpu.functions import jax_kernel
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
+from iswarm_mj.engines.planar.gpu.reception import points_of
 from iswarm_mj.engines.planar.physics import SKIN
 from iswarm_mj.engines.planar.plane import Plane, read_plane
 from iswarm_mj.engines.planar.reception import Light, read_light
@@ -84,7 +85,8 @@ class PlanarBatchEngine:
             launch_dims=n_worlds * n_threads,
             output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
         )
-        light, points = _numbers(self.light[:-2]), jnp.array([*self.light.leds, *self.light.receivers], jnp.float32)
+        n_sides, points = len(self.light.leds), jnp.asarray(points_of(self.light))
+        light = _numbers(tuple(number for number in self.light if not isinstance(number, tuple)))
         near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, light, points, radius),
             launch_dims=(n_worlds, n_robots),
@@ -92,8 +94,8 @@ class PlanarBatchEngine:
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
             *(place, robot, is_present, plane, light, points, *near),
-            launch_dims=(n_worlds, n_robots, 4),
-            output_dims=sight.light_places(n_worlds, n_robots, self.light.n_senders),
+            launch_dims=(n_worlds, n_robots, n_sides),
+            output_dims=sight.light_places(n_worlds, n_robots, n_sides, self.light.n_senders),
         )
         if self.light.n_senders == 1:
             links = [values[..., 0] for values in links]

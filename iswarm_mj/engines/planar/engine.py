@@ -57,7 +57,7 @@ class PlanarEngine:
     def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
-        sight = darkness(n_worlds, n_robots, self._light.n_senders)
+        sight = darkness(n_worlds, n_robots, len(self._light.leds), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
         self._spread(sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light)
         if self._light.n_senders > 1:

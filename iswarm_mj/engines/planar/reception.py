@@ -38,19 +38,26 @@ class Light(NamedTuple):
     wall_reach: float
     """Distance from a LED up to which a wall reflects its light."""
     optical_offset: float
-    """Greatest distance of an LED or a receiver from the middle of its side."""
+    """See `Robot.optical_offset`."""
     n_senders: int
     """Senders in sight of a side that are told of, the nearest ones."""
-    leds: tuple[Point, Point, Point, Point]
+    is_regular: bool
+    """See `Sides.is_regular`."""
+    leds: tuple[Point, ...]
     """Where each side's LED sits, ahead of and to the left of the robot's centre."""
-    receivers: tuple[Point, Point, Point, Point]
+    receivers: tuple[Point, ...]
     """Where each side receives light, likewise."""
+    led_axes: tuple[Point, ...]
+    """Where each LED looks, see `Sides`."""
+    axes: tuple[Point, ...]
+    """Where the photodiodes of each side look."""
+    bearings: tuple[float, ...]
+    """Their directions [rad]."""
 
 
 def read_light(robot: Robot, optics: OpticsConfig) -> Light:
     """Numbers of a robot's optics."""
     reach, splay = mm_from_rd(optics.communication_radius), math.radians(optics.photodiode_splay)
-    front, left, back, right = robot.receivers
     beam = math.radians(optics.led_beam_aperture / 2)
     return Light(
         is_power=optics.mode == "power",
@@ -66,14 +73,18 @@ def read_light(robot: Robot, optics: OpticsConfig) -> Light:
         wall_reach=mm_from_rd(optics.wall_range),
         optical_offset=robot.optical_offset,
         n_senders=optics.n_senders,
+        is_regular=robot.sides.is_regular,
         leds=robot.leds,
-        receivers=(front, left, back, right),
+        receivers=robot.receivers,
+        led_axes=robot.sides.leds,
+        axes=robot.sides.photodiodes,
+        bearings=robot.sides.bearings,
     )
 
 
 @register_jitable
 def facing_side(ahead: float, left: float) -> int:
-    """Number of the side in whose sector of 90 degrees the direction (ahead, left) lies."""
+    """Number of the side in whose sector of 90 degrees the direction (ahead, left) lies, of four regular sides."""
     side = 0
     across = 1
     if ahead < 0.0:
@@ -87,7 +98,7 @@ def facing_side(ahead: float, left: float) -> int:
 
 @register_jitable
 def onto_side(ahead: float, left: float, side: int) -> tuple[float, float]:
-    """Components of (ahead, left) along a side's outward normal and to its left."""
+    """Components of (ahead, left) along a side's outward normal and to its left, of four regular sides."""
     if side == 0:
         return ahead, left
     if side == 1:
@@ -95,6 +106,18 @@ def onto_side(ahead: float, left: float, side: int) -> tuple[float, float]:
     if side == 2:
         return -ahead, -left
     return -left, ahead
+
+
+@register_jitable
+def onto_axis(ahead: float, left: float, c: float, s: float) -> tuple[float, float]:
+    """Components of (ahead, left) along an axis (c, s) and to its left."""
+    return c * ahead + s * left, c * left - s * ahead
+
+
+@register_jitable
+def is_in_cone(along: float, across: float, tan: float) -> bool:
+    """Whether a direction lies in a cone about the first component, `tan` the tangent of half its angle."""
+    return abs(across) <= along * tan
 
 
 @register_jitable
@@ -176,7 +199,7 @@ def power_reception(
     a = max(gap_along * splay_cos + gap_across * splay_sin, 0.0) / gap
     b = max(gap_along * splay_cos - gap_across * splay_sin, 0.0) / gap
     gain = lobe * (a + b) / (2.0 * splay_cos)
-    effective = gap / math.sqrt(max(gain, 1e-12)) + (out_r + out_s)
+    effective = gap / math.sqrt(max(gain, 1e-12)) + max(out_r + out_s, 0.0)
     if effective < reach:
         return math.atan((a - b) / max(a + b, 1e-9) / splay_tan), effective
     return 0.0, math.inf

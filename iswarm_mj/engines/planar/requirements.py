@@ -8,6 +8,8 @@ import numpy as np
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.utils.errors import UserError
 
+MIN_HEIGHT = 0.7
+"""Of robots [mm]; see `PlanarEngine`."""
 _JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
 _NEEDED = ("CONSTRAINT", "CONTACT", "REFSAFE", "DAMPER")  # features that must not be disabled
 _UNKNOWN = ("OVERRIDE", "DIAGEXACT", "IPC", "SLEEP")  # those that must not be enabled
@@ -73,6 +75,10 @@ def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
         bool(np.allclose(model.body_subtreemass[arena.body], model.body_mass[arena.body])),
     )
     yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body, :2].any()
+    yield (
+        f"robots at least {MIN_HEIGHT} mm high, since they overlap by up to that, and MuJoCo lifts lower ones then",
+        bool((2 * model.geom_size[arena.hull, 2] >= MIN_HEIGHT).all()),
+    )
     yield "robots of one mass and inertia", bool(np.allclose(dofs, dofs[0]) and np.isclose(dofs[0, 0], dofs[0, 1]))
 
 

@@ -15,13 +15,15 @@ from iswarm_mj.engines.planar.reception import (
     Light,
     facing_side,
     is_crossed,
+    is_in_cone,
+    onto_axis,
     onto_side,
     power_reception,
     sector_distance,
 )
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.utils.robot import Point
 
-_NORMALS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # of the sides, in a robot's frame
 _SPARE = 1e-6  # of the radius within which robots are looked for, for rounding
 
 
@@ -43,9 +45,9 @@ NEAR = np.dtype(
 arrives on the same side, or -1."""
 
 
-def darkness(n_worlds: int, n_robots: int, n_senders: int) -> Sight:
-    """Sight of robots that see nothing, to be filled by `sense`; links have the shape (B, N, 4, K)."""
-    shape = n_worlds, n_robots, 4, n_senders
+def darkness(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> Sight:
+    """Sight of robots that see nothing, to be filled by `sense`; links have the shape (B, N, S, K)."""
+    shape = n_worlds, n_robots, n_sides, n_senders
     links = Links(
         sender=np.zeros(shape, np.int32),
         valid=np.zeros(shape, np.bool_),
@@ -97,7 +99,7 @@ def sense(
         for i in range(len(here)):
             cos[i], sin[i] = math.cos(here[i, 2]), math.sin(here[i, 2])
         robots, cells = _Robots(here, cos, sin), fill_cells(here, present, within, plane.edge)
-        near, nearest = np.empty(len(here), NEAR), np.empty(4, np.int64)
+        near, nearest = np.empty(len(here), NEAR), np.empty(len(light.leds), np.int64)
         for i in range(len(here)):
             if present[i]:
                 n_near = _look_around(i, robots.poses, cells, within, plane.edge, near)
@@ -149,6 +151,9 @@ def _receive(one: Any, c_r: float, s_r: float, c_s: float, s_s: float, light: Li
     dx, dy = one.dx, one.dy
     ahead_r, left_r = c_r * dx + s_r * dy, c_r * dy - s_r * dx
     ahead_s, left_s = -c_s * dx - s_s * dy, s_s * dx - c_s * dy
+    if not light.is_regular:
+        _receive_anywhere(one, ahead_r, left_r, ahead_s, left_s, light)
+        return
     if light.is_power:
         _receive_power(one, ahead_r, left_r, ahead_s, left_s, light)
         return
@@ -174,13 +179,46 @@ def _receive_power(one: Any, ahead_r: float, left_r: float, ahead_s: float, left
 
 
 @inlined
+def _receive_anywhere(one: Any, ahead_r: float, left_r: float, ahead_s: float, left_s: float, light: Light) -> None:
+    """As `_receive`, of robots whose sides look in any directions; each sees the other at (ahead, left)."""
+    side, led = _nearest_axis(ahead_r, left_r, light.axes), _nearest_axis(ahead_s, left_s, light.led_axes)
+    axis, led_axis, receiver, emitter = light.axes[side], light.led_axes[led], light.receivers[side], light.leds[led]
+    along_r, across_r = onto_axis(ahead_r, left_r, axis[0], axis[1])
+    along_s, across_s = onto_axis(ahead_s, left_s, led_axis[0], led_axis[1])
+    one.side, one.led, one.bearing = side, led, light.bearings[side]
+    if light.is_power:
+        out_r, aside_r = onto_axis(receiver[0], receiver[1], axis[0], axis[1])
+        out_s, aside_s = onto_axis(emitter[0], emitter[1], led_axis[0], led_axis[1])
+        turn, one.effective = power_reception(
+            along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
+            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach,
+        )  # fmt: skip
+        one.bearing += turn
+        return
+    distance = math.sqrt(ahead_r * ahead_r + left_r * left_r)
+    is_lit = is_in_cone(along_r, across_r, light.photodiode_tan) and is_in_cone(along_s, across_s, light.led_tan)
+    one.effective = distance if is_lit and distance < light.reach else np.inf
+
+
+@inlined
+def _nearest_axis(ahead: float, left: float, axes: tuple[Point, ...]) -> int:
+    """Number of the axis nearest to a direction, of equally near ones the first."""
+    side, nearest = 0, -np.inf
+    for k in range(len(axes)):
+        along = ahead * axes[k][0] + left * axes[k][1]
+        if along > nearest:
+            side, nearest = k, along
+    return side
+
+
+@inlined
 def _insert(k: int, near: np.ndarray, nearest: np.ndarray) -> None:
     """Insert a robot whose light arrives into the list of its side, by effective distance and index.
 
     Args:
         k: of that robot among those near.
         near: of type NEAR.
-        nearest: (4,) where each side's list begins.
+        nearest: (S,) where each side's list begins.
     """
     one, before, after = near[k], -1, nearest[near[k].side]
     while after >= 0:
@@ -208,8 +246,8 @@ def _find_links(
     light: Light,
     plane: Plane,
 ) -> None:
-    """Find the nearest senders in sight of each side of robot i, of those listed from `nearest` (4,) on."""
-    for side in range(4):
+    """Find the nearest senders in sight of each side of robot i, of those listed from `nearest` (S,) on."""
+    for side in range(len(light.leds)):
         k, n_found = nearest[side], 0
         while k >= 0 and n_found < light.n_senders:
             if not light.needs_sight or _is_clear(i, k, robots, near, n_near, light, plane):
@@ -251,14 +289,14 @@ def _is_clear(i: int, k: int, robots: _Robots, near: np.ndarray, n_near: int, li
 def _find_walls(
     i: int, robots: _Robots, near: np.ndarray, n_near: int, sees: np.ndarray, light: Light, plane: Plane
 ) -> None:
-    """Set for each LED of robot i whether it sees a wall (N, 4)."""
+    """Set for each LED of robot i whether it sees a wall (N, S)."""
     reach, radius = light.wall_reach, math.sqrt(plane.half_x**2 + plane.half_y**2)
     at_x, at_y = robots.poses[i, 0], robots.poses[i, 1]
     if max(abs(at_x), abs(at_y)) < plane.edge - reach - radius:
         return
-    for side in range(4):
+    for side in range(len(light.leds)):
         x, y = _turned(robots, i, light.leds[side])
-        vx, vy = _turned(robots, i, _NORMALS[side])
+        vx, vy = _turned(robots, i, light.led_axes[side])
         vx, vy = reach * vx, reach * vy
         share = meets_walls(at_x + x, at_y + y, vx, vy, plane.edge)
         sees[i, side] = share <= 1.0

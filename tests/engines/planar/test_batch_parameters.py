@@ -31,7 +31,7 @@ def of_light(values: wp.array(dtype=float), points: wp.array(dtype=wp.vec2), out
 """
 PLAIN = [name for name in Plane._fields if name not in ("servo", "refinement", "between_robots", "at_walls")]
 OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3))]
-OF_LIGHT = list(Light._fields[:-2])
+OF_LIGHT = list(Light._fields[:-5])
 
 
 def stored(names):
@@ -72,7 +72,7 @@ def test_a_plane_is_read_by_name(kernels):
 def test_light_is_read_by_name(kernels, flags):
     light = distinct(Light, 1)._replace(is_power=flags[0], needs_sight=flags[1])
     out = wp.zeros(len(OF_LIGHT), dtype=float, device="cpu")
-    given = [on_cpu(_numbers(light[:-2]), float), on_cpu(np.zeros((8, 2), np.float32), wp.vec2)]
+    given = [on_cpu(_numbers(light[:-5]), float), on_cpu(np.zeros((20, 2), np.float32), wp.vec2)]
     wp.launch(kernels.of_light, 1, given, [out], device="cpu")
     np.testing.assert_array_equal(out.numpy(), [float(getattr(light, name)) for name in OF_LIGHT])
 

@@ -42,16 +42,16 @@ def find_light(
         is_present: (B, N) the others neither send nor receive nor block light.
         plane_values: see `world.plane_of`.
         light_values: see `light_of`.
-        points: (8,) the LEDs, then where each side receives light [mm].
+        points: (5 S,) see `reception.points_of`.
         n_near: (B, N) of `surroundings.look_around`.
         near: (B, N, N) likewise.
         effective: (B, N, N) likewise.
-        sender: (B, N, 4, K) output, of the K nearest in sight, as the next four: see `sensors.links.Links`.
+        sender: (B, N, S, K) output, of the K nearest in sight, as the next four: see `sensors.links.Links`.
         valid: likewise.
         led: likewise.
         bearing: likewise [rad].
         distance: likewise [mm].
-        sees_wall: (B, N, 4) output, see `Sight`.
+        sees_wall: (B, N, S) output, see `Sight`.
     """
     world, slot, side = wp.tid()
     i, plane, light = robot[world, slot], plane_of(plane_values), light_of(light_values, points)
@@ -78,7 +78,7 @@ def find_light(
         sender[world, i, side, rank] = wp.max(j, 0)
         valid[world, i, side, rank] = hears
         led[world, i, side, rank] = wp.where(hears, one.led, 0)
-        bearing[world, i, side, rank] = wp.where(hears, float(side) * _QUARTER + one.turn, 0.0)
+        bearing[world, i, side, rank] = wp.where(hears, _bearing(side, light) + one.turn, 0.0)
         distance[world, i, side, rank] = wp.where(hears, wp.sqrt(dx * dx + dy * dy), 0.0)
     sees_wall[world, i, side] = is_present[world, i] and _sees_wall(view, side, light, plane.edge)
 
@@ -125,10 +125,10 @@ def _next_in_sight(view: View, side: int, light: Light, before: Candidate) -> Ca
         best.robot = -1
         for k in range(view.n):
             code, effective = view.near[k, view.slot], view.effective[k, view.slot]
-            j = code >> 2
+            j = code >> 3
             is_later = effective > last.effective or (effective == last.effective and j > last.robot)
             is_nearer = effective < best.effective or (effective == best.effective and j < best.robot)
-            is_better = (code & 3) == side and is_later and is_nearer
+            is_better = (code & 7) == side and is_later and is_nearer
             best.effective = wp.where(is_better, effective, best.effective)
             best.robot = wp.where(is_better, j, best.robot)
         last = best
@@ -143,12 +143,12 @@ def _is_clear(view: View, side: int, sender: int, light: Light) -> bool:
     """Whether no third robot blocks the light that a side receives."""
     p, q = view.place[view.i], view.place[sender]
     dx, dy = q[0] - p[0], q[1] - p[1]
-    start = _in_world(p, light.points[4 + side])
+    start = _in_world(p, light.points[light.n_sides + side])
     way = _in_world(q, light.points[receive(p, q, dx, dy, light).led]) - start
     farthest = wp.sqrt(dx * dx + dy * dy) + (1.0 + _SPARE) * view.radius + light.optical_offset
     is_clear = bool(True)
     for k in range(view.n):
-        j = view.near[k, view.slot] >> 2
+        j = view.near[k, view.slot] >> 3
         third = view.place[j]
         x, y = third[0] - p[0], third[1] - p[1]
         is_near = j != sender and x * x + y * y <= farthest * farthest
@@ -166,16 +166,27 @@ def _sees_wall(view: View, side: int, light: Light, edge: float) -> bool:
         return False
     start = _in_world(p, light.points[side])
     c, s = wp.cos(float(side) * _QUARTER), wp.sin(float(side) * _QUARTER)
+    if not light.is_regular:
+        c = light.points[2 * light.n_sides + side][0]
+        s = light.points[2 * light.n_sides + side][1]
     way = reach * wp.vec2(p[2] * c - p[3] * s, p[3] * c + p[2] * s)
     share = _meets_walls(start[0], start[1], way[0], way[1], edge)
     if share <= 0.0 or share > 1.0:
         return share <= 0.0
     for k in range(view.n):
-        q = view.place[view.near[k, view.slot] >> 2]
+        q = view.place[view.near[k, view.slot] >> 3]
         x, y = start[0] - q[0], start[1] - q[1]
         if _meets_rectangle(x, y, way[0], way[1], q[2], q[3], view.half_x, view.half_y) < share:
             return False
     return True
+
+
+@wp.func
+def _bearing(side: int, light: Light) -> float:
+    """Direction in which the photodiodes of a side look [rad]."""
+    if light.is_regular:
+        return float(side) * _QUARTER
+    return light.points[4 * light.n_sides + side][0]
 
 
 @wp.func
@@ -184,8 +195,8 @@ def _in_world(p: wp.vec4, point: wp.vec2) -> wp.vec2:
     return wp.vec2(p[0] + p[2] * point[0] - p[3] * point[1], p[1] + p[3] * point[0] + p[2] * point[1])
 
 
-def light_places(n_worlds: int, n_robots: int, n_senders: int) -> dict[str, Any]:
+def light_places(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> dict[str, Any]:
     """Sizes of the outputs of `find_light`."""
-    sides = n_worlds, n_robots, 4
+    sides = n_worlds, n_robots, n_sides
     links = dict.fromkeys(("sender", "valid", "led", "bearing", "distance"), (*sides, n_senders))
     return links | {"sees_wall": sides}

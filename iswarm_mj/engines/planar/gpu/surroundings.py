@@ -68,10 +68,10 @@ def look_around(
         is_present: (B, N) the others neither send nor receive nor block light.
         plane_values: see `world.plane_of`.
         light_values: see `light_of`.
-        points: (8,) the LEDs, then where each side receives light [mm].
+        points: (5 S,) see `reception.points_of`.
         within: distance of the robots that are listed [mm].
         n_near: (B, N) output, length of the list of each place in `robot`.
-        near: (B, N, N) output, of each entry and place: four times the robot's index, plus the side that it faces.
+        near: (B, N, N) output, of each entry and place: eight times the robot's index, plus the side that it faces.
         effective: (B, N, N) output, effective distance, infinite without light [mm].
     """
     world, slot = wp.tid()
@@ -91,7 +91,7 @@ def look_around(
                 if j != i and squared <= within * within:
                     one = receive(p, q, dx, dy, light)
                     is_lit = emits[world, j] and squared <= light.farthest * light.farthest
-                    near[world, n, slot] = 4 * j + one.side
+                    near[world, n, slot] = 8 * j + one.side
                     effective[world, n, slot] = wp.where(is_lit, one.effective, wp.inf)
                     n += 1
     n_near[world, slot] = n
