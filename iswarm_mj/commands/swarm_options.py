@@ -2,6 +2,7 @@
 
 import importlib.util
 from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -41,6 +42,8 @@ class Swarm(ConfigOptions):
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: int | None = None
     """Number of robots; by default it follows from the density."""
+    robot: Path | None = None
+    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
     density: float | None = None
     """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
     seed: Annotated[int, Within(0, 2**32 - 2)] = 0
@@ -117,16 +120,20 @@ class Swarm(ConfigOptions):
             raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
-        from iswarm_mj.simulation.initial import check_robots, robots_for
+        from iswarm_mj.engines.robot_file import read_robot
+        from iswarm_mj.simulation.initial import cell_of, check_robots, robots_for
 
+        cell = 1.0 if self.robot is None else cell_of(read_robot(self.robot))
         if self.robots is not None and self.density is not None:
             raise UserError("--robots and --density exclude each other; give one of them.")
         if self.robots is not None:
-            check_robots(config.arena, self.robots)
-            return self.robots
-        if self.density is not None:
-            return robots_for(config.arena, self.density, "density")
-        return robots_for(config.arena, genome.density_of_robots, "density_of_robots")
+            n_robots = self.robots
+        elif self.density is not None:
+            n_robots = robots_for(config.arena, self.density, "density")
+        else:
+            n_robots = robots_for(config.arena, genome.density_of_robots, "density_of_robots")
+        check_robots(config.arena, n_robots, cell)
+        return n_robots
 
     def joined(self) -> Any:
         """Return the `Hosts` that share the worlds: the processes of the job with --hosts, else this one alone.
@@ -160,7 +167,14 @@ class Swarm(ConfigOptions):
         worlds = worlds_of_seed(genome, settings)
         recorded = tuple(share.index(world) for world in settings.record_worlds) if hosts.index == 0 else ()
         settings = replace(settings, n_worlds=len(share), record_worlds=recorded)
-        return Run(config, genome, settings, self._engine(chunk), worlds=[worlds[world] for world in share])
+        return Run(
+            config,
+            genome,
+            settings,
+            self._engine(chunk),
+            worlds=[worlds[world] for world in share],
+            robot_file=self.robot,
+        )
 
     def _engine(self, chunk: int) -> Any:
         from iswarm_mj.simulation.distributed import devices
@@ -178,8 +192,11 @@ class Swarm(ConfigOptions):
 
     def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """Return what must be the same in all processes of a job: the command, its flags and the versions."""
+        from iswarm_mj.engines.robot_file import read_robot
         from iswarm_mj.utils.versions import versions
 
         flags = {name: value for name, value in asdict(self).items() if name not in _PER_PROCESS | _RESOLVED}
         run = {"command": type(self).__name__.lower(), "robots": n_robots, "genome": asdict(genome)}
+        if self.robot is not None:
+            flags["robot"] = asdict(read_robot(self.robot))  # each host may have the file elsewhere
         return {**run, **flags, "versions": versions()}

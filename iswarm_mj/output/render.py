@@ -4,7 +4,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from iswarm_mj.output.recorded import load
+from iswarm_mj.output.recorded import load, robot_file_of
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write, make_output_directory
@@ -27,7 +27,7 @@ def render(directory: Path, step: int, shot: Shot, out: Path) -> None:
     last = int(frames["step"][-1])
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
-    with Stage(config, frames, shot) as stage:
+    with Stage(config, frames, shot, robot_file_of(directory)) as stage:
         pixels = stage.frame(frames, step)
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)

@@ -33,7 +33,7 @@ def clear_worlds(out: Path) -> None:
 
 
 def about(run: Run, settings: RunSettings) -> dict[str, Any]:
-    """Return what a run was, whatever of it is recorded: version, settings, engine, genome and configuration."""
+    """Return what a run was, whatever of it is recorded: version, settings, engine, genome, configuration and robot."""
     own = asdict(settings)
     del own["record_worlds"]
     return {
@@ -42,6 +42,7 @@ def about(run: Run, settings: RunSettings) -> dict[str, Any]:
         "settings": own,
         "genome": asdict(run.genome),
         "config": asdict(run.config),
+        "robot": {"file": None if run.robot_file is None else str(run.robot_file), **asdict(run.robot)},
     }
 
 

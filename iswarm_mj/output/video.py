@@ -15,7 +15,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
-from iswarm_mj.output.recorded import load
+from iswarm_mj.output.recorded import load, robot_file_of
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
@@ -54,7 +54,7 @@ def write_video(directory: Path, out: Path, film: Film) -> None:
     last = len(frames["step"]) - 1 if film.steps is None else min(film.steps, len(frames["step"]) - 1)
     total = last * film.frames_per_step + 1
     make_output_directory(out.parent, given=out)
-    with atomic_write(out) as part, Stage(config, frames, film.shot) as stage:
+    with atomic_write(out) as part, Stage(config, frames, film.shot, robot_file_of(directory)) as stage:
         pictures = _pictures(stage, frames, film, last)
         encode(tqdm(pictures, out.stem, total, unit="frame", disable=not sys.stderr.isatty()), part, film.shot.size)
 

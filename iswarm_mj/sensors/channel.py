@@ -32,7 +32,7 @@ class Received(NamedTuple):
     """A message arrived, and its parity is correct, if that is checked."""
     distance: Float[Array, "N S"]
     """Measured distance of the sender [mm]."""
-    bits: UInt32[Array, "N 4"]
+    bits: UInt32[Array, "N S"]
     """What each LED of each robot sent."""
 
 

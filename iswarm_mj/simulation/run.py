@@ -41,6 +41,7 @@ class Run:
         starts: how each of them began.
         start: record of the start of the W recorded worlds, with axes (1, W).
         robot: geometry of the robots.
+        robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
         watch: where the time goes.
     """
 
@@ -81,6 +82,7 @@ class Run:
         check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
         n_dust, goal = config.arena.n_dust, self.goal
         check("stop_at", goal, f"between 1 and the number of balls, {n_dust}", goal <= n_dust)
+        self.robot_file = None if robot_file is None else robot_file.absolute()
         self.robot = read_robot(robot_file)
         check_robots(config.arena, largest, cell_of(self.robot))
         slots, n_leds = config.optics.slots, len(self.robot.sides)

@@ -61,6 +61,7 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
         stages["record"] = float(np.median(run.watch.laps["record"]))
     content = {
         **run.identity,
+        **({} if run.robot_file is None else {"robot": str(run.robot_file)}),
         "n_robots": run.settings.n_robots,
         "n_worlds": n_worlds,
         "steps": run.step - warm_up,

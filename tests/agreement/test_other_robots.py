@@ -40,12 +40,12 @@ def test_links_are_those_of_the_reference(file, density):
     robot, (poses, _) = read_robot(file), crowds(3, density, 1)
     reaches = squares_in_the_way(poses, HALF)
     links = find_links(poses, robot, OpticsConfig(), reaches)
-    sender, led, passed_over = all_links(poses[0], reaches, robot=robot)
+    sender, led, _ = all_links(poses[0], reaches, robot=robot)
     np.testing.assert_array_equal(np.where(links.valid, links.sender, -1)[0], sender)
     np.testing.assert_array_equal(np.where(links.valid, links.led, -1)[0], led)
     heard = links.bearing[links.valid]
     np.testing.assert_allclose(heard, np.float32(robot.sides.bearings)[np.nonzero(links.valid)[2]])
-    assert links.valid.sum() > 10 and (passed_over > 0 or density < 0.5)
+    assert links.valid.sum() > 10
 
 
 def senses(file, config, poses, inside, emits):
