@@ -1,0 +1,144 @@
+"""What a robot's file must contain, and where its LEDs and photodiodes look; what cannot be run is refused."""
+
+import numpy as np
+import pytest
+from helpers_robots import HALF, ROBOTS, Side, around, robot_file, robot_xml
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.engines.robot_file import models_directory, read_robot
+from iswarm_mj.simulation.initial import cell_of, free_cells, place_robots
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import PAPER_SIDES
+from iswarm_mj.utils.units import RD
+
+
+def written(directory, text):
+    path = directory / "my_robot.xml"
+    path.write_text(text)
+    return path
+
+
+def test_of_a_robot_with_six_sides(tmp_path):
+    robot = read_robot(robot_file(tmp_path, "six"))
+    turns = np.exp(1j * np.radians(np.arange(0, 360, 60)))
+    for axes in (robot.sides.leds, robot.sides.photodiodes):
+        np.testing.assert_allclose(np.array(axes) @ [1, 1j], turns, atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * np.array(robot.sides.led_bearings)), turns, atol=1e-12)
+    corner = 0.8 / np.tan(np.radians(60))
+    np.testing.assert_allclose(robot.leds[:3], [[1.2, 0], [corner, 0.8], [-corner, 0.8]], atol=1e-9)
+    np.testing.assert_allclose(robot.photodiodes[0], [[1.2, 0.2], [1.2, -0.2]], atol=1e-9)
+    assert robot.half_edges == (1.2, 0.8, 0.5) and robot.probe_tip == (1.1, 0.1)
+    assert robot.sides.front == robot.sides.front_leds == (True, False, False, False, False, False)
+    assert robot.sides.back_leds == (False, False, False, True, False, False)
+
+
+def test_leds_and_photodiodes_of_one_side_may_look_differently(tmp_path):
+    sides = read_robot(robot_file(tmp_path, "four askew")).sides
+    np.testing.assert_allclose(np.degrees(sides.led_bearings), [20, 95, -170, -70], atol=1e-6)
+    np.testing.assert_allclose(np.degrees(sides.bearings), [20, 80, -170, -60], atol=1e-6)
+
+
+def test_sides_of_the_papers_robot_are_exact():
+    assert read_robot().sides == PAPER_SIDES and PAPER_SIDES.is_regular
+    assert PAPER_SIDES.bearings == tuple(k * (np.pi / 2) for k in range(4))
+    assert PAPER_SIDES.front == PAPER_SIDES.front_leds == (True, False, False, False)
+    assert PAPER_SIDES.back_leds == (False, False, True, False)
+
+
+@pytest.mark.parametrize(
+    ("angles", "front"), [((45, -45, 180), [0, 1]), ((30, -30, 60, 180), [0, 1]), ((70, -60, 200), [1])]
+)
+def test_front_sides_look_within_45_degrees_of_ahead_or_nearest_to_it(tmp_path, angles, front):
+    sides = read_robot(written(tmp_path, robot_xml((1, 1), around((1, 1), angles, apart=0.01)))).sides
+    assert np.flatnonzero(sides.front).tolist() == front
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_light_never_begins_farther_out_than_the_bound_says(tmp_path, name):
+    robot = read_robot(robot_file(tmp_path, name))
+    for x, y in (*robot.leds, *robot.receivers):
+        assert np.hypot(x, y) <= robot.optical_offset + 1e-12
+
+
+def test_large_robots_start_on_larger_cells(tmp_path):
+    robot = read_robot(written(tmp_path, robot_xml((2.5, 1.5), around((2.5, 1.5), range(0, 360, 90)))))
+    assert cell_of(robot) == pytest.approx(np.hypot(5, 3) / RD) and cell_of(read_robot()) == 1.0
+    arena = SwarmConfig().arena
+    poses = place_robots(arena, 200, np.random.default_rng(0), cell_of(robot))
+    apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=-1) + 1e9 * np.eye(200)
+    assert apart.min() >= 2 * robot.circumradius - 1e-9
+    assert np.abs(poses[:, :2]).max() + robot.circumradius <= arena.size / 2 * RD + 1e-9
+    assert len(free_cells(arena)) == 2376 > len(free_cells(arena, cell_of(robot)))
+
+
+def test_a_copy_elsewhere_takes_the_meshes_from_the_package(tmp_path):
+    path = written(tmp_path, (models_directory() / "robot.xml").read_text())
+    assert read_robot(path) == read_robot()
+    arena = compile_arena(SwarmConfig(), 2, np.zeros(0), visual=True, robot_file=path)
+    assert arena.model.nmesh == compile_arena(SwarmConfig(), 2, np.zeros(0), visual=True).model.nmesh > 0
+
+
+PAPER = (models_directory() / "robot.xml").read_text()
+RING = around(HALF, range(0, 360, 40), apart=0.01)
+
+
+def without(kind, name):
+    """The paper's file without the element of this name."""
+    return PAPER.replace(f'<{kind} name="{name}"', f'<{kind} name="another"')
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("<mujoco", "cannot be read as MJCF"),
+        ("<mujoco><nothing/></mujoco>", "cannot be read as MJCF"),
+        ("<mujoco/>", "lacks body robot, body visual, joint x, .* geom hull, .* site probe_tip, site led0"),
+        (without("body", "visual"), "lacks body visual"),
+        (without("geom", "hull"), "lacks geom hull"),
+        (without("site", "led0"), "lacks site led0"),
+        (without("site", "photodiode2b"), "lacks site photodiode2b"),
+        (without("site", "probe_tip"), "lacks site probe_tip"),
+        (without("joint", "yaw"), "lacks joint yaw"),
+        (PAPER.replace('size="1 1 0.5" mass="10"', 'size="1 1 0.5" mass="0"'), "cannot be compiled"),
+        (PAPER.replace('name="x" class="drive"', 'name="x" class="drive" ref="1"'), "joints without ref"),
+        (PAPER.replace('"drive" axis="1 0 0"', '"drive" axis="0 0 1"'), "the joints x and"),
+        (PAPER.replace('class="hull" size="1 1 0.5"', 'class="hull" type="ellipsoid" size="1 1 0.5"'), "a box as hull"),
+        (PAPER.replace('class="hull" size', 'class="hull" euler="0 0 5" size'), "not turned"),
+        (PAPER.replace('pos="0.9 0 -0.445"', 'pos="0.9 0 -0.5"'), "tip is above the floor"),
+        (PAPER.replace("<!-- The tip", '<geom name="tail" size="0.1" mass="1"/><!-- The tip'), "no geoms but `hull`"),
+        (PAPER.replace("<!-- The tip", '<body name="tail"/><!-- The tip'), "no bodies but `robot`"),
+        (PAPER.replace('"led0" class="optics" pos="1.001 0 0" xyaxes="1 0 0 0 1 0"',
+                       '"led0" class="optics" pos="1.001 0 0" xyaxes="1 0 1 0 1 0"'), "along the floor"),
+        (robot_xml(HALF, [Side(1.2, 0.0, 0)]), "lacks site led1"),
+        (robot_xml(HALF, RING), "2 to 8 LEDs, .* three bits .* number 8"),
+        (robot_xml(HALF, [Side(1.2, 0.0, 10), Side(1.2, 0.4, 10)]), "LEDs 0 and 1 .* look the same way"),
+        (robot_xml(HALF, [Side(1.2, 0.0, 0), Side(-1.2, 0.0, 20)]), "led1 .* look away from it"),
+        (PAPER.replace('a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
+                       'a" class="optics" pos="1.001 0.36 0" xyaxes="1 1 0 -1 1 0"'), "must look the same way"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_run_is_refused_in_a_sentence(tmp_path, text, reason):
+    path = written(tmp_path, text)
+    with pytest.raises(UserError, match=reason) as refused:
+        read_robot(path)
+    assert str(path) in str(refused.value) or "2 to 8" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(UserError, match=r"nowhere\.xml"):
+        read_robot(tmp_path / "nowhere.xml")
+
+
+@pytest.mark.parametrize(("height", "runs"), [(0.7, True), (0.69, False)])
+def test_the_planar_engine_refuses_flat_robots(tmp_path, height, runs):
+    text = robot_xml(HALF, ROBOTS["three"], height=height).replace('0 -0.445"', f'0 {0.055 - height / 2}"')
+    text = text.replace('pos="0.9 0.0 -0.445"', f'pos="0.9 0 {0.055 - height / 2}"')
+    arena = compile_arena(SwarmConfig(), 1, np.zeros(0), robot_file=written(tmp_path, text))
+    if runs:
+        assert read_plane(arena).half_y == 0.8
+    else:
+        with pytest.raises(UserError, match=r"at least 0\.7 mm high"):
+            read_plane(arena)
