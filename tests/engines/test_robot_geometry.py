@@ -155,12 +155,12 @@ class TestRecord:
     @pytest.mark.parametrize(
         ("old", "new", "reason"),
         [
-            ('"led1" class="optics" pos="0 1.001', '"led1" class="optics" pos="0 0.9', "led1 .* must lie on side 1"),
-            ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie on side 1"),
+            ('"led1" class="optics" pos="0 1.001', '"led1" class="optics" pos="0 0.9', "led1 .* must lie outside the hull"),
+            ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie outside the hull"),
             (
                 'a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
                 'a" class="optics" pos="1.001 0.36 0" xyaxes="0 1 0 -1 0 0"',
-                "photodiode0a .* outward normal",
+                "photodiode0a and photodiode0b .* the same way",
             ),
             ('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"', "must stand on the floor"),
         ],
