@@ -2,13 +2,11 @@
 
 import json
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 
@@ -50,19 +48,10 @@ def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
 
 
 def robot_file_of(directory: Path) -> Path | None:
-    """Return the MJCF file of the robots of a recorded run; None for `models/robot.xml`.
-
-    Raises:
-        UserError: it cannot be read, or describes another robot by now.
-    """
-    robot = _result(directory / RESULT).get("robot", {})
-    if robot.get("file") is None:
-        return None
-    path = Path(robot["file"])
-    now = json.loads(json.dumps(asdict(read_robot(path))))
-    if now != {name: value for name, value in robot.items() if name != "file"}:
-        raise UserError(f"the robot's file {path} has changed since the run in {directory}; restore it, or run again.")
-    return path
+    """Return the MJCF file of the robots of a recorded run, which `load` has read; None for `models/robot.xml`."""
+    robot = _result(directory / RESULT).get("robot")
+    file = robot.get("file") if isinstance(robot, dict) else None
+    return Path(file) if isinstance(file, str) else None
 
 
 def _result(path: Path) -> dict:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, UInt8
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.units import mm_from_m
+from iswarm_mj.utils.units import MM, mm_from_m
 
 EMPTY, LOADED, SCOUT = (0.86, 0.1, 0.08, 1.0), (0.12, 0.25, 0.85, 1.0), (0.1, 0.6, 0.25, 1.0)
 """Colours of the robots: those of the paper's Figs. 12 and 16, and green for scouts."""
@@ -40,7 +40,7 @@ class Stage:
         robot_file: MJCF file of a robot, by default `models/robot.xml`.
 
     Raises:
-        UserError: no such camera, or no off-screen OpenGL.
+        UserError: the robot is another one by now, no such camera, or no off-screen OpenGL.
     """
 
     def __init__(self, config: SwarmConfig, frames: dict[str, np.ndarray], shot: Shot, robot_file: Path | None = None):
@@ -53,6 +53,12 @@ class Stage:
         arena = compile_arena(
             config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True, robot_file=robot_file
         )
+        size = frames.get("scene_robot_size", 2 * MM * np.array(arena.robot.half_edges))
+        if not np.allclose(size, 2 * MM * np.array(arena.robot.half_edges), rtol=1e-6):
+            raise UserError(
+                f"the robots of {robot_file or 'models/robot.xml'} must be as large as those of the run, {size} m (got "
+                f"{arena.robot.half_edges} mm as half edges); restore the file, or run again."
+            )
         model = arena.model
         cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
         check("camera", shot.camera, " or ".join(cameras), shot.camera in cameras)

@@ -155,7 +155,11 @@ class TestRecord:
     @pytest.mark.parametrize(
         ("old", "new", "reason"),
         [
-            ('"led1" class="optics" pos="0 1.001', '"led1" class="optics" pos="0 0.9', "led1 .* must lie outside the hull"),
+            (
+                '"led1" class="optics" pos="0 1.001',
+                '"led1" class="optics" pos="0 0.9',
+                "led1 .* must lie outside the hull",
+            ),
             ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie outside the hull"),
             (
                 'a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
