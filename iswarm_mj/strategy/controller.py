@@ -229,9 +229,10 @@ def approach(
     angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])
     reach, aside = probe_tip
     ahead = _length(ball_vector)
-    if aside:  # the ball is to be as far aside as the tip
-        angle = _wrapped(angle - jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0)))
-        ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0))
+    if aside or reach < 0:  # the ball is to be as far aside as the tip, and behind the robot if the tip is
+        askew = jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0))
+        angle = _wrapped(angle - (askew if reach >= 0 else jnp.pi - askew))
+        ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0)) * (1.0 if reach >= 0 else -1.0)
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.step_length)
     forward = jnp.where(turn == angle, jnp.clip(ahead - reach, -step, step), 0.0)
