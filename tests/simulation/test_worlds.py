@@ -10,6 +10,7 @@ from helpers_mjx import compilations
 from helpers_runs import N, poses_of, records, run_of
 
 from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings

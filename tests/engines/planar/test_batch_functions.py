@@ -66,6 +66,8 @@ ARGUMENTS = {
     "meets_walls": lambda rng: (*rng.uniform(-11, 11, 2), *rng.uniform(-8, 8, 2), 10.0),
     "facing_side": lambda rng: tuple(rng.uniform(-5, 5, 2)),
     "onto_side": lambda rng: (*rng.uniform(-5, 5, 2), rng.integers(4)),
+    "onto_axis": lambda rng: (*rng.uniform(-5, 5, 2), *heading(rng)),
+    "is_in_cone": lambda rng: (*rng.uniform(-5, 5, 2), SECTOR.led_tan),
     "sector_distance": lambda rng: (*rng.uniform(-9, 9, 4), SECTOR.photodiode_tan, SECTOR.led_tan, SECTOR.reach),
     "power_reception": lambda rng: (
         *apart(rng),

@@ -68,9 +68,9 @@ def test_a_plane_is_read_by_name(kernels):
     np.testing.assert_array_equal(out.numpy(), expected)
 
 
-@pytest.mark.parametrize("flags", [(True, False), (False, True)])
+@pytest.mark.parametrize("flags", [(True, False, False), (False, True, False), (False, False, True)])
 def test_light_is_read_by_name(kernels, flags):
-    light = distinct(Light, 1)._replace(is_power=flags[0], needs_sight=flags[1])
+    light = distinct(Light, 1)._replace(is_power=flags[0], needs_sight=flags[1], is_regular=flags[2])
     out = wp.zeros(len(OF_LIGHT), dtype=float, device="cpu")
     given = [on_cpu(_numbers(light[:-5]), float), on_cpu(np.zeros((20, 2), np.float32), wp.vec2)]
     wp.launch(kernels.of_light, 1, given, [out], device="cpu")
