@@ -9,6 +9,7 @@ from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings
 from iswarm_mj.experiments.analysis.evolution_best import by_replicate
 from iswarm_mj.experiments.analysis.evolution_sample import Evolution, evolutions, fittest
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.output.plot_style import blank
 
 JUDGED = [claim for claim in claims.CLAIMS if claim is not claims.RIVAL]
@@ -183,6 +184,20 @@ class TestSelection:
         assert {found_in(paper)[text].verdict for text in traits} == {NOT_RUN}
         few = found_in(paper, random=search_rows(learns=False))
         assert {few[text].verdict for text in traits} == {TOO_FEW}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "verdict"),
+    [
+        (0.01, 0.2, HOLDS),
+        (-0.2, -0.01, HOLDS),
+        (-0.05, 0.05, FAILS),
+        (-0.06, 0.04, UNDECIDED),
+        (-0.04, 0.06, UNDECIDED),
+    ],
+)
+def test_a_median_that_differs_was_moved(low, high, verdict):
+    assert evolution_selection._moved(Interval(0.0, low, high), 0.05) == verdict
 
 
 def test_the_fittest_are_those_of_generations_35_to_100():

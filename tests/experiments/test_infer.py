@@ -126,6 +126,13 @@ class TestStatements:
         assert held == {"cleans", "same_time"}  # both may hold for other reasons
         assert time_error(runs) > 0.9
 
+    def test_swarms_reach_a_goal_if_more_than_half_of_them_do(self):
+        said = {s.name: s.holds for s in STATEMENTS}
+        half = [{"study": "density", "density": d, "finished_at": t} for d in DENSITIES for t in (100, None)]
+        most = half + [{**row, "finished_at": 200} for row in half[::2]]
+        assert [said[name](half) for name in ("cleans", "sparse", "dense")] == [False, True, True]
+        assert [said[name](most) for name in ("cleans", "sparse", "dense")] == [True, False, False]
+
 
 class TestSupport:
     def test_a_choice_that_decides_is_supported_and_no_other_one(self):

@@ -8,6 +8,7 @@ from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, PREDI
 from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
 from iswarm_mj.experiments.report.statements import TITLES
 from iswarm_mj.experiments.report.tables import Tables, check_name, summary, verdicts
+from iswarm_mj.experiments.studies import swarm_types
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
@@ -52,6 +53,36 @@ def test_densities_by_hand():
     _, sparse, dense = cells(TABLES["density"](rows))
     assert sparse[:5] == ["0.05", "280", "1 of 3", "1200 (1200)", "42 (54)"]
     assert dense == ["0.1", "280", "3 of 3", "101 (102)", "66 (66)", "11 (11.5)", "51 (51.5)"]
+
+
+def test_types_by_hand():
+    """The median of the times, the mean of the fitness, the median of the aggregations that are known."""
+    measured = [(100, 1000.0, 0.1), (110, 2000.0, None), (150, 6000.0, 0.3)]
+    rows = [
+        run_row(time, k, type="type1", fitness=fitness, aggregation=near)
+        for k, (time, fitness, near) in enumerate(measured)
+    ]
+    _, only = cells(TABLES["types"](rows))
+    assert only[:5] == ["type1", "280", "3 of 3", "110 (100 to 150)", str(swarm_types.PAPER_TIME["type1"])]
+    assert only[5:] == ["3000 (1000 to 6000)", "7771", "20 %"]
+
+
+def test_choices_that_change_the_time_by_hand():
+    """The clearest change first; what changes nothing is left out. p = 2 / C(20, 10), times 3 by Holm."""
+    choices = [
+        ("default", "", 0),
+        ("drive.error_turn", "10.0", 7.5),
+        ("optics.mode", "power", 30),
+        ("optics.parity_check", "False", 0.5),
+    ]
+    rows = [
+        run_row(100 + late + k, k, group="group", choice=choice, value=value)
+        for choice, value, late in choices
+        for k in range(10)
+    ]
+    _, first, second = cells(TABLES["sensitivity"](rows))
+    assert first[:3] == ["`optics.mode`", "power", "10/10"] and first[3].startswith("30 (")
+    assert first[4:] == ["1.1e-05", "3.2e-05"] and second[:2] == ["`drive.error_turn`", "10.0"]
 
 
 def test_robustness_by_hand():

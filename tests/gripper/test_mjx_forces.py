@@ -96,6 +96,22 @@ def test_forces_equal_the_plugins_at_random_states(world):
         assert force.potential == state(model, data, "electrostatic", "potential")
 
 
+def test_the_supply_is_off_at_little_voltage_of_either_sign(world):
+    """A ball between plate and tool, which touches the tool, then takes the tool's potential."""
+    model, forces, mx, dx = world
+    data, evaluate = mujoco.MjData(model), jax.jit(gripper_force)
+    radius = model.geom("ball").size[0]
+    for voltage, potential in ((-30.0, ON_PLATE), (-0.9, ON_PROBE), (0.9, ON_PROBE), (30.0, ON_PLATE)):
+        mujoco.mj_resetData(model, data)
+        data.joint("ball").qpos[2] = radius + 2
+        data.joint("probe_z").qpos = 2 * radius - 45 + 2 - 0.1
+        data.actuator("voltage").ctrl = voltage
+        data.plugin_state[plugin.state_index(model, "electrostatic", "potential")] = ON_PLATE
+        assert evaluate(forces, mx, in_mjx(dx, data), ON_PLATE).potential == potential
+        mujoco.mj_step(model, data)
+        assert state(model, data, "electrostatic", "potential") == potential
+
+
 def test_everything_can_be_batched(world):
     model, forces, mx, dx = world
     random, datas, batch = np.random.default_rng(5), [], []
