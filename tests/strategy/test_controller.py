@@ -404,7 +404,7 @@ def moved(poses, state, angle, shift=(0.0, 0.0)):
 
 def alike(one, other):
     """Assert that memories, commands and hands are the same."""
-    (state, command, priority, _), (state2, command2, priority2, _) = one, other
+    (state, command, priority, *_), (state2, command2, priority2, *_) = one, other
     np.testing.assert_allclose(wrapped(command.turn - command2.turn), 0, atol=2e-4)
     np.testing.assert_allclose(command.forward, command2.forward, atol=2e-4)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2), state.memory, state2.memory)
@@ -459,7 +459,7 @@ def test_carried_balls_fall_at_the_configured_rate():
     tips = here[0][:N_BALLS, :2] + turned(np.array(PROBE), here[0][:N_BALLS, 2])
     fallen, seeds = 0, 150
     for seed in range(seeds):
-        after, _, priority, _ = decided(*here, seed)
+        after, _, priority, *_ = decided(*here, seed)
         fallen += (~np.asarray(after.balls.is_held)).sum()
         np.testing.assert_array_equal(priority, np.arange(N_ROBOTS) < N_BALLS)  # said while they still held them
         np.testing.assert_allclose(after.balls.position, tips, atol=1e-4)
