@@ -8,7 +8,7 @@ import pytest
 from helpers_sensing import RADIUS, senses_nothing
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
-from iswarm_mj.strategy.avoidance import avoidance_distance, repulsion
+from iswarm_mj.strategy.avoidance import avoidance_distance, repulsion, repulsion_range
 from iswarm_mj.strategy.controller import avoid
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
@@ -123,6 +123,15 @@ def test_repulsion_by_priority_is_higher_at_every_distance():
     np.testing.assert_allclose(higher, 2.0, rtol=1e-5)
     assert min(scaled) < 1.0 < max(scaled)
     assert not pushed(0.41 * RADIUS, priority=True, strategy=StrategyConfig()).any()
+
+
+def test_the_potential_never_ends_before_the_distance_to_keep():
+    """Also of robots that keep more distance from priority than from others."""
+    genome = replace(PRESETS["type1"], priority_coll_avoid_dist=0.9)
+    loaded, flags = jnp.array([False, True]), jnp.array([[False, True]] * 2)
+    for word in ("scaled", "higher"):
+        reach = repulsion_range(rules_of(genome, StrategyConfig(priority_repulsion=word)), loaded, flags)
+        np.testing.assert_allclose(reach, [[0.65, 0.9], [0.25, 0.25]], rtol=1e-6)
 
 
 def test_following_a_vector_walls_are_ignored():

@@ -72,9 +72,23 @@ def test_odometry_errs_as_configured():
     turn, step = np.degrees(np.asarray(wrong.turn) - 0.5), np.asarray(wrong.forward) / 1.2 - 1
     assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
+    assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
     rest = Command(jnp.zeros(N), jnp.zeros(N))
     drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
     np.testing.assert_array_equal(believed_motion(drunk, *rest, jax.random.key(0)), rest)
+
+
+def test_odometry_errs_whatever_a_robot_decides():
+    """One robot over many steps, which follows a vector straight ahead as often as not."""
+    rules = rules_of(Genome(p_vector_forget=0.0, weight_find_dust=0.5), StrategyConfig(odometry_error_step=0.1))
+    nothing = jax.tree.map(lambda a: a[:1], NOTHING)
+    known, seen = nothing._replace(dust=remember(jnp.array([[9.0, 0.0]]))), senses_nothing(1)
+    keys = jax.random.split(jax.random.key(1), N)
+    step = jax.jit(jax.vmap(lambda key: act(SwarmConfig(), PROBE, rules, known, seen, key)))
+    memory, command = jax.tree.map(lambda a: np.asarray(a)[:, 0], step(keys))
+    follows = command.turn == 0.0
+    error = (9.0 - memory.dust.vector[follows, 0]) / command.forward[follows] - 1.0
+    assert abs(follows.mean() - 0.5) < 0.04 and abs(error.mean()) < 0.01 and error.std() == pytest.approx(0.1, rel=0.06)
 
 
 def test_what_a_robot_remembers_errs_with_its_odometry():
@@ -100,6 +114,7 @@ def test_actuators_err_as_configured():
     turn, step = np.degrees(np.asarray(wrong.turn) - 0.5)[1:], np.asarray(wrong.forward)[1:] / 1.2 - 1
     assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
+    assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
     assert wrong.turn[0] == wrong.forward[0] == 0.0
 
 

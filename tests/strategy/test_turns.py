@@ -131,7 +131,7 @@ def swarm_that_hears(n_seed):
     strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, PROBE)
     was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
 
-    message, is_heard, distance = transmit(strategy, links, key, memory, was_loaded)
+    message, is_heard, distance, *_ = transmit(strategy, links, key, memory, was_loaded)
     nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n))
     seen = nothing._replace(
         is_heard=is_heard,
