@@ -5,7 +5,7 @@ from pathlib import Path
 
 from iswarm_mj.commands.swarm_options import Swarm
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.lock import locked
 
 
 @dataclass(frozen=True)
@@ -37,5 +37,6 @@ class Clean(Swarm):
         hosts = self.joined()
         with hosts.together():
             if hosts.index == 0:
-                make_output_directory(self.out)  # before anything is compiled
+                with locked(self.out):  # refused before anything is compiled
+                    pass
             clean(self.run_of(config, genome, settings, hosts), settings, self.out, hosts)

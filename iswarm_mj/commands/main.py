@@ -2,8 +2,10 @@
 
 import difflib
 import os
+import signal
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Protocol
 
 import tyro
@@ -22,6 +24,7 @@ from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.interruption import MESSAGE, Interrupted, interruptible
 
 
 class Command(Protocol):
@@ -69,21 +72,23 @@ def parse(arguments: Sequence[str]) -> Command:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of `iswarm`; exits with 2 on bad input and 1 on a fault of the simulation."""
+    """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
     try:
-        parse(sys.argv[1:] if arguments is None else arguments).run()
+        with interruptible() if arguments is None else nullcontext():
+            parse(sys.argv[1:] if arguments is None else arguments).run()
     except (UserError, SimulationFault) as error:
         print(f"iswarm: {in_flags(error, COMMANDS.values())}", file=sys.stderr)
         raise SystemExit(2 if isinstance(error, UserError) else 1) from None
     except BrokenPipeError:  # whatever read the output, such as `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(141) from None
-    except KeyboardInterrupt:
-        print("iswarm: interrupted; anything recorded so far is kept.", file=sys.stderr)
+    except KeyboardInterrupt as interruption:
+        code = interruption.code if isinstance(interruption, Interrupted) else 128 + signal.SIGINT
+        print(MESSAGE, file=sys.stderr)
         if (
             arguments is None and "warp" in sys.modules
         ):  # its programs still call Python, and crash where that has ended
             sys.stdout.flush()
             sys.stderr.flush()
-            os._exit(130)
-        raise SystemExit(130) from None
+            os._exit(code)
+        raise SystemExit(code) from None

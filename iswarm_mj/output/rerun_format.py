@@ -29,6 +29,15 @@ def require_recordings(stream: rr.RecordingStream) -> None:
         )
 
 
+def check_recordings() -> None:
+    """Check that Rerun is enabled, before anything is computed or removed.
+
+    Raises:
+        UserError: the environment disables it.
+    """
+    require_recordings(rr.RecordingStream("iswarm_mj"))
+
+
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
     for key, value in values.items():

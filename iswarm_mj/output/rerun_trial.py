@@ -60,15 +60,6 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
         ) from error
 
 
-def check_recordings() -> None:
-    """Check that Rerun is enabled, before the trials.
-
-    Raises:
-        UserError: the environment disables it.
-    """
-    require_recordings(rr.RecordingStream(_APPLICATION))
-
-
 def _check(trace: Trace) -> None:
     """Refuse values that the viewer would silently draw wrong."""
     for name, values in trace._asdict().items():

@@ -14,20 +14,20 @@ from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY, Fr
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.utils.files import atomic_write, remove
+from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 
 
-def clear(out: Path, record: bool) -> None:
-    """Remove the results of an earlier run, now that this one can begin; `record`: its recording is already new."""
-    for name in (RESULT, TRAJECTORY, *(() if record else (RECORDING,))):
+def clear(out: Path) -> None:
+    """Remove the results of an earlier run, and what was left of files that were being written."""
+    for name in (RESULT, TRAJECTORY, RECORDING):
         remove(out / name)
+        remove_parts(out, name)
 
 
 def clear_worlds(out: Path) -> None:
     """Remove what an earlier run left of its further worlds."""
     for place in out.glob("world-*"):
-        for name in (TRAJECTORY, RECORDING):
-            remove(place / name)
+        clear(place)
         with suppress(OSError):
             place.rmdir()  # it holds something else, or is no directory
 

@@ -84,7 +84,9 @@ def _time(run: Run, warm_up: int, record: bool, hosts: Hosts) -> Times:
     laps: list[float] = []
     with ExitStack() as stack:
         out = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        recorder = stack.enter_context(Recorder(run, out)) if record and hosts.index == 0 else None
+        recorder = Recorder(run, out) if record and hosts.index == 0 else None
+        if recorder is not None:
+            stack.callback(recorder.save)
         started = time.perf_counter()
         while run.step < warm_up and not run.is_over:
             _advance(run, recorder, hosts)

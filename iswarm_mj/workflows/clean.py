@@ -17,7 +17,10 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.interruption import BUSY, postponed, saved
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.workflows.recorder import Recorder
+from iswarm_mj.workflows.unfinished import Unfinished
 
 MAX_LISTED = 10
 """Worlds whose numbers the summary lists; of more it states averages and ranges."""
@@ -39,7 +42,9 @@ class Outcome(NamedTuple):
 def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> dict[str, Any] | None:
     """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
 
-    Of several processes the first writes and prints, and alone returns something.
+    Of several processes the first writes and prints, and alone returns something. From the start on, result.json is
+    that of this run: until it has ended, it says "interrupted": true, and if an exception or a signal ends the run, it
+    and the files of recorded worlds contain what there was.
 
     Args:
         run: at its start, with this process's share of the worlds.
@@ -48,41 +53,66 @@ def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> d
         hosts: the processes that share the worlds.
 
     Raises:
-        UserError: `out` cannot be written to.
+        UserError: `out` cannot be written to, or is in use.
         SimulationFault: a world could not go on; the results of all others are in `out`.
     """
-    started = time.perf_counter()
     if hosts.index == 0:
-        _record(run, out, hosts)
+        with locked(out):
+            content, faults = _write(run, settings, out, hosts)
+        print(summary(content, out))
     else:
         _advance(run, [], hosts)
-    outcome = _gather(run, hosts)
-    content = None
-    if hosts.index == 0:
-        content = results.result(run, settings, outcome.measures, outcome.step, time.perf_counter() - started)
-        content |= {"devices": outcome.devices, "faults": outcome.faults}
-        results.write_result(out, content)
-    hosts.gathered("written", None)
-    if content is not None:
-        print(summary(content, out))
+        content, faults = None, _gather(run, hosts).faults
+        hosts.gathered("written", None)
     run.raise_faults()
-    if outcome.faults:
-        raise SimulationFault("; ".join(outcome.faults))
+    if faults:
+        raise SimulationFault("; ".join(faults))
     return content
 
 
-def _record(run: Run, out: Path, hosts: Hosts) -> None:
-    """Take all steps and write what is recorded."""
+def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[dict[str, Any], list[str]]:
+    """Take all steps and write everything; return the content of result.json, and what went wrong."""
+    started = time.perf_counter()
+    places = _cleared(run, out)
+    unfinished = Unfinished(run, settings, out, hosts)
+    with saved(unfinished.save):
+        _record(run, places, hosts)
+        outcome = _gather(run, hosts)
+        content = results.result(run, settings, outcome.measures, outcome.step, time.perf_counter() - started)
+        content |= {"devices": outcome.devices, "faults": outcome.faults}
+        with postponed(), BUSY:
+            results.write_result(out, content)
+            unfinished.has_ended = True
+        hosts.gathered("written", None)
+    return content, outcome.faults
+
+
+def _cleared(run: Run, out: Path) -> list[Path]:
+    """Directories of the recorded worlds, without what an earlier run left there."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
+    if recorded:
+        from iswarm_mj.output.rerun_format import check_recordings
+
+        check_recordings()
+    results.clear(out)
     results.clear_worlds(out)
     for place in places:
         make_output_directory(place)
+    return places
+
+
+def _record(run: Run, places: Sequence[Path], hosts: Hosts) -> None:
+    """Take all steps and write what is recorded."""
     with ExitStack() as stack:
-        recorders = [stack.enter_context(Recorder(run, places[k], k)) for k in range(len(recorded))]
-        for place in places:
-            results.clear(place, bool(recorded))
+        recorders = []
+        for index in range(len(run.settings.record_worlds)):
+            with postponed():
+                recorders.append(Recorder(run, places[index], index))
+                stack.enter_context(saved(recorders[-1].save))
         _advance(run, recorders, hosts)
+        for recorder in recorders:
+            recorder.save()
 
 
 def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
@@ -93,11 +123,12 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
         bar.set_postfix_str("compiling", refresh=True)
         while not run.is_over:
             before = run.step
-            record = run.advance()
+            with postponed():  # or what was computed would not be recorded
+                record = run.advance()
+                if record is not None:
+                    for recorder in recorders:
+                        recorder.add(record)
             hosts.look()
-            if record is not None:
-                for recorder in recorders:
-                    recorder.add(record)
             bar.update(run.step - before)
             if not hidden:
                 bar.set_postfix_str(f"delivered {int(run.delivered().sum())} of {goal}", refresh=False)

@@ -50,7 +50,7 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         UserError: `out` is not writable or in use.
     """
     if record:
-        from iswarm_mj.output.rerun_trial import check_recordings
+        from iswarm_mj.output.rerun_format import check_recordings
 
         check_recordings()
     with locked(out):

@@ -17,7 +17,7 @@ def test_a_directory_in_the_place_of_a_file(tmp_path):
     (tmp_path / "result.json").mkdir()
     said = r"result\.json cannot be written \(Is a directory\); move it away or choose another `out`$"
     with pytest.raises(UserError, match=said):
-        results.clear(tmp_path, record=False)
+        results.clear(tmp_path)
     with pytest.raises(UserError, match=said), results.atomic_write(tmp_path / "result.json") as part:
         part.write_text("new")
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]

@@ -276,7 +276,11 @@ class TestFaults:
         monkeypatch.setattr(engine_of(run), "sense", interrupted)
         with pytest.raises(KeyboardInterrupt):
             clean(run, run.settings, tmp_path)
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "trajectory.npz"]
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
+        content = json.loads((tmp_path / "result.json").read_text())
+        assert content["interrupted"] and content["steps"] == self.STEP - 1 and content["collisions"] > 0
+        assert content.keys() - {"interrupted"} == done[1].keys()
+        assert read(tmp_path / "clean.rrd")["/world/robots/body"]["step"] == list(range(self.STEP))
         with np.load(tmp_path / "trajectory.npz") as file:
             np.testing.assert_array_equal(file["pose"], done[2]["pose"][: self.STEP])
 

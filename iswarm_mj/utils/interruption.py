@@ -1,0 +1,135 @@
+"""SIGINT, SIGTERM and SIGHUP: they end a command at once, and let it save what it has."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, ClassVar
+
+GRACE_S = 0.4
+"""Time in which Python should notice a signal; longer than this it does not while it compiles, for example."""
+PARTING_S = 0.4
+"""Time in which a command that has nothing to save should end after that."""
+BUSY = threading.RLock()
+"""Held while that is changed which is saved."""
+MESSAGE = "iswarm: interrupted; anything recorded so far is kept."
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal arrived."""
+
+    def __init__(self, number: int):
+        super().__init__()
+        self.code = 128 + number
+
+
+class _State:
+    """Of this process; only its main thread handles signals."""
+
+    depth = 0
+    """Of blocks that postpone signals."""
+    waiting: int | None = None
+    """The signal that was postponed."""
+    is_noticed = False
+    """Whether the exception was raised."""
+    is_lost = False
+    """Whether something swallowed it."""
+    savers: ClassVar[list[Callable[[], None]]] = []
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raise `Interrupted` in the block when a signal arrives; to be used in the main thread, once in a process.
+
+    What never comes to notice it, since it compiles for example, is ended by a thread, after what is to be saved was.
+    """
+    numbers = [n for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    for number in numbers:
+        signal.signal(number, _arrived)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    sys.unraisablehook = _swallowed
+    threading.Thread(target=_watch, args=(reader, numbers), daemon=True).start()
+    yield
+
+
+@contextmanager
+def postponed() -> Iterator[None]:
+    """Let signals wait for the end of the block."""
+    _State.depth += 1
+    try:
+        yield
+    finally:
+        _State.depth -= 1
+        if _State.waiting is not None and not _State.depth:
+            _arrived(_State.waiting, None)
+
+
+@contextmanager
+def saved(save: Callable[[], None]) -> Iterator[None]:
+    """Have something saved if an exception leaves the block, or a signal ends the process in it.
+
+    Args:
+        save: saves it; called with `BUSY`, in any thread.
+    """
+    _State.savers.append(save)
+    try:
+        yield
+    except BaseException:
+        with postponed(), BUSY, suppress(Exception):  # what the block raised says more
+            save()
+        raise
+    finally:
+        _State.savers.remove(save)
+
+
+def _arrived(number: int, _: Any) -> None:
+    """Handle a signal, unless it is the second one."""
+    if _State.depth:
+        _State.waiting = number
+    elif not _State.is_noticed:
+        _State.is_noticed = True
+        raise Interrupted(number)
+
+
+def _swallowed(about: Any) -> None:
+    """Remember that the exception was raised where Python only reports it, such as in callbacks of its collector."""
+    if isinstance(about.exc_value, Interrupted):
+        _State.is_lost = True
+    else:
+        sys.__unraisablehook__(about)
+
+
+def _watch(reader: int, numbers: list[int]) -> None:
+    """Wait for a signal, and see to it that the process ends."""
+    number = 0
+    while number not in numbers:
+        number = os.read(reader, 1)[0]
+    arrived = time.monotonic()
+    while True:
+        time.sleep(0.05)
+        late = time.monotonic() - arrived
+        if _State.is_lost:
+            _State.is_lost = _State.is_noticed = False
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+        if late > GRACE_S and (not _State.is_noticed or (late > GRACE_S + PARTING_S and not _State.savers)):
+            with BUSY:
+                if not _State.is_noticed or not _State.savers:
+                    _leave(128 + number)
+
+
+def _leave(code: int) -> None:
+    """Save everything and end the process, whatever its main thread does."""
+    for save in reversed(_State.savers):
+        with suppress(Exception):
+            save()
+    if not _State.is_noticed:
+        print(MESSAGE, file=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)

@@ -1,0 +1,16 @@
+"""Commands in processes of their own, to which signals are sent."""
+
+import os
+import subprocess
+import sys
+
+ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
+SMALL = [*(f"--arena.{name}={value}" for name, value in ARENA.items()), "--robots=30", "--threads=1"]
+
+
+def start(*arguments, before=""):
+    """A process of `iswarm`, after some Python code; its error output is text."""
+    code = f"{before}\nimport sys\nfrom iswarm_mj.commands.main import main\nmain()"
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=-1, stderr=-1, text=True, env=environment)

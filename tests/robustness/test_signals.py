@@ -1,0 +1,102 @@
+"""Signals end a command at any moment, with their code, and what was recorded stays readable."""
+
+import json
+import signal
+import time
+
+import numpy as np
+import pytest
+from helpers_rrd import read
+from helpers_signals import SMALL, start
+
+from iswarm_mj.output.recorded import load
+
+COMPILING = """
+import time, iswarm_mj.simulation.loop as loop
+def compiling(self, *_):  # a call that holds no lock and comes back to Python late, as XLA's compiler does
+    import ctypes
+    print("compiling", flush=True)
+    ctypes.CDLL(None).sleep(600) or ctypes.CDLL(None).sleep(600)
+loop.HostLoop.advance = compiling
+"""
+SWALLOWED = """
+import gc, time, iswarm_mj.workflows.clean as clean
+def collect(*_):  # of what a callback of the collector raises, Python only tells
+    print("collecting", flush=True)
+    end = time.monotonic() + 600
+    while time.monotonic() < end:
+        pass
+def advance(*_):
+    gc.callbacks[:] = [collect]
+    gc.collect()
+    gc.callbacks.clear()
+    time.sleep(600)
+clean._advance = advance
+"""
+
+
+def ended(process, number):
+    """The error output of a process that the signal ended."""
+    process.send_signal(number)
+    error = process.communicate(timeout=300)[1]
+    assert process.returncode == 128 + number, error
+    assert error.splitlines()[-1] == "iswarm: interrupted; anything recorded so far is kept." and "Trace" not in error
+    return error
+
+
+def check(out):
+    """Result, trajectory and recording of the same interrupted run."""
+    content = json.loads((out / "result.json").read_text())
+    frames = load(out)[1]
+    assert content["interrupted"] and frames["step"][-1] == content["steps"]
+    assert frames["delivered"][-1] == content["delivered"] and frames["collisions"][-1] == content["collisions"]
+    assert read(out / "clean.rrd")["/world/robots/body"]["step"] == frames["step"].tolist()
+    assert {path.name for path in out.iterdir()} - {".lock"} == {"clean.rrd", "result.json", "trajectory.npz"}
+    return content
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_in_the_middle_of_a_run(tmp_path, number):
+    old = tmp_path / "trajectory.npz"
+    old.write_text("of an earlier run")
+    with start("clean", *SMALL, "--steps", 100_000, "--seed", 5, "--out", tmp_path) as process:
+        recording = tmp_path / "clean.rrd"
+        while process.poll() is None and (not recording.exists() or recording.stat().st_size < 300_000):
+            time.sleep(0.02)
+        ended(process, number)
+    assert check(tmp_path)["steps"] >= 63  # a block of frames is the start and these
+
+
+@pytest.mark.parametrize(("before", "word"), [(COMPILING, "compiling"), (SWALLOWED, "collecting")])
+def test_where_python_does_not_notice(tmp_path, before, word):
+    with start("clean", *SMALL, "--seed", 5, "--out", tmp_path, before=before) as process:
+        assert process.stdout.readline() == f"{word}\n"
+        ended(process, signal.SIGTERM)
+    assert check(tmp_path)["steps"] == 0
+
+
+def test_at_random_moments(tmp_path):
+    """Before the run begins, earlier results stay as they were; from then on everything is the new run's."""
+    names = "result.json", "trajectory.npz", "clean.rrd"
+    rng = np.random.default_rng(0)
+    until_run, moments = None, [None, *rng.uniform(0.1, 1.3, 6)]
+    for moment in moments:
+        for name in names:
+            (tmp_path / name).write_text("old")
+        began = time.monotonic()
+        with start("clean", *SMALL, "--steps", 100_000, "--out", tmp_path) as process:
+            if moment is None:
+                while (tmp_path / "trajectory.npz").exists():
+                    time.sleep(0.01)
+                until_run = time.monotonic() - began
+            else:
+                time.sleep(moment * until_run)
+            process.terminate()
+            error = process.communicate(timeout=300)[1]
+        assert process.returncode in (143, -15), error  # the system ends a process that has not begun the command
+        if (tmp_path / "result.json").exists() and (tmp_path / "result.json").read_text() == "old":
+            assert moment is not None and all((tmp_path / name).read_text() == "old" for name in names)
+        else:
+            check(tmp_path)
+        for path in tmp_path.iterdir():
+            path.unlink()
