@@ -1,11 +1,12 @@
 """Simulator of the I-SWARM micro-robot swarm; `iswarm --version` prints the version."""
 
 import difflib
+import io
 import os
 import signal
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from typing import Protocol
 
 import tyro
@@ -23,6 +24,7 @@ from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
 from iswarm_mj.commands.video import Video
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import MESSAGE, Interrupted, interruptible
 
@@ -75,13 +77,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
     try:
         with interruptible() if arguments is None else nullcontext():
-            parse(sys.argv[1:] if arguments is None else arguments).run()
+            given = sys.argv[1:] if arguments is None else arguments
+            _check_paths(given)
+            for stream in (sys.stdout, sys.stderr):
+                if isinstance(stream, io.TextIOWrapper):
+                    stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+            parse(given).run()
+            sys.stdout.flush()
     except (UserError, SimulationFault) as error:
         print(f"iswarm: {in_flags(error, COMMANDS.values())}", file=sys.stderr)
         raise SystemExit(2 if isinstance(error, UserError) else 1) from None
     except BrokenPipeError:  # whatever read the output, such as `head`, has ended
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         raise SystemExit(141) from None
+    except OSError as error:
+        if error.filename is None:  # the output is no file that was named
+            _discard_output()
+        name = "the output" if error.filename is None else str(error.filename)
+        print(f"iswarm: {name} cannot be read or written ({error.strerror or error}); choose another.", file=sys.stderr)
+        raise SystemExit(2) from None
     except KeyboardInterrupt as interruption:
         code = interruption.code if isinstance(interruption, Interrupted) else 128 + signal.SIGINT
         print(MESSAGE, file=sys.stderr)
@@ -92,3 +106,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.stderr.flush()
             os._exit(code)
         raise SystemExit(code) from None
+
+
+def _check_paths(arguments: Sequence[str]) -> None:
+    """Check that no file or directory to write has an empty name, which would be the working directory."""
+    for flag, value in zip(arguments, [*arguments[1:], "none"], strict=True):
+        is_named = flag != "--out=" and (flag, value) != ("--out", "")
+        check("out", "", "the name of a file or directory, `.` for this one", is_named)
+
+
+def _discard_output() -> None:
+    """Let what is still to be printed go nowhere."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -245,7 +245,7 @@ def devices(count: str) -> list[Any]:
     visible = jax.local_devices()
     if count == "all":
         return visible
-    if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= len(visible):
+    if not (count.isascii() and count.isdecimal() and len(count) < 10) or not 1 <= int(count) <= len(visible):
         constraint = f"all, or between 1 and {len(visible)}, the number of devices that JAX sees"
         raise ConfigError("devices", count, f"{constraint} ({visible[0].device_kind})")
     return visible[: int(count)]

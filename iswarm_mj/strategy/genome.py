@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -90,7 +90,7 @@ def load_genome(name: str) -> Genome:
     if not path.is_file():
         raise ConfigError("genome", name, f"a preset ({presets}) or the path of a JSON file")
     try:
-        values = json.loads(path.read_text(encoding="utf-8-sig"))
+        values = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique)
     except (OSError, ValueError, RecursionError) as error:
         raise UserError(
             f"genome file {name} is not readable JSON ({error}); write one object such as "
@@ -111,6 +111,19 @@ def load_genome(name: str) -> Genome:
         return replace(PRESETS["type1"], **values)
     except UserError as error:
         raise UserError(f"genome file {name}: {error}") from None
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of these pairs.
+
+    Raises:
+        ValueError: a name occurs twice.
+    """
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(name for name in values if names.count(name) > 1)!r} occurs twice")
+    return values
 
 
 def overridden(genome: Genome, values: Mapping[str, float | bool | None]) -> Genome:

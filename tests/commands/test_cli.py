@@ -224,6 +224,7 @@ class TestRefusals:
             ('{"p_vector_forget": ', "not readable JSON"),
             ("", "not readable JSON"),
             ("[]", "holds a list"),
+            ('{"fraction_scouts": 0.1, "fraction_scouts": 0.2}', "'fraction_scouts' occurs twice"),
             ('{"wings": 2}', "names 'wings'; allowed names are density_of_robots, "),
             ('{"fraction_scouts": 2}', "fraction_scouts must be between 0 and 1 (got 2)"),
             ('{"fraction_scouts": "few"}', "fraction_scouts must be between 0 and 1 (got 'few')"),
@@ -430,7 +431,9 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         ("grasp --repeats some", ["--repeats", "iswarm grasp --help"]),
         (
             "--verssion",
-            ["Available subcommands: clean, picture, bench, grasp, evolve, experiment, report, reproduce, video"],
+            [
+                "Available subcommands: clean, picture, bench, grasp, evolve, experiment, infer, report, reproduce, video"
+            ],
         ),
     ],
 )
