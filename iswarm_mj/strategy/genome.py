@@ -72,7 +72,7 @@ PRESETS = {
         weight_find_dump=0.769,
     ),
 }
-"""The two fit types that evolved in the paper (Table 2), and the fittest of `results/evolve-paper`."""
+"""The two fit types that evolved in the paper (Table 2), and the fittest of `results-initial/evolve-paper`."""
 
 
 def load_genome(name: str) -> Genome:
