@@ -7,7 +7,7 @@ from numba.extending import register_jitable
 
 @register_jitable
 def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> float:
-    """Share of a ray's vector at which it enters a rectangle, 0 if it begins inside; infinite if it never does.
+    """Share of a ray's vector at which it meets the outline of a rectangle, from inside too; infinite if it never does.
 
     Args:
         ox: x of the ray's origin, from the rectangle's centre.
@@ -24,7 +24,7 @@ def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: flo
     enters, leaves = max(enters_x, enters_y), min(leaves_x, leaves_y)
     if enters > leaves or leaves < 0.0:
         return math.inf
-    return max(enters, 0.0)
+    return enters if enters >= 0.0 else leaves
 
 
 @register_jitable
