@@ -45,9 +45,14 @@ def test_six_sided_robots_clean_and_their_files_name_them(tmp_path):
 
 
 def test_runs_of_every_engine_begin_alike():
-    """By decisions alike in single precision and double; nobody touches another one in these few steps."""
+    """At one time step, in single precision and double."""
     config, settings = SwarmConfig(arena=ARENA), RunSettings(10, 3, seed=2)
-    engines = MujocoSettings(1), PlanarSettings(1), PlanarSettings(impl="warp", chunk=3), MjxSettings(chunk=3)
+    engines = (
+        MujocoSettings(1),
+        PlanarSettings(1, refinement=1),
+        PlanarSettings(refinement=1, impl="warp", chunk=3),
+        MjxSettings(chunk=3),
+    )
     records = []
     for engine in engines:
         run = Run(config, PRESETS["type1"], settings, engine, robot_file=SIX)
