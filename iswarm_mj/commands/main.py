@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
+from itertools import pairwise
 from typing import Protocol
 
 import tyro
@@ -110,9 +111,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _check_paths(arguments: Sequence[str]) -> None:
     """Check that no file or directory to write has an empty name, which would be the working directory."""
-    for flag, value in zip(arguments, [*arguments[1:], "none"], strict=True):
-        is_named = flag != "--out=" and (flag, value) != ("--out", "")
-        check("out", "", "the name of a file or directory, `.` for this one", is_named)
+    is_named = "--out=" not in arguments and ("--out", "") not in pairwise(arguments)
+    check("out", "", "the name of a file or directory, `.` for this one", is_named)
 
 
 def _discard_output() -> None:

@@ -432,7 +432,8 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         (
             "--verssion",
             [
-                "Available subcommands: clean, picture, bench, grasp, evolve, experiment, infer, report, reproduce, video"
+                "Available subcommands: clean, picture, bench, grasp, evolve, experiment, infer, ",
+                "report, reproduce, video",
             ],
         ),
     ],
