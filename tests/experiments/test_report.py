@@ -19,6 +19,7 @@ from iswarm_mj.experiments.report.render import data_uri
 from iswarm_mj.experiments.report.reproduction import command
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.sections import _at_run_time
+from iswarm_mj.experiments.report.usable import usable
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
@@ -99,6 +100,18 @@ class TestResults:
         found = collect([inside])
         assert [result.path for result in found.used] == [inside / "types" / "evolution.parquet"]
         assert found.left_out == [] and _at_run_time(inside) == []
+
+    @pytest.mark.parametrize("rows", [[{"a": 1}], [{"seed": None, "finished_at": "x"}], None])
+    def test_odd_tables_are_left_out_and_named(self, tmp_path, rows):
+        names = "hop_count.parquet", "evolution.parquet", "trials.parquet"
+        settings = {"experiment": "hop-count", "method": "paper", "quick": False}
+        for name in names:
+            if rows is None:
+                (tmp_path / name).write_bytes(b"PAR1 and no more")
+            else:
+                write_table(tmp_path / name, rows, settings)
+        found = usable(collect([tmp_path]))
+        assert found.used == [] and sorted(path.name for path in found.unusable) == sorted(names)
 
     def test_commands_make_them_again(self, results):
         found = collect([results])

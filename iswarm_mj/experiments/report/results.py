@@ -13,6 +13,9 @@ from iswarm_mj.utils.tables import read_table
 SEARCH, TRIALS = "evolution.parquet", "trials.parquet"
 
 
+_NAMES = {TRIALS, SEARCH, *(experiment.table for experiment in EXPERIMENTS.values())}
+
+
 class Result(NamedTuple):
     """A table of results."""
 
@@ -33,6 +36,8 @@ class Results:
     """Of the gripper's bench."""
     left_out: list[Path] = field(default_factory=list)
     """Tables that are not used because another one of the same kind has more runs."""
+    unusable: list[Path] = field(default_factory=list)
+    """Tables of the right names that are damaged, or hold something else."""
 
     @property
     def used(self) -> list[Result]:
@@ -51,13 +56,16 @@ def collect(directories: Sequence[Path]) -> Results:
         UserError: a directory does not exist.
     """
     kinds: dict[tuple[str, str], list[Result]] = {}
+    results = Results()
     for directory in directories:
         if not directory.is_dir():
             raise ConfigError("results", directory, "an existing directory with results")
         for path in files_in(directory, "**/*.parquet"):
-            if (result := _read(path)) and (kind := _kind(result)):
+            result = _read(path)
+            if result is None and path.name in _NAMES:
+                results.unusable.append(path)
+            elif result is not None and (kind := _kind(result)):
                 kinds.setdefault(kind, []).append(result)
-    results = Results()
     for (kind, name), found in kinds.items():
         best = max(found, key=lambda result: (not result.settings.get("quick"), len(result.rows)))
         results.left_out += [result.path for result in found if result is not best]

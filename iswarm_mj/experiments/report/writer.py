@@ -12,6 +12,7 @@ from iswarm_mj.experiments.report.render import render
 from iswarm_mj.experiments.report.results import Results, collect
 from iswarm_mj.experiments.report.sections import Section, sections_of
 from iswarm_mj.experiments.report.statements import tally, topics_of
+from iswarm_mj.experiments.report.usable import usable
 from iswarm_mj.utils.files import atomic_write
 from iswarm_mj.utils.lock import locked
 
@@ -42,8 +43,8 @@ def report(directories: Sequence[Path], out: Path, beside: Path | None = None) -
     Raises:
         UserError: a directory does not exist, or `out` is not writable.
     """
-    results = collect(directories)
-    others = {f.claim: f for topic in topics_of(collect([beside])) for f in topic.findings} if beside else {}
+    results = usable(collect(directories))
+    others = {f.claim: f for topic in topics_of(usable(collect([beside]))) for f in topic.findings} if beside else {}
     figures = out.with_name(f"{out.stem}_figures")
     markdown = out.with_suffix(".md")
     again = f"iswarm report --results {' '.join(map(str, directories))} --out {out}"
@@ -59,6 +60,8 @@ def report(directories: Sequence[Path], out: Path, beside: Path | None = None) -
         for path, template in ((out, "report.html"), (markdown, "report.md")):
             with atomic_write(path) as part:
                 part.write_text(render(template, content), encoding="utf-8")
+    for path in results.unusable:
+        print(f"left out, since it is damaged or holds something else: {path}")
     print(f"{content['tally_text']}\nreport in {out} and {markdown}")
     return sections
 
@@ -79,4 +82,5 @@ def content_of(sections: Sequence[Section], results: Results) -> dict[str, Any]:
         "fitted": assumptions.fitted(),
         "tables": results.used,
         "left_out": results.left_out,
+        "unusable": results.unusable,
     }
