@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iswarm_mj.config import READINGS, SwarmConfig
+    from iswarm_mj.output.saved import load
     from iswarm_mj.simulation.rollout import rollout
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
@@ -26,11 +27,13 @@ __all__ = [
     "Run",
     "RunSettings",
     "SwarmConfig",
+    "load",
     "rollout",
 ]
 
 _MODULES = {
     "config": ("READINGS", "SwarmConfig"),
+    "output.saved": ("load",),
     "simulation.rollout": ("rollout",),
     "simulation.run": ("Run",),
     "simulation.settings": ("MjxSettings", "MujocoSettings", "PlanarSettings", "RunSettings"),

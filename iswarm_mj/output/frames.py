@@ -44,6 +44,7 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int, n
         is_alive=start.swarm.is_alive[0, world],
         message_range=config.strategy.message_range * ROBOT_DIAMETER,
         world=number,
+        n_leds=len(robot.leds),
     )
 
 

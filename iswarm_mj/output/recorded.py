@@ -55,14 +55,14 @@ def robot_file_of(directory: Path) -> Path | None:
 
 
 def _result(path: Path) -> dict:
-    _check_file(path)
+    check_file(path)
     if path.stat().st_size > LARGEST_RESULT:
         raise ValueError(f"{path.name} has more than {LARGEST_RESULT} bytes")
     return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _frames(path: Path) -> dict[str, np.ndarray]:
-    _check_file(path)
+    check_file(path)
     with np.load(path, allow_pickle=False) as file:
         frames = dict(file)
     sizes = dict(zip("TNK3", (*frames["pose"].shape[:2], len(frames["scene_ball_radius"]), 3), strict=True))
@@ -77,7 +77,7 @@ def _frames(path: Path) -> dict[str, np.ndarray]:
     return frames
 
 
-def _check_file(path: Path) -> None:
+def check_file(path: Path) -> None:
     """Raise an OSError if the path is something that may never end, such as a pipe or a device."""
     if path.exists() and not path.is_file():
         raise OSError(f"{path.name} is no file")

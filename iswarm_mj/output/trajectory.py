@@ -37,6 +37,8 @@ class Scene(NamedTuple):
     """Longest vector that a message can carry [m]; with it `sensors.messages.unpack` reads the frames' messages."""
     world: int
     """Number of the world in its run."""
+    n_leds: int
+    """LEDs of a robot, which decide the layout of messages."""
 
 
 def _stored(dtype: type, *units: str) -> dict[str, Any]:

@@ -22,12 +22,12 @@ vector that came through more than 14 robots is not sent on, so that rumours die
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.arrays import Array, array_module
 
 BEARINGS = 32
 RANGE_BITS = 5
@@ -84,18 +84,19 @@ def pack_vector(memory: VectorMemory, max_range: float, range_bits: int = RANGE_
 
 def unpack_vector(bits: UInt32[Array, "*N"], max_range: float, range_bits: int = RANGE_BITS) -> VectorMemory:
     """Vector that 14 bits encode, or 13; the inverse of `pack_vector` within half a quantum."""
-    bits, ranges = bits.astype(jnp.int32), 2**range_bits - 1
+    xp = array_module(bits)
+    bits, ranges = bits.astype(np.int32), 2**range_bits - 1
     angle = (bits & 31) * (2 * jnp.pi / BEARINGS)
     distance = ((bits >> 5) & ranges) * (max_range / ranges)
     hop = (bits >> (5 + range_bits)) & 15
     known = hop != NO_VECTOR
-    vector = jnp.stack([distance * jnp.cos(angle), distance * jnp.sin(angle)], axis=-1)
-    return VectorMemory(jnp.where(known[..., None], vector, 0.0), jnp.where(known, hop, 0), known)
+    vector = xp.stack([distance * xp.cos(angle), distance * xp.sin(angle)], axis=-1)
+    return VectorMemory(xp.where(known[..., None], vector, 0.0), xp.where(known, hop, 0), known)
 
 
 def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
     """Parity of 32 bits: 1 where the number of ones is odd."""
-    return jax.lax.population_count(bits) & 1
+    return array_module(bits).bitwise_count(bits).astype(np.uint32) & 1
 
 
 def pack(message: Message, max_range: float, n_leds: int = 4) -> UInt32[Array, "*N"]:
@@ -114,7 +115,7 @@ def unpack(bits: UInt32[Array, "*N"], max_range: float, n_leds: int = 4) -> tupl
     """Message that 32 bits encode, and whether their parity is correct."""
     layout = _layout(n_leds)
     message = Message(
-        led=(bits & (2**layout.led_bits - 1)).astype(jnp.int32),
+        led=(bits & (2**layout.led_bits - 1)).astype(np.int32),
         priority=((bits >> layout.led_bits) & 1).astype(bool),
         dust=unpack_vector((bits >> layout.dust) & 0x3FFF, max_range),
         dump=unpack_vector((bits >> layout.dump) & 0x3FFF, max_range, layout.dump_range_bits),

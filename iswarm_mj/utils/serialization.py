@@ -44,3 +44,18 @@ def completed(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
         elif _BEFORE in f.metadata:
             found.setdefault(f.name, f.metadata[_BEFORE])
     return found
+
+
+def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
+    """Return the dataclass that `to_dict` or `asdict` turned into this dictionary.
+
+    Args:
+        cls: the dataclass, whose fields all have defaults.
+        values: may lack `added_later` fields, which are then as they were.
+
+    Raises:
+        TypeError: a name that the dataclass does not have.
+    """
+    usual, found = cls(), completed(cls, values)
+    inner = {name: type(part) for name, part in vars(usual).items() if is_dataclass(part)}
+    return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in found.items()})

@@ -32,6 +32,7 @@ def make_scene(n_robots=40, n_balls=12):
         is_alive=np.ones(n_robots, bool),
         message_range=0.14,
         world=0,
+        n_leds=4,
     )
 
 

@@ -1,0 +1,98 @@
+"""The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.output.recorded import check_file
+from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.utils.errors import UserError
+
+REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
+NEEDED = ("step", "pose")
+"""Arrays without which a file is no trajectory."""
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """Return the content of result.json.
+
+    Raises:
+        UserError: there is no such file, or it is no run's.
+    """
+    try:
+        check_file(path)
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path} is cut off or no JSON ({error}); {REMEDY}.") from None
+    if not isinstance(content, dict) or not isinstance(content.get("config"), dict):
+        raise UserError(f"{path} is not the {RESULT} of a run, for it has no `config`; {REMEDY}.")
+    return content
+
+
+def read_trajectory(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`.
+
+    Files of earlier versions lack some.
+
+    Raises:
+        UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
+    """
+    try:
+        check_file(path)
+        with np.load(path) as file:
+            arrays = dict(file)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
+    except Exception as error:  # bytes that another program wrote may break each part of the reader
+        raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
+    lacking = [name for name in NEEDED if name not in arrays]
+    if lacking:
+        raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{lacking[0]}`; {REMEDY}.")
+    _check_shapes(path, arrays)
+    return arrays
+
+
+def read_about(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Return what a run was, as its result.json says or, without one, its trajectory.
+
+    Args:
+        path: of the trajectory; result.json lies beside it or, of further worlds, one folder above.
+        arrays: of the trajectory.
+
+    Raises:
+        UserError: neither says so.
+    """
+    places = [path.parent, *([path.parent.parent] if path.parent.name.startswith("world-") else [])]
+    for place in places:
+        if (place / RESULT).exists():
+            return read_result(place / RESULT)
+    if ABOUT not in arrays:
+        raise UserError(
+            f"{path} is of an older version, and there is no {RESULT} beside it that states its configuration; "
+            "put it back where it was written."
+        )
+    return json.loads(arrays[ABOUT].item())
+
+
+def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Refuse arrays whose sizes along the same axis differ."""
+    sizes: dict[str, tuple[int, str]] = {}
+    kinds = {f.name: f.type for f in fields(Frames)}
+    kinds |= {f"scene_{name}": kind for name, kind in Scene.__annotations__.items()}
+    for name, kind in kinds.items():
+        axes = getattr(kind, "dim_str", "").split()
+        if name not in arrays:
+            continue
+        found = arrays[name].shape
+        wanted = [sizes.setdefault(axis, (size, name)) for axis, size in zip(axes, found, strict=False)]
+        for axis, (size, first), mine in zip(axes, wanted, found, strict=False):
+            if mine != (int(axis) if axis.isdigit() else size):
+                raise UserError(f"{path}: the shape {found} of `{name}` does not fit that of `{first}`; {REMEDY}.")
+        if len(axes) != len(found):
+            raise UserError(f"{path}: `{name}` has {len(found)} axes instead of {len(axes)}; {REMEDY}.")

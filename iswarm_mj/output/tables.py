@@ -1,0 +1,212 @@
+"""Tidy tables of a recorded world: one row a robot, ball, link or control step, units in the metadata of columns."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from iswarm_mj.sensors.messages import Message, unpack
+
+Arrays = Mapping[str, np.ndarray]
+"""Of a trajectory, see `trajectory.Frames` and `Scene`; those of earlier versions lack some."""
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    unit: str
+    """Empty for numbers without one, and for what is no number."""
+    description: str
+    values: Callable[[Arrays], np.ndarray]
+    """From the arrays to values of any shape, the same for all columns; masked where there is no value."""
+
+
+STATES = np.array(["lying", "held", "delivered"])
+"""Names of the states of a ball."""
+
+
+def _by_robot(name: str) -> Callable[[Arrays], np.ndarray]:
+    """Values (N,) of a scene, for every step."""
+    return lambda a: np.broadcast_to(a[name], a["pose"].shape[:2])
+
+
+def _remembered(name: str, axis: int | None = None) -> Callable[[Arrays], np.ndarray]:
+    """Vectors or hop counts where the robot knows a vector."""
+    part = f"{name}_hop" if axis is None else f"{name}_vector"
+    return lambda a: np.ma.masked_where(~a[f"{name}_known"], a[part] if axis is None else a[part][..., axis])
+
+
+def _in_step(a: Arrays, values: np.ndarray) -> np.ndarray:
+    """Values (T, N), but none at the start and where the world did not take the step."""
+    took = (a["step"] > 0) & a.get("is_running", np.True_)
+    return np.ma.masked_where(np.broadcast_to(~took[:, None], values.shape), values)
+
+
+def _sent(a: Arrays, values: np.ndarray) -> np.ndarray:
+    """Values (T, N) of a step, but none where dead robots keep silent."""
+    return np.ma.masked_where(np.broadcast_to(~a["scene_is_alive"], values.shape), _in_step(a, values))
+
+
+def _said(part: Callable[[Message], np.ndarray]) -> Callable[[Arrays], np.ndarray]:
+    """Part of the messages that were sent."""
+    return lambda a: _sent(a, part(unpack(a["message"], float(a["scene_message_range"]), int(a["scene_n_leds"]))[0]))
+
+
+def _said_vector(name: str) -> list[Column]:
+    def known(vector: str, part: Callable[[Message], np.ndarray]) -> Callable[[Arrays], np.ndarray]:
+        return _said(lambda message: np.ma.masked_where(~getattr(message, vector).known, part(message)))
+
+    where = f"of the vector to the {name} that the robot sent as the step began, in its own frame"
+    return [
+        Column(f"said_{name}_x", "m", f"ahead, {where}", known(name, lambda m: getattr(m, name).vector[..., 0])),
+        Column(f"said_{name}_y", "m", f"left, {where}", known(name, lambda m: getattr(m, name).vector[..., 1])),
+        Column(f"said_{name}_hop", "", f"hop count {where}", known(name, lambda m: getattr(m, name).hop)),
+    ]
+
+
+def _memory(name: str) -> list[Column]:
+    where = f"of the remembered vector to the {name}, in the robot's own frame"
+    return [
+        Column(f"{name}_x", "m", f"ahead, {where}", _remembered(name, 0)),
+        Column(f"{name}_y", "m", f"left, {where}", _remembered(name, 1)),
+        Column(f"{name}_hop", "", f"robots that the vector to the {name} came through", _remembered(name)),
+    ]
+
+
+def _index(axis: int, kind: str) -> Callable[[Arrays], np.ndarray]:
+    """Numbers along the first or second axis of (T, N) or (T, K) arrays."""
+    name = {"robot": "pose", "ball": "ball_position"}[kind]
+
+    def of(a: Arrays) -> np.ndarray:
+        numbers = np.asarray(a["step"])[:, None] if axis == 0 else np.arange(a[name].shape[1], dtype=np.int32)
+        return np.broadcast_to(numbers, a[name].shape[:2])
+
+    return of
+
+
+def _of_links(values: Callable[[Arrays, np.ndarray, np.ndarray, np.ndarray], np.ndarray]):
+    """From frame, receiver and side (M,) of the links that exist to their values (M,)."""
+    return lambda a: values(a, *np.nonzero(a["link_valid"]))
+
+
+def _true_distance(a: Arrays, frame: np.ndarray, receiver: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """Between the centres as the step began, where the frame before left them."""
+    sender, xy = a["link_sender"][frame, receiver, side], a["pose"][..., :2]
+    apart = xy[frame - 1, sender] - xy[frame - 1, receiver]
+    return np.hypot(apart[:, 0], apart[:, 1])
+
+
+STEP = "control step, 0 for the start"
+TABLES: dict[str, tuple[Column, ...]] = {
+    "robots": (
+        Column("step", "", STEP, _index(0, "robot")),
+        Column("robot", "", "its number", _index(1, "robot")),
+        Column(
+            "x", "m", "of the centre after the step; the arena is centred on the origin", lambda a: a["pose"][..., 0]
+        ),
+        Column("y", "m", "likewise", lambda a: a["pose"][..., 1]),
+        Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped", lambda a: a["pose"][..., 2]),
+        Column("is_loaded", "", "it holds a ball", lambda a: a["is_loaded"]),
+        Column("is_scout", "", "it scouts", _by_robot("scene_is_scout")),
+        Column("is_alive", "", "it moves; a dead robot only stands in the way", _by_robot("scene_is_alive")),
+        *_memory("dust"),
+        *_memory("dump"),
+        Column("said_priority", "", "the priority flag that it sent", lambda a: _in_step(a, a["has_priority"])),
+        *_said_vector("dust"),
+        *_said_vector("dump"),
+        Column("message", "", "the 32 bits that its first LED sent", lambda a: _sent(a, a["message"])),
+        Column("turn", "rad", "carried out in the step, anticlockwise", lambda a: _in_step(a, a["command"][..., 0])),
+        Column(
+            "forward", "m", "walked in the step if nothing is in the way", lambda a: _in_step(a, a["command"][..., 1])
+        ),
+    ),
+    "balls": (
+        Column("step", "", STEP, _index(0, "ball")),
+        Column("ball", "", "its number", _index(1, "ball")),
+        Column("x", "m", "of the centre after the step", lambda a: a["ball_position"][..., 0]),
+        Column("y", "m", "likewise", lambda a: a["ball_position"][..., 1]),
+        Column("z", "m", "likewise, above the floor", lambda a: a["ball_position"][..., 2]),
+        Column("radius", "m", "", lambda a: np.broadcast_to(a["scene_ball_radius"], a["ball_state"].shape)),
+        Column("state", "", "lying, held or delivered", lambda a: STATES[a["ball_state"]]),
+        Column(
+            "holder",
+            "",
+            "the robot that holds it",
+            lambda a: np.ma.masked_where(a["ball_state"] != 1, a["ball_holder"]),
+        ),
+    ),
+    "links": (
+        Column("step", "", STEP, _of_links(lambda a, t, n, s: a["step"][t])),
+        Column("receiver", "", "number of the robot that receives", _of_links(lambda a, t, n, s: n.astype(np.int32))),
+        Column(
+            "side",
+            "",
+            "that receives: 0 front, 1 left, 2 back, 3 right",
+            _of_links(lambda a, t, n, s: s.astype(np.int8)),
+        ),
+        Column("sender", "", "number of the robot that sends", _of_links(lambda a, t, n, s: a["link_sender"][t, n, s])),
+        Column("led", "", "LED that sends, counted as the sides", _of_links(lambda a, t, n, s: a["link_led"][t, n, s])),
+        Column(
+            "bearing",
+            "rad",
+            "direction of the sender in the receiver's frame, as measured",
+            _of_links(lambda a, t, n, s: a["link_bearing"][t, n, s]),
+        ),
+        Column("distance", "m", "between the centres as the step began", _of_links(_true_distance)),
+        Column(
+            "measured_distance",
+            "m",
+            "as the receiver measured it",
+            _of_links(lambda a, t, n, s: a["link_distance"][t, n, s]),
+        ),
+        Column("is_heard", "", "its message arrived undamaged", _of_links(lambda a, t, n, s: a["link_heard"][t, n, s])),
+    ),
+    "steps": (
+        Column("step", "", STEP, lambda a: a["step"]),
+        Column("time", "s", "", lambda a: a["step"] * float(a["scene_control_period"])),
+        Column("is_running", "", "the world took this step", lambda a: a["is_running"]),
+        Column("picked", "", "balls picked up so far", lambda a: a["picked"]),
+        Column("delivered", "", "balls delivered so far", lambda a: a["delivered"]),
+        Column("collisions", "", "so far", lambda a: a["collisions"]),
+        Column("mean_speed", "m/s", "of the robots in the step", lambda a: a["mean_speed"]),
+    ),
+}
+"""Columns of each table, after the number of the world."""
+UNITS = {table: {column.name: column.unit for column in columns} for table, columns in TABLES.items()}
+"""Unit of each column of each table, empty for those without one."""
+WORLD = pa.field("world", pa.int32(), metadata={"unit": "", "description": "number of the world"})
+
+
+def missing(name: str, arrays: Arrays) -> list[str]:
+    """Columns of a table that lack an array, since an earlier version wrote the trajectory."""
+    return [column.name for column in TABLES[name] if _values(column, arrays) is None]
+
+
+def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
+    """Return a table of one world, without the columns that are `missing`.
+
+    Args:
+        name: of the table, one of `TABLES`.
+        arrays: of the trajectory.
+        world: number of the world.
+    """
+    found = [(column, values) for column in TABLES[name] if (values := _values(column, arrays)) is not None]
+    n_rows = found[0][1].size if found else 0
+    parts = [pa.array(np.full(n_rows, world, np.int32))]
+    schema = [WORLD]
+    for column, values in found:
+        mask = np.ma.getmaskarray(values).ravel() if np.ma.isMaskedArray(values) else None
+        part = pa.array(np.ascontiguousarray(np.ma.getdata(values)).ravel(), mask=mask)
+        about = {"unit": column.unit, "description": column.description}
+        parts.append(part)
+        schema.append(pa.field(column.name, part.type, metadata=about))
+    return pa.Table.from_arrays(parts, schema=pa.schema(schema))
+
+
+def _values(column: Column, arrays: Arrays) -> np.ndarray | None:
+    try:
+        return column.values(arrays)
+    except KeyError:
+        return None
