@@ -3,8 +3,10 @@
 import pickle
 from dataclasses import asdict, dataclass, field, replace
 
+import pytest
+
 from iswarm_mj.config import READINGS, OpticsConfig, StrategyConfig, SwarmConfig
-from iswarm_mj.utils.serialization import added_later, completed, to_dict
+from iswarm_mj.utils.serialization import added_later, completed, restored, to_dict
 
 
 @dataclass(frozen=True)
@@ -87,13 +89,8 @@ def test_what_was_pickled_without_it_is_the_default():
     assert read == StrategyConfig(random_turn=20.0) and hash(read) == hash(StrategyConfig(random_turn=20.0))
 
 
-def test_configurations_come_back(small):
-    from dataclasses import asdict, replace
-
-    from iswarm_mj.config import OpticsConfig, SwarmConfig
-    from iswarm_mj.utils.serialization import restored
-
-    config = replace(small, optics=OpticsConfig(mode="power", baud_rate=5000.0))
+def test_configurations_come_back():
+    config = SwarmConfig(optics=OpticsConfig(mode="power", baud_rate=5000.0))
     assert restored(SwarmConfig, to_dict(config)) == restored(SwarmConfig, asdict(config)) == config
     with pytest.raises(TypeError, match="colour"):
         restored(SwarmConfig, {"arena": {"colour": 1}})
