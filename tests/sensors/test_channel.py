@@ -48,12 +48,13 @@ def send(optics, content, wiring, seed=0):
 
 def test_without_noise_everything_arrives_as_packed():
     content, (sender, led, valid, distance) = contents(50), wires(50)
-    message, arrived, measured, *_ = send(CLEAN, content, (sender, led, valid, distance))
+    message, arrived, measured, bits = send(CLEAN, content, (sender, led, valid, distance))
     np.testing.assert_array_equal(arrived, valid)
     np.testing.assert_allclose(measured, distance, rtol=1e-6)
     spoken = jax.tree.map(lambda a: a[sender], content)._replace(led=jnp.asarray(led))
     expected, _ = unpack(pack(spoken, MAX_RANGE), MAX_RANGE)
     jax.tree.map(np.testing.assert_array_equal, message, expected)
+    np.testing.assert_array_equal(bits[sender, led], pack(spoken, MAX_RANGE))
     np.testing.assert_array_equal(message.led, led)
     np.testing.assert_array_equal(message.priority, np.asarray(content.priority)[sender])
 
