@@ -44,7 +44,7 @@ class SavedRun:
     engine: dict[str, Any]
     """Name and main settings of the engine."""
     measures: list[Measures]
-    """Of each world; none of a run that did not come to its end, or of a trajectory without its result.json."""
+    """Of each world, up to where it was if the run was interrupted; none where there is no result.json."""
     result: dict[str, Any]
     """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
     scenes: dict[int, Scene]
