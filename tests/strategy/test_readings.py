@@ -62,6 +62,12 @@ def test_who_waits_turns_but_does_not_walk():
     np.testing.assert_array_equal(pushes.turn, waits.turn)
 
 
+def test_who_waits_may_back_away_from_a_ball():
+    """One 0.4 mm nearer than the tip reaches."""
+    near = neighbour_ahead(0.9 * RD)._replace(ball_vector=jnp.broadcast_to(jnp.array([0.5, 0.0]), (N, 2)))
+    np.testing.assert_allclose(acts(StrategyConfig(blocked="waits"), near)[1].forward, -0.4, rtol=1e-5)
+
+
 def test_odometry_errs_as_configured():
     command = Command(jnp.full(N, 0.5), jnp.full(N, 1.2))
     exact, wrong = (
