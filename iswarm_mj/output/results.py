@@ -33,10 +33,13 @@ def clear_worlds(out: Path) -> None:
 
 
 def about(run: Run, settings: RunSettings) -> dict[str, Any]:
-    """Return what a run was, whatever of it is recorded: version, settings, engine, genome, configuration and robot."""
+    """Return what a run was, as JSON has it: version, settings, engine, genome, configuration and robot.
+
+    It does not depend on which worlds are recorded.
+    """
     own = asdict(settings)
     del own["record_worlds"]
-    return {
+    values = {
         "version": __version__,
         **run.identity,
         "settings": own,
@@ -44,6 +47,7 @@ def about(run: Run, settings: RunSettings) -> dict[str, Any]:
         "config": asdict(run.config),
         "robot": {"file": None if run.robot_file is None else str(run.robot_file), **asdict(run.robot)},
     }
+    return json.loads(json.dumps(values))
 
 
 def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float) -> dict[str, Any]:

@@ -80,7 +80,7 @@ def test_trajectory_agrees_with_result(done):
     _, content, frames, _ = done
     assert frames.keys() == {f.name for f in fields(Frames)} | {f"scene_{name}" for name in Scene._fields} | {ABOUT}
     about = json.loads(frames[ABOUT].item())
-    assert about == {name: content[name] for name in ("version", "engine", "settings", "genome", "config")}
+    assert about == {name: content[name] for name in ("version", "engine", "settings", "genome", "config", "robot")}
     np.testing.assert_array_equal(frames["step"], np.arange(content["steps"] + 1))
     for name in ("delivered", "picked", "collisions"):
         assert frames[name][-1] == content[name] and frames[name][0] == 0
