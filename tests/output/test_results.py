@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import TRAJECTORY
 from iswarm_mj.simulation.metrics import Measures
@@ -25,7 +26,8 @@ def test_a_directory_in_the_place_of_a_file(tmp_path):
 
 def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     """Ten points for each of those that it was given, not of those that it took."""
-    run = SimpleNamespace(config=small, identity={}, goal=24, watch=Stopwatch(), genome=Genome())
+    parts = {"config": small, "genome": Genome(), "robot": read_robot(None), "robot_file": None, "identity": {}}
+    run = SimpleNamespace(**parts, goal=24, watch=Stopwatch())
     measures = [Measures(24, 24, 60, 5.0, finished_at) for finished_at in (40, 55)]
     content = results.result(run, RunSettings(30, 100, n_worlds=2), measures, 55, 1.0)
     assert content["fitness"] == pytest.approx([40 * 24 + 10 * 60 - 0.1, 40 * 24 + 10 * 45 - 0.1])
