@@ -427,7 +427,7 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         ("clean --optics.mode laser", ["Expected one of ('sector', 'power')"]),
         ("clean --strategy.update-order random", ["Expected one of ('synchronous', 'sequential')"]),
         ("clean --robotss 3", ["--robotss, 3", "Perhaps you meant: --robots ", "iswarm clean --help"]),
-        ("clean --robot 5", ["Perhaps you meant: ", " --robots "]),
+        ("clean --world 5", ["Perhaps you meant: ", " --worlds "]),
         ("grasp --repeats some", ["--repeats", "iswarm grasp --help"]),
         (
             "--verssion",
