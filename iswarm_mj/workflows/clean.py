@@ -76,7 +76,7 @@ def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[di
     places = _cleared(run, out)
     unfinished = Unfinished(run, settings, out, hosts)
     with saved(unfinished.save):
-        _record(run, places, hosts)
+        _record(run, settings, places, hosts)
         outcome = _gather(run, hosts)
         content = results.result(run, settings, outcome.measures, outcome.step, time.perf_counter() - started)
         content |= {"devices": outcome.devices, "faults": outcome.faults}
@@ -102,13 +102,13 @@ def _cleared(run: Run, out: Path) -> list[Path]:
     return places
 
 
-def _record(run: Run, places: Sequence[Path], hosts: Hosts) -> None:
+def _record(run: Run, settings: RunSettings, places: Sequence[Path], hosts: Hosts) -> None:
     """Take all steps and write what is recorded."""
     with ExitStack() as stack:
         recorders = []
         for index in range(len(run.settings.record_worlds)):
             with postponed():
-                recorders.append(Recorder(run, places[index], index))
+                recorders.append(Recorder(run, places[index], index, settings))
                 stack.enter_context(saved(recorders[-1].save))
         _advance(run, recorders, hosts)
         for recorder in recorders:

@@ -8,6 +8,7 @@ from iswarm_mj.output import results
 from iswarm_mj.output.frames import frames_of, scene_of
 from iswarm_mj.output.trajectory import RECORDING, Frames
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.interruption import BUSY, postponed
 
@@ -18,20 +19,21 @@ BLOCK = 64
 class Recorder:
     """Records one world of a run; what it has so far can be saved at any time, once, also by another thread."""
 
-    def __init__(self, run: Run, out: Path, index: int = 0):
+    def __init__(self, run: Run, out: Path, index: int = 0, settings: RunSettings | None = None):
         """Begin with the start.
 
         Args:
             run: at its start.
             out: directory for the files.
             index: which of the recorded worlds.
+            settings: of the run of all processes, by default those of the run.
         """
         from iswarm_mj.output.rerun_swarm import Recording
 
         self._watch, self._out, self._index = run.watch, out, index
         number = run.worlds[run.settings.record_worlds[index]].index
         self._scene = scene_of(run.config, run.robot, run.start, index, number)
-        self._about = results.about(run, run.settings)
+        self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]
         self._blocks: list[Frames] = []

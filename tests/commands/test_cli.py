@@ -277,8 +277,8 @@ class TestFaults:
     def test_of_one_world_leave_the_others_their_results(self, capfd, monkeypatch):
         draw = simulation_worlds.draw_start
 
-        def draw_start(config, n_robots, seed, index, failed_fraction):
-            start = draw(config, n_robots, seed, index, failed_fraction)
+        def draw_start(config, n_robots, seed, index, *others):
+            start = draw(config, n_robots, seed, index, *others)
             if index == 1:
                 start.poses[3, 0] = 50.0
             return start

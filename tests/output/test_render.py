@@ -86,7 +86,7 @@ def test_a_step_outside_the_run_is_refused(directory, tmp_path, step):
 class Blank:
     """In place of a stage: a picture that does not compress."""
 
-    def __init__(self, config, frames, shot):
+    def __init__(self, config, frames, shot, *_):
         self.pixels = np.random.default_rng(0).integers(0, 255, (shot.size[1], shot.size[0], 3), np.uint8)
 
     def __enter__(self):

@@ -135,7 +135,7 @@ def test_a_video_that_fails_leaves_the_old_one(directory, tmp_path, monkeypatch)
     out.write_bytes(b"old")
 
     class Blank:
-        def __init__(self, config, frames, shot):
+        def __init__(self, config, frames, shot, *_):
             self.size = shot.size
 
         def __enter__(self):
