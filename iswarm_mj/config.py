@@ -233,9 +233,9 @@ class StrategyConfig:
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
     odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of what a robot believes that it turned in a control step, about what it did [deg]."""
+    """Standard deviation of what a robot believes that it turned in a control step, about the command [deg]."""
     odometry_error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
-    """Relative standard deviation of the distance that a robot believes that it walked in a control step."""
+    """Relative standard deviation of the distance that a robot believes that it walked, likewise."""
     update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
     """`synchronous`: all robots receive the messages sent at the end of the previous control step. `sequential`: robots
     receive, decide and send one after the other, in an order drawn anew in each step, so that they receive messages

@@ -3,18 +3,12 @@
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.rules import ELSEWHERE
 from iswarm_mj.utils.errors import UserError
 
-_PARTS = {
-    "arena": ArenaConfig,
-    "drive": DriveConfig,
-    "optics": OpticsConfig,
-    "gripper": GripperConfig,
-    "strategy": StrategyConfig,
-}
+_PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
 _SHARED = {
     "arena": {"size", "n_dust"},
     "gripper": {"release_gap", "tool_reach"},
@@ -46,11 +40,13 @@ class Common(NamedTuple):
 
 def common(config: SwarmConfig) -> Common:
     """Return what a world of this configuration has in common with others of the same run."""
-    parts: dict[str, Any] = {"arena": ArenaConfig()}
-    for name in ("drive", "optics", "gripper", "strategy"):
-        usual = _PARTS[name]()
-        parts[name] = replace(getattr(config, name), **{item: getattr(usual, item) for item in DIFFERENT[name]})
-    return Common(SwarmConfig(**parts), config.arena.size, config.arena.n_dust)
+    usual = SwarmConfig()
+    parts = {
+        part: replace(mine, **{name: getattr(getattr(usual, part), name) for name in DIFFERENT[part]})
+        for part, mine in vars(config).items()
+        if part != "arena"
+    }
+    return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.size, config.arena.n_dust)
 
 
 def check_common(config: SwarmConfig, other: SwarmConfig) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.experiments.analysis import paper
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED, number, verdict_of
 from iswarm_mj.experiments.analysis.measures import TIME, quartiles, values
 from iswarm_mj.experiments.analysis.statistics import compare
@@ -43,7 +44,7 @@ def type_rows(one, two):
     """Rows of the paper's types that finish about these steps, with a standard deviation of 30."""
     rng, rows = np.random.default_rng(0), []
     for entry in swarm_types.entries(PLAN):
-        if entry.labels["type"] in swarm_types.PAPER_FITNESS:
+        if entry.labels["type"] in paper.PAPER_FITNESS:
             k, second = entry.labels["repeat"], entry.labels["type"] == "type2"
             time = round((two if second else one) + rng.normal(0, 30))
             points = 2880 + 10 * (800 - time) - 5
@@ -280,7 +281,7 @@ class TestFindings:
     def test_the_papers_times_follow_from_its_fitness(self, points, collisions, n_robots, step):
         """The formula of section 4.6 gives the paper's points with so many collisions a robot, and not a step later."""
         made = Measures(72, 72, collisions * n_robots, None, step)
-        assert swarm_types.latest_finish(points) == step
+        assert paper.latest_finish(points) == step
         assert fitness(made, n_robots, 72, 800) == pytest.approx(points)
         assert fitness(made._replace(collisions=0, finished_at=step + 1), n_robots, 72, 800) < points
 

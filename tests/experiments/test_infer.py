@@ -10,6 +10,7 @@ from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_
 from iswarm_mj.experiments.analysis.support import Combination, accepted, support
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.experiments.studies.infer import (
     DENSITIES,
     FACTORS,
@@ -21,7 +22,6 @@ from iswarm_mj.experiments.studies.infer import (
     entries,
     experiment_of,
     findings,
-    with_values,
 )
 from iswarm_mj.simulation.common import DIFFERENT
 from iswarm_mj.strategy.genome import PRESETS
@@ -62,7 +62,7 @@ class TestDesign:
     def test_every_label_is_a_setting_of_its_own(self):
         """The defaults are among them, and all but two can differ within one run."""
         for name, levels in FACTORS.items():
-            configs = [with_values(SwarmConfig(), values) for values in levels.values()]
+            configs = [varied(SwarmConfig(), values) for values in levels.values()]
             assert len(set(configs)) == len(levels) and SwarmConfig() in configs, name
             names = {key for values in levels.values() for key in values}
             together = {f"{part}.{item}" for part, items in DIFFERENT.items() for item in items}
@@ -76,7 +76,7 @@ class TestDesign:
         for entry in sampled[:24]:
             config = SwarmConfig()
             for name in FACTORS:
-                config = with_values(config, FACTORS[name][entry.labels[name]])
+                config = varied(config, FACTORS[name][entry.labels[name]])
             assert entry.job.config == config
         types = [e.job for e in sampled if e.labels["study"] == "types"]
         assert {(job.genome, job.steps, job.stop_at) for job in types} == {

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
 
+from iswarm_mj.experiments.analysis import paper
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, PREDICTED, SLIP, Claim
 from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
 from iswarm_mj.experiments.report.statements import TITLES
 from iswarm_mj.experiments.report.tables import Tables, check_name, summary, verdicts
-from iswarm_mj.experiments.studies import swarm_types
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
@@ -63,7 +63,7 @@ def test_types_by_hand():
         for k, (time, fitness, near) in enumerate(measured)
     ]
     _, only = cells(TABLES["types"](rows))
-    assert only[:5] == ["type1", "280", "3 of 3", "110 (100 to 150)", str(swarm_types.PAPER_TIME["type1"])]
+    assert only[:5] == ["type1", "280", "3 of 3", "110 (100 to 150)", str(paper.PAPER_TIME["type1"])]
     assert only[5:] == ["3000 (1000 to 6000)", "7771", "20 %"]
 
 

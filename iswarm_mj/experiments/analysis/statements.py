@@ -12,20 +12,16 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.findings import Row, Rows
 from iswarm_mj.experiments.analysis.measures import CARRIAGE, COLLISIONS, DUST, TIME, Measure, select, values
+from iswarm_mj.experiments.analysis.paper import BEST, CLEAN, PAPER_FITNESS, PAPER_TIME, STEPS
+from iswarm_mj.experiments.analysis.verdicts import EQUAL
 
 HOP_COUNT, DENSITY, TYPES = "hop-count", "density", "types"
 """What a run belongs to: Fig. 15, Fig. 17 or Table 2. A row's `setting` is true or false, a density or a type."""
 
-OPTIMUM, CLEAN, SPARSE = (0.1, 0.15), (0.1, 0.2), 0.05
-"""Densities that section 4.6.2 names: of the best swarms, of those that clean, and one below."""
-TIMES = {"type1": 310, "type2": 311}
-"""Steps to deliver all balls that follow from the fitness in Table 2, see `PENALTIES`."""
-PENALTIES = {"type1": 9, "type2": 4}
-"""Points lost by collisions, from the same: with all 72 balls delivered after t of 800 steps, the fitness is
-40 x 72 + 10 (800 - t) less the penalty, and 7771 = 10880 - 10 x 310 - 9, 7766 = 10880 - 10 x 311 - 4, if the penalty is
-below 10."""
-NEAR, SAME_PENALTY = 0.1, 2.0
-"""A time agrees within this share, a penalty within this factor."""
+PENALTIES = {name: 40 * 72 + 10 * (STEPS - PAPER_TIME[name]) - points for name, points in PAPER_FITNESS.items()}
+"""Points that the paper's types lose by collisions, see `latest_finish`: 9 and 4."""
+SAME_PENALTY = 2.0
+"""A penalty agrees within this factor."""
 
 
 class Statement(NamedTuple):
@@ -68,14 +64,14 @@ def _optimum_is_inside(measure: Measure) -> Callable[[Rows], bool]:
     def holds(rows: Rows) -> bool:
         found = {density: _middle(runs, measure) for density, runs in _by_density(rows).items()}
         best = min(found, key=found.__getitem__)
-        return OPTIMUM[0] <= best <= OPTIMUM[1]
+        return BEST[0] <= best <= BEST[1]
 
     return holds
 
 
 def _dense_are_slower(rows: Rows) -> bool:
     found = {density: _middle(runs, TIME) for density, runs in _by_density(rows).items()}
-    best = min(time for density, time in found.items() if OPTIMUM[0] <= density <= OPTIMUM[1])
+    best = min(time for density, time in found.items() if BEST[0] <= density <= BEST[1])
     return all(time > best for density, time in found.items() if density > CLEAN[1])
 
 
@@ -89,7 +85,7 @@ def _clean(is_meant: Callable[[float], bool], reaches: bool) -> Callable[[Rows],
 def _time_agrees(name: str) -> Callable[[Rows], bool]:
     def holds(rows: Rows) -> bool:
         runs = select(rows, study=TYPES, setting=name)
-        return _reaches(runs) and abs(_middle(runs, TIME) / TIMES[name] - 1) <= NEAR
+        return _reaches(runs) and abs(_middle(runs, TIME) / PAPER_TIME[name] - 1) <= EQUAL
 
     return holds
 
@@ -103,9 +99,9 @@ def _penalty_agrees(name: str) -> Callable[[Rows], bool]:
 
 
 def _types_take_the_same_time(rows: Rows) -> bool:
-    runs = [select(rows, study=TYPES, setting=name) for name in TIMES]
+    runs = [select(rows, study=TYPES, setting=name) for name in PAPER_TIME]
     one, two = (_middle(each, TIME) for each in runs)
-    return all(map(_reaches, runs)) and abs(one - two) <= NEAR * (one + two) / 2
+    return all(map(_reaches, runs)) and abs(one - two) <= EQUAL * (one + two) / 2
 
 
 STATEMENTS = (
@@ -118,7 +114,7 @@ STATEMENTS = (
     Statement("best_carriage", "Shortest carriage at 0.1 to 0.15", "Fig. 17(d)", _optimum_is_inside(CARRIAGE)),
     Statement("dense_slower", "Slower above 0.2", "Fig. 17(a)", _dense_are_slower),
     Statement("cleans", "0.1 to 0.2 cleans", "Fig. 17(b)", _clean(lambda d: CLEAN[0] <= d <= CLEAN[1], True)),
-    Statement("sparse", "0.05 does not clean", "Fig. 17(b)", _clean(lambda d: d == SPARSE, False)),
+    Statement("sparse", "0.05 does not clean", "Fig. 17(b)", _clean(lambda d: d == SPARSEST, False)),
     Statement("dense", "Above 0.2 does not clean", "Fig. 17(b)", _clean(lambda d: d > CLEAN[1], False)),
     Statement("time1", "Type 1 takes 310 steps", "Table 2", _time_agrees("type1")),
     Statement("time2", "Type 2 takes 311 steps", "Table 2", _time_agrees("type2")),
@@ -126,7 +122,7 @@ STATEMENTS = (
     Statement("penalty1", "Type 1 loses 9 points by collisions", "Table 2", _penalty_agrees("type1")),
     Statement("penalty2", "Type 2 loses 4 points by collisions", "Table 2", _penalty_agrees("type2")),
 )
-"""All that section 4.6 says of runs of given swarms; times agree within `NEAR`, penalties within `SAME_PENALTY`."""
+"""All that section 4.6 says of runs of given swarms; times agree within `EQUAL`, penalties within `SAME_PENALTY`."""
 
 
 def answers(rows: Rows) -> list[bool]:
@@ -136,5 +132,5 @@ def answers(rows: Rows) -> list[bool]:
 
 def time_error(rows: Rows) -> float:
     """Mean of |log(time / the paper's)| of both types; runs that did not finish count as the time limit."""
-    found = [_middle(select(rows, study=TYPES, setting=name), TIME) / time for name, time in TIMES.items()]
+    found = [_middle(select(rows, study=TYPES, setting=name), TIME) / time for name, time in PAPER_TIME.items()]
     return float(np.mean(np.abs(np.log(found))))

@@ -18,8 +18,9 @@ from iswarm_mj.experiments.analysis.measures import (
     select,
     values,
 )
+from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
-from iswarm_mj.experiments.studies import robustness, sensitivity, swarm_types
+from iswarm_mj.experiments.studies import robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
 
 
@@ -73,9 +74,9 @@ def _types(rows: Rows) -> str:
                 runs[0]["n_robots"],
                 f"{finished(runs)} of {len(runs)}",
                 _short(interval(values(runs, TIME), median)),
-                swarm_types.PAPER_TIME.get(name, ""),
+                PAPER_TIME.get(name, ""),
                 _short(interval([row["fitness"] for row in runs]), 4),
-                swarm_types.PAPER_FITNESS.get(name, ""),
+                PAPER_FITNESS.get(name, ""),
                 f"{100 * np.median(near):.0f} %" if near else "",
             ]
         )

@@ -28,6 +28,7 @@ from iswarm_mj.experiments.analysis.measures import (
     select,
     values,
 )
+from iswarm_mj.experiments.analysis.paper import BEST, CLEAN, SPARSEST
 from iswarm_mj.experiments.analysis.plots import Quantity, draw_bars
 from iswarm_mj.experiments.analysis.statistics import RESAMPLES, difference, lowest
 from iswarm_mj.experiments.analysis.verdicts import all_of, enough, mostly, within
@@ -40,10 +41,6 @@ REPEATS = 12
 """Runs of each density; twice the paper's (Fig. 17), of which the intervals leave open which density is best."""
 DENSITIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Robots per cell; the paper gives the ends."""
-BEST = (0.1, 0.15)
-"""Between these densities the paper found the best swarms."""
-CLEAN = (0.1, 0.2)
-"""Between these densities they cleaned the arena."""
 SURE = 0.95
 """Share of the bootstrap resamples, of which one less this is as sure of the opposite."""
 
@@ -109,7 +106,7 @@ def findings(rows: Rows) -> list[Finding]:
         *(_lowest(rows, measure, claim) for measure, claim in LOWEST.items()),
         _slower(rows),
         _cleaned(rows, CLEANS, _is_clean, True),
-        _cleaned(rows, SPARSE, lambda density: density == 0.05, False),
+        _cleaned(rows, SPARSE, lambda density: density == SPARSEST, False),
         _cleaned(rows, DENSE, lambda density: density > CLEAN[1], False),
     ]
 

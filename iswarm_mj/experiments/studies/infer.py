@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,11 +12,14 @@ from scipy.stats import qmc
 
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, percent
+from iswarm_mj.experiments.analysis.paper import STEPS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
 from iswarm_mj.experiments.analysis.support import ACCEPTED, Combination, accepted, support
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.variation import Values, varied
+from iswarm_mj.experiments.studies.density import DENSITIES
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import ConfigError
@@ -25,11 +27,6 @@ from iswarm_mj.utils.errors import ConfigError
 COMBINATIONS, REPEATS = 512, 1
 NAMED_REPEATS = 6
 """Runs of each setting for the named readings."""
-DENSITIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
-TYPE_STEPS = 800
-
-Values = Mapping[str, Any]
-"""Settings by names such as optics.mode."""
 
 FACTORS: Mapping[str, Mapping[str, Values]] = {
     "avoidance_sides": {"front": {}, "all": {"strategy.avoidance_sides": "all"}},
@@ -82,20 +79,9 @@ SETTINGS = (
         for name, flag in (("with", True), ("without", False))
     ),
     *(Setting(DENSITY, f"{density:g}", Genome(), density, TIME_LIMIT, False) for density in DENSITIES),
-    *(
-        Setting(TYPES, name, PRESETS[name], PRESETS[name].density_of_robots, TYPE_STEPS, True)
-        for name in ("type1", "type2")
-    ),
+    *(Setting(TYPES, name, PRESETS[name], PRESETS[name].density_of_robots, STEPS, True) for name in ("type1", "type2")),
 )
 """Figs. 15 and 17 and Table 2."""
-
-
-def with_values(config: SwarmConfig, values: Values) -> SwarmConfig:
-    """Configuration with these values; those of one part are changed at once, since they may depend on each other."""
-    parts = {}
-    for part, names in groupby(sorted(values), key=lambda name: name.partition(".")[0]):
-        parts[part] = replace(getattr(config, part), **{name.partition(".")[2]: values[name] for name in names})
-    return replace(config, **parts)
 
 
 def design(n: int, seed: int) -> list[dict[str, str]]:
@@ -121,7 +107,7 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
     for place, labels in enumerate(design(n, plan.seed)):
         config = plan.config
         for name, label in labels.items():
-            config = with_values(config, FACTORS[name][label])
+            config = varied(config, FACTORS[name][label])
         listed += _runs(plan, config, {**labels, "combination": place, "reading": None}, 1 if plan.quick else repeats)
     return listed
 

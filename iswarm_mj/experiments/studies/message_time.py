@@ -3,7 +3,6 @@ other, at several baud rates."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import PREDICTED, Claim, Finding, Rows, in_words, rule_of, verdict_of
 from iswarm_mj.experiments.analysis.measures import TIME, finished, quartiles, select, values
@@ -11,18 +10,19 @@ from iswarm_mj.experiments.analysis.plots import Quantity, draw_bars
 from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.experiments.studies import hop_count
 from iswarm_mj.simulation.initial import robots_for
 
 REPEATS = 12
-SETTINGS: dict[str, dict[str, Any]] = {
-    "no time": {"baud_rate": 0.0},
-    "30000 bit/s": {"baud_rate": 30000.0},
-    "2000 bit/s": {"baud_rate": 2000.0},
-    "1000 bit/s": {"baud_rate": 1000.0},
-    "30000 bit/s, all photodiodes on": {"baud_rate": 30000.0, "photodiodes_while_emitting": "all"},
+SETTINGS: dict[str, Values] = {
+    "no time": {"optics.baud_rate": 0.0},
+    "30000 bit/s": {"optics.baud_rate": 30000.0},
+    "2000 bit/s": {"optics.baud_rate": 2000.0},
+    "1000 bit/s": {"optics.baud_rate": 1000.0},
+    "30000 bit/s, all photodiodes on": {"optics.baud_rate": 30000.0, "optics.photodiodes_while_emitting": "all"},
 }
-"""Optics of each setting.
+"""Light of each setting.
 
 The paper tells no rate of its robots. Kilobots, robots of 33 mm, send at 8 MHz / 269 = 29.7 kbit/s (kilolib,
 message_send.S). With the default 8 slots, 427 bit/s leave no time to walk; the rates between are choices.
@@ -36,8 +36,8 @@ def entries(plan: Plan) -> list[Entry]:
     repeats, steps = (3, 300) if plan.quick else (REPEATS, TIME_LIMIT)
     listed = []
     for name, own in SETTINGS.items():
-        config = replace(plan.config, optics=replace(plan.config.optics, **own))
-        number = int(own["baud_rate"]) + (len(own) - 1)
+        config = varied(plan.config, own)
+        number = int(own["optics.baud_rate"]) + (len(own) - 1)
         for use_hop_count in (True, False):
             genome = replace(plan.genome, use_hop_count=use_hop_count)
             for repeat in range(repeats):

@@ -1,7 +1,6 @@
 """How the result depends on what the paper leaves open: one choice at a time, about the default."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +12,7 @@ from iswarm_mj.experiments.analysis.statistics import Interval, compare, differe
 from iswarm_mj.experiments.analysis.verdicts import all_of, mostly
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.simulation.initial import robots_for
 
 REPEATS = 10
@@ -86,12 +86,6 @@ BALANCE = ("gripper.relative_humidity", "gripper.grasp_voltage")
 CHANGES = Claim("Choices that change the time to the goal", "not in the paper", "one setting only", PREDICTED)
 
 
-def varied(config: SwarmConfig, name: str, value: Any) -> SwarmConfig:
-    """Configuration with another value at a name such as optics.mode."""
-    part, item = name.split(".")
-    return replace(config, **{part: replace(getattr(config, part), **{item: value})})
-
-
 def entries(plan: Plan) -> list[Entry]:
     """Runs of the default and of each choice; the number of robots is that of the default."""
     n_robots = robots_for(plan.config.arena, plan.genome.density_of_robots)
@@ -103,7 +97,7 @@ def entries(plan: Plan) -> list[Entry]:
         for name, others in choices[:1] if plan.quick else choices:
             for other in others:
                 labels = {"group": group, "choice": name, "value": str(other)}
-                settings.append((labels, varied(plan.config, name, other)))
+                settings.append((labels, varied(plan.config, {name: other})))
     settings = settings[:1] + [item for item in settings[1:] if item[1] != plan.config]
     listed = []
     for place, (labels, config) in enumerate(settings):

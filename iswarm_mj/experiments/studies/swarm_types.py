@@ -1,7 +1,6 @@
 """The types of very fit swarms (Fig. 16, Table 2): fitness, aggregation, pictures and videos."""
 
 import io
-import math
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -24,6 +23,7 @@ from iswarm_mj.experiments.analysis.findings import (
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
+from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME, STEPS
 from iswarm_mj.experiments.analysis.plots import draw_samples
 from iswarm_mj.experiments.analysis.statistics import compare, difference, interval, median
 from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, mostly, within
@@ -38,36 +38,15 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean
 
-REPEATS, STEPS = 24, 800
+REPEATS = 24
 COMPARED = 96
 """Runs of each of the paper's types: their times scatter by a fifth, and 24 runs could not show that two are equal."""
 RECORDED = 6
 """Runs of each type whose trajectories are looked at."""
 NEAR = 3.5
 """A robot is at a dust area if it is in it or within this distance of it, the sensory radius [rd]."""
-PAPER_FITNESS = {"type1": 7771, "type2": 7766}
-"""Of the fittest swarm of each type in Table 2, which is the best of the runs of the evolution."""
 NEARLY = 0.05
 """Fitness within this share of the paper's is the same: 39 steps of the finishing time."""
-
-
-def latest_finish(fitness: float, n_dust: int = 72) -> int:
-    """Control step at which a swarm with so many points had delivered all balls at the latest.
-
-    By section 4.6 a ball delivered gives 40 points and each of 800 steps left 10, and collisions take some away: 7771 =
-    2880 + 10 (800 - t) - c leaves t = 310 with c = 9, which is 180 collisions a robot, or an earlier step with 10
-    points more lost by collisions; 7766 leaves t = 311 with c = 4, 80 collisions a robot. From 250 steps the formula
-    makes 2880 + 5500 = 8380 points; the paper's 8360 are 548 steps left instead of 550.
-
-    Args:
-        fitness: more than 40 `n_dust` points.
-        n_dust: balls in the arena.
-    """
-    return math.floor(STEPS - (fitness - 40 * n_dust) / 10)
-
-
-PAPER_TIME = {name: latest_finish(points) for name, points in PAPER_FITNESS.items()}
-"""Finishing times of the paper's types [steps]."""
 
 CLEAN = Claim(
     "Both types clean the whole arena within 800 steps", "Table 2, section 4.6", "fitness above 2860: yes", PREDICTED
