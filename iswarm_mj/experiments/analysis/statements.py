@@ -12,7 +12,7 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.findings import Row, Rows
 from iswarm_mj.experiments.analysis.measures import CARRIAGE, COLLISIONS, DUST, TIME, Measure, select, values
-from iswarm_mj.experiments.analysis.paper import BEST, CLEAN, PAPER_FITNESS, PAPER_TIME, STEPS
+from iswarm_mj.experiments.analysis.paper import BEST, CLEAN, PAPER_FITNESS, PAPER_TIME, SPARSEST, STEPS
 from iswarm_mj.experiments.analysis.verdicts import EQUAL
 
 HOP_COUNT, DENSITY, TYPES = "hop-count", "density", "types"
