@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.output.recorded import check_file
 from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.utils.errors import UserError
 
 REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
+LARGEST_RESULT = 2**28
+"""Size up to which a result.json is read [bytes]."""
 NEEDED = ("step", "pose")
 """Arrays without which a file is no trajectory."""
 
@@ -24,7 +25,9 @@ def read_result(path: Path) -> dict[str, Any]:
         UserError: there is no such file, or it is no run's.
     """
     try:
-        check_file(path)
+        _check_file(path)
+        if path.stat().st_size > LARGEST_RESULT:
+            raise ValueError(f"it has more than {LARGEST_RESULT} bytes")
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
@@ -44,7 +47,7 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
         UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
     """
     try:
-        check_file(path)
+        _check_file(path)
         with np.load(path) as file:
             arrays = dict(file)
     except OSError as error:
@@ -78,6 +81,12 @@ def read_about(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
             "put it back where it was written."
         )
     return json.loads(arrays[ABOUT].item())
+
+
+def _check_file(path: Path) -> None:
+    """Raise an OSError if the path is something that may never end, such as a pipe or a device."""
+    if path.exists() and not path.is_file():
+        raise OSError(f"{path.name} is no file")
 
 
 def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -1,27 +1,17 @@
 """The recorded world of a run, as pictures and videos read it from the run's directory."""
 
-import json
 import sys
 from pathlib import Path
 
 import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.output.reading import REMEDY, read_result, read_trajectory
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 
-LARGEST_RESULT = 2**28
-"""Size up to which a result.json is read [bytes]."""
-_SHAPES = {
-    "step": "T",
-    "pose": "TN3",
-    "is_loaded": "TN",
-    "ball_position": "TK3",
-    "delivered": "T",
-    "scene_is_scout": "N",
-    "scene_ball_radius": "K",
-}
-"""Arrays that pictures and videos need, which are checked, with T steps, N robots and K balls."""
+_DRAWN = ("pose", "is_loaded", "ball_position", "delivered", "scene_is_scout", "scene_ball_radius")
+"""Arrays that pictures and videos need beside the steps."""
 
 
 def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
@@ -32,16 +22,13 @@ def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
     Raises:
         UserError: the directory holds no recorded run, or a damaged one.
     """
+    result = read_result(directory / RESULT)
     try:
-        result = _result(directory / RESULT)
         config = SwarmConfig(arena=ArenaConfig(**result["config"]["arena"]))
-        frames = _frames(directory / TRAJECTORY)
-    except Exception as error:  # bytes that another program wrote may break each part of the readers
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(
-            f"{directory} holds no readable {RESULT} with {TRAJECTORY} ({reason}); "
-            "give the --out of a run that `iswarm clean` recorded."
-        ) from None
+    except (KeyError, TypeError, UserError) as error:
+        raise UserError(f"{directory / RESULT} states no arena ({error}); {REMEDY}.") from None
+    frames = read_trajectory(directory / TRAJECTORY)
+    _check_drawn(directory / TRAJECTORY, frames)
     if result.get("interrupted"):
         print(f"iswarm: the run in {directory} was interrupted after step {frames['step'][-1]}.", file=sys.stderr)
     return config, frames
@@ -49,35 +36,18 @@ def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
 
 def robot_file_of(directory: Path) -> Path | None:
     """Return the MJCF file of the robots of a recorded run, which `load` has read; None for `models/robot.xml`."""
-    robot = _result(directory / RESULT).get("robot")
+    robot = read_result(directory / RESULT).get("robot")
     file = robot.get("file") if isinstance(robot, dict) else None
     return Path(file) if isinstance(file, str) else None
 
 
-def _result(path: Path) -> dict:
-    check_file(path)
-    if path.stat().st_size > LARGEST_RESULT:
-        raise ValueError(f"{path.name} has more than {LARGEST_RESULT} bytes")
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def _frames(path: Path) -> dict[str, np.ndarray]:
-    check_file(path)
-    with np.load(path, allow_pickle=False) as file:
-        frames = dict(file)
-    sizes = dict(zip("TNK3", (*frames["pose"].shape[:2], len(frames["scene_ball_radius"]), 3), strict=True))
-    for name, axes in _SHAPES.items():
-        shape = tuple(sizes[axis] for axis in axes)
-        if frames[name].shape != shape or frames[name].dtype.kind not in "biuf":
-            raise ValueError(f"{name} must have numbers of shape {shape}, has {frames[name].shape}")
-        if not np.isfinite(frames[name]).all():
-            raise ValueError(f"{name} has numbers that are not finite")
-    if not np.array_equal(frames["step"], np.arange(sizes["T"])) or not sizes["T"]:
-        raise ValueError("its steps do not count from 0")
-    return frames
-
-
-def check_file(path: Path) -> None:
-    """Raise an OSError if the path is something that may never end, such as a pipe or a device."""
-    if path.exists() and not path.is_file():
-        raise OSError(f"{path.name} is no file")
+def _check_drawn(path: Path, frames: dict[str, np.ndarray]) -> None:
+    """Refuse a trajectory without steps, and one that lacks or garbles what is drawn."""
+    steps = frames["step"]
+    if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
+        raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
+    for name in _DRAWN:
+        if name not in frames:
+            raise UserError(f"{path} has no array `{name}`, which pictures need; {REMEDY}.")
+        if frames[name].dtype.kind not in "biuf" or not np.isfinite(frames[name]).all():
+            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")

@@ -12,7 +12,7 @@ from iswarm_mj.output.recorded import load
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 
-SAID = r"holds no readable result.json with trajectory.npz \([^\n]+\); give the --out of a run"
+SAID = r"/(result\.json|trajectory\.npz)\b[^\n]*; give the --out of a run of `iswarm clean`, or [^\n]*\.$"
 
 
 def test_what_is_read(tmp_path):
