@@ -64,7 +64,9 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
 
 
 def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"result\.json cannot be read \(No such file or directory\); give the --out of a run"):
+    with pytest.raises(
+        UserError, match=r"result\.json cannot be read \(No such file or directory\); give the --out of a run"
+    ):
         load(tmp_path)
 
 
