@@ -1,6 +1,5 @@
 """Jobs in worker processes: nothing is lost or mixed up, whoever dies."""
 
-import importlib.util
 import os
 import signal
 import subprocess
@@ -9,42 +8,25 @@ import time
 import warnings
 import zlib
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import jax
 import pytest
 from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
-from iswarm_mj.experiments.runner import batches, pool, worker
-from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.experiments.runner import worker
+from iswarm_mj.experiments.runner.jobs import run_job
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
-from iswarm_mj.simulation.metrics import Measures
-from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings
-from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
+from iswarm_mj.utils.errors import SimulationFault, UserError
+from tests.helpers_jobs import TWO, jobs_of, outcomes_of
 
-TWO, MJX = Execution(workers=2), Execution("mjx")
 LIMIT = 600
 """Longest time for something that has to happen [s]."""
 
 
-def outcomes_of(jobs, execution=TWO):
-    """Outcomes in the order of the jobs; none comes twice."""
-    found = {}
-    with closing(run_jobs(jobs, execution)) as finished:
-        for index, outcome in finished:
-            assert index not in found
-            found[index] = outcome
-    return [found[index] for index in range(len(jobs))]
-
-
 @pytest.fixture(scope="module")
 def jobs(small):
-    """Real runs of different lengths."""
-    return [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
+    return jobs_of(small)
 
 
 @pytest.fixture(scope="module")
@@ -296,141 +278,3 @@ class TestRay:
         assert outcomes_of(stubs, self.RAY) == SEEDS
         with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
             outcomes_of([*stubs, stubs[0]], self.RAY)
-
-
-class TestMjx:
-    @pytest.mark.parametrize(
-        "given, said",
-        [
-            ({"engine": "abacus"}, "^engine must be mujoco or planar or mjx .*abacus"),
-            ({"backend": "abacus"}, "^backend must be processes or ray .*abacus"),
-            ({"workers": -1}, "^workers must be .*between 0 and 1024 .*-1"),
-            ({"engine": "mujoco", "refinement": 2}, "^engine must be planar with `refinement` .*mujoco"),
-            ({"engine": "planar", "refinement": 0}, "^refinement must be .*between 1 and 100 .*0"),
-            ({"engine": "mjx", "backend": "ray"}, "^backend must be processes with `engine` mjx"),
-        ],
-    )
-    def test_what_is_not_possible_is_refused(self, given, said):
-        with pytest.raises(UserError, match=said):
-            Execution(**given)
-
-    def test_no_jobs(self):
-        assert outcomes_of([], MJX) == []
-
-    @pytest.mark.parametrize(
-        "device, has_warp, expected",
-        [
-            (("cpu", "cpu"), True, "jax"),
-            (("gpu", "NVIDIA H100 80GB HBM3"), True, "warp"),
-            (("gpu", "NVIDIA H100 80GB HBM3"), False, "jax"),
-            (("gpu", "AMD Instinct MI300X"), True, "jax"),
-            (("tpu", "TPU v4"), True, "jax"),
-        ],
-    )
-    def test_warp_where_it_runs(self, monkeypatch, device, has_warp, expected):
-        with monkeypatch.context() as patch:
-            patch.setattr(jax, "devices", lambda: [SimpleNamespace(platform=device[0], device_kind=device[1])])
-            patch.setattr(importlib.util, "find_spec", lambda name: (has_warp and name == "warp") or None)
-            assert batches.implementation() == expected
-
-    @pytest.fixture
-    def tried(self, monkeypatch):
-        """A stand-in for runs, whose contact buffers must have 2.5 times the default size, and those begun."""
-        begun = []
-
-        class Crowded:
-            is_over, needed, kind = False, 2.5, FaultKind.TOO_MANY_PAIRS
-
-            def __init__(self, config, genome, settings, engine, worlds):
-                begun.append((engine.contact_capacity, settings.capacity))
-                self.lacks, self.sizes = engine.contact_capacity < self.needed, [world.n_robots for world in worlds]
-
-            def advance(self):
-                self.is_over = True
-
-            @property
-            def faults(self):
-                return [fault for fault in self.fault_of_each if fault is not None]
-
-            @property
-            def fault_of_each(self):
-                """The last world has one."""
-                fault = SimulationFault(step=3, world=0, kind=self.kind) if self.lacks and self.is_over else None
-                return [*[None] * (len(self.sizes) - 1), fault]
-
-            def measures(self, world):
-                return Measures(self.sizes[world], 0, 0, None, None)
-
-        monkeypatch.setattr(batches, "Run", Crowded)
-        return Crowded, begun
-
-    @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
-    def test_a_crowded_batch_gets_larger_buffers(self, jobs, monkeypatch, tried, impl, expected):
-        monkeypatch.setattr(batches, "implementation", lambda: impl)
-        assert [outcome.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
-        assert [size for size, _ in tried[1]] == expected
-
-    @pytest.mark.parametrize("kind, expected", [(FaultKind.TOO_MANY_CONTACTS, [1, 2, 4, 8]), (FaultKind.OUTSIDE, [1])])
-    def test_a_fault_that_larger_buffers_do_not_remove_is_raised(self, jobs, tried, kind, expected):
-        tried[0].needed, tried[0].kind = 9, kind
-        alike = [jobs[0], replace(jobs[0], seed=77)]
-        with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 77: step 3, world 0: "):
-            outcomes_of(alike, MJX)
-        assert [size for size, _ in tried[1]] == expected
-
-    @pytest.mark.parametrize(
-        "sizes, capacity",
-        [((30, 30), 30), ((30, 20), 64), ((20, 30), 64), ((64, 50), 64), ((65, 50), 128), ((216, 50), 216)],
-    )
-    def test_batches_of_other_sizes_share_a_program(self, small, tried, sizes, capacity):
-        """A program is for arrays of one size; the arena has 216 cells for robots."""
-        tried[0].needed = 0
-        found = outcomes_of([Job(small, Genome(), n_robots, 0) for n_robots in sizes], MJX)
-        assert [outcome.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
-
-
-def test_large_batches_are_of_similar_size():
-    """A few hundred worlds of several sizes; a generation of ten swarms stays one batch."""
-    sizes = [100, 950, 240, 119, 900, 95] * 64
-    jobs = [SimpleNamespace(n_robots=n) for n in sizes]
-    parts = batches._of_similar_size(range(len(jobs)), jobs)
-    assert sorted(index for part in parts for index in part) == list(range(len(jobs)))
-    assert [sorted({sizes[i] for i in part}) for part in parts] == [[900, 950], [119, 240], [95, 100]]
-    assert len(batches._of_similar_size(range(6), jobs)) == 1
-
-
-class TestPlanarInBatches:
-    def test_where_there_is_a_gpu(self, monkeypatch):
-        with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")
-        assert not with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10}
-        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
-        assert with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10, "impl": "warp"}
-        assert not spread.in_batches and spread.on_cpu == PlanarSettings(1)
-        assert not Execution().in_batches
-
-    def test_jobs_end_as_alone(self, small, monkeypatch):
-        """Jobs of two lengths and of different numbers of robots, some of them dead, as two batches."""
-        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
-        given = [(12, 1, 20, 0.0), (10, 2, 20, 0.5), (12, 3, 10, 0.0)]
-        jobs = [Job(small, Genome(), n, seed, steps=steps, failed_fraction=dead) for n, seed, steps, dead in given]
-        begun = []
-
-        def run(*arguments, **parts):
-            begun.append(len(parts["worlds"]))
-            return Run(*arguments, **parts)
-
-        monkeypatch.setattr(batches, "Run", run)
-        batched = outcomes_of(jobs, Execution("planar"))
-        assert begun == [2, 1]
-        assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
-        assert sum(o.picked for o in batched) > 3
-
-
-@pytest.mark.slow
-def test_worlds_of_a_batch_are_the_jobs(small):
-    """MJX runs jobs of two lengths and of different numbers of robots as two batches; over a few steps as MuJoCo C."""
-    given = [(12, 1, 20), (10, 2, 20), (12, 3, 10)]
-    jobs = [Job(small, Genome(), n_robots, seed, steps=steps) for n_robots, seed, steps in given]
-    batched, alone = outcomes_of(jobs, MJX), outcomes_of(jobs, Execution(workers=1))
-    assert [(o.delivered, o.picked, o.steps) for o in batched] == [(o.delivered, o.picked, o.steps) for o in alone]
-    assert sum(o.picked for o in alone) > 3

@@ -1,0 +1,137 @@
+"""What the directory of an experiment keeps."""
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from iswarm_mj.config import READINGS
+from iswarm_mj.experiments.analysis.findings import TOO_FEW
+from iswarm_mj.experiments.runner import resumable
+from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.experiments.runner.experiment import Entry, Plan, run_experiment
+from iswarm_mj.experiments.runner.jobs import run_job
+from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.studies import hop_count
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.serialization import to_dict
+from iswarm_mj.utils.tables import read_table
+from tests.helpers_outcomes import PLAN, done
+
+
+class TestDirectory:
+    @pytest.fixture
+    def counted(self, monkeypatch):
+        """Jobs that are really done, by a stand-in that takes no time."""
+        seen = []
+
+        def run_jobs(jobs, execution):
+            for index, job in enumerate(jobs):
+                seen.append(job)
+                yield index, done(job, 100 + job.seed % 50 + (0 if job.genome.use_hop_count else 300))
+
+        monkeypatch.setattr(resumable, "run_jobs", run_jobs)
+        return seen
+
+    def test_table_findings_and_figures(self, counted, tmp_path, capsys):
+        plan = replace(PLAN, quick=True, seed=3)
+        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+        rows, settings = read_table(tmp_path / "hop_count.parquet")
+        assert [row["seed"] for row in rows] == [entry.job.seed for entry in hop_count.entries(plan)]
+        assert rows[0]["collisions_per_robot"] == 1.0 and rows[0]["goal"] == 66 and rows[0]["max_steps"] == 300
+        assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
+        assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
+        found = read_table(tmp_path / "findings.parquet")[0]
+        assert len(found) == 4 and found[0]["verdict"] == TOO_FEW and found[0]["kind"] == "predicted"
+        assert (tmp_path / "hop_count.png").stat().st_size > 10_000
+        assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
+        assert "too few runs to judge" in capsys.readouterr().out
+
+    def test_finished_runs_are_not_done_again(self, counted, tmp_path):
+        plan = replace(PLAN, quick=True)
+        run_experiment(EXPERIMENTS["density"], plan, tmp_path)
+        table = (tmp_path / "density.parquet").read_bytes()
+        assert len(counted) == 8
+        run_experiment(EXPERIMENTS["density"], plan, tmp_path)
+        assert len(counted) == 8 and (tmp_path / "density.parquet").read_bytes() == table
+        run_experiment(EXPERIMENTS["density"], replace(plan, seed=1), tmp_path)
+        assert len(counted) == 16
+        run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution("mjx"))
+        assert len(counted) == 24
+        run_experiment(EXPERIMENTS["density"], plan, tmp_path, again=True)
+        assert len(counted) == 32
+
+    def test_runs_of_another_implementation_are_others(self, counted, tmp_path, monkeypatch):
+        plan = replace(PLAN, quick=True)
+        for impl, n_runs in (("jax", 8), ("warp", 16), ("jax", 16), ("warp", 16)):
+            monkeypatch.setattr("iswarm_mj.experiments.runner.batches.implementation", lambda impl=impl: impl)
+            run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution("mjx"))
+            assert len(counted) == n_runs and read_table(tmp_path / "density.parquet")[1]["impl"] == impl
+
+    def test_runs_of_earlier_programs_are_found(self, counted, tmp_path):
+        """A journal written before readings, message time and engines were added, with outcomes no run has."""
+        plan = Plan(READINGS["initial"], quick=True)
+        entries = hop_count.entries(plan)
+        with Journal(tmp_path / "runs.jsonl", {"kind": "runs of experiments"}) as journal:
+            for place, entry in enumerate(entries):
+                job = json.dumps(["mujoco", to_dict(entry.job)], sort_keys=True)
+                assert not re.search(
+                    "update_order|baud_rate|slots|avoidance_sides|priority_repulsion|odometry|engine", job
+                )
+                digest = hashlib.sha256(job.encode()).hexdigest()
+                journal.add((int(digest[:13], 16),), done(entry.job, 1000 + place))
+        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+        rows, _ = read_table(tmp_path / "hop_count.parquet")
+        assert counted == [] and [row["finished_at"] for row in rows] == [1000 + k for k in range(len(entries))]
+
+    def test_a_running_experiment_keeps_its_runs(self, counted, tmp_path):
+        """Another one that is to discard them is refused before it does."""
+        (tmp_path / "runs.jsonl").write_text("of the running one")
+        with locked(tmp_path), pytest.raises(UserError, match="is in use by another process"):
+            run_experiment(EXPERIMENTS["hop-count"], Plan(quick=True), tmp_path, again=True)
+        assert (tmp_path / "runs.jsonl").read_text() == "of the running one" and counted == []
+
+    def test_an_interruption_keeps_what_is_finished(self, counted, tmp_path, monkeypatch):
+        working = resumable.run_jobs
+
+        def broken(jobs, *rest):
+            for k, item in enumerate(working(jobs, *rest)):
+                if k == 3:
+                    raise KeyboardInterrupt
+                yield item
+
+        monkeypatch.setattr(resumable, "run_jobs", broken)
+        plan = replace(PLAN, quick=True)
+        with pytest.raises(KeyboardInterrupt):
+            run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+        monkeypatch.setattr(resumable, "run_jobs", working)
+        before = len(counted)
+        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+        assert len(counted) - before == 3
+
+    def test_runs_of_another_version_are_refused(self, counted, tmp_path, monkeypatch):
+        plan = replace(PLAN, quick=True)
+        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+        monkeypatch.setattr("iswarm_mj.experiments.runner.checkpoint.versions", lambda: {"iswarm_mj": "0.0.1"})
+        with pytest.raises(UserError, match=r"different versions .*choose another `out`"):
+            run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
+
+    def test_real_runs_of_a_small_arena(self, small, tmp_path):
+        """The table tells what the runs themselves give, and all of it follows from it."""
+        plan = Plan(config=small, quick=True)
+        entries = hop_count.entries(plan)
+        short = [Entry(e.labels, replace(e.job, steps=30)) for e in entries[::3]]
+        made = replace(EXPERIMENTS["hop-count"], entries=lambda _: short)
+        run_experiment(made, plan, tmp_path, Execution(workers=1))
+        rows, settings = read_table(tmp_path / "hop_count.parquet")
+        outcome = run_job(short[0].job)
+        assert {name: rows[0][name] for name in outcome._asdict()} == outcome._asdict()
+        assert settings["config"]["arena"]["size"] == 15
+        assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(0.118 * 216)
+        lines = (tmp_path / "runs.jsonl").read_text().splitlines()
+        assert json.loads(lines[0].partition(" ")[2])["settings"] == {"kind": "runs of experiments"}
+        assert len(lines) == 1 + len(short)

@@ -1,0 +1,90 @@
+"""Which runs the experiments are made of."""
+
+from dataclasses import replace
+
+import pytest
+
+from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.experiments.runner.experiment import Plan, run_seed
+from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.errors import UserError
+
+PLAN = Plan()
+
+
+class TestPlans:
+    def test_hop_counts_are_those_of_the_paper(self):
+        """12 and 12 runs of 280 robots until 66 balls or 1200 steps; nothing else differs."""
+        entries = hop_count.entries(PLAN)
+        jobs = [entry.job for entry in entries]
+        assert [job.genome.use_hop_count for job in jobs] == [True] * 12 + [False] * 12
+        assert {replace(job.genome, use_hop_count=True) for job in jobs} == {PRESETS["type1"]}
+        assert {(job.n_robots, job.steps, job.stop_at) for job in jobs} == {(280, 1200, 66)}
+
+    def test_densities_are_those_of_the_paper(self):
+        entries = density.entries(PLAN)
+        found = {entry.labels["density"]: entry.job.n_robots for entry in entries}
+        assert min(found) == 0.05 and max(found) == 0.4 and len(entries) == 12 * len(found)
+        assert found[0.05] == 119 and found[0.4] == 950
+        assert {(entry.job.steps, entry.job.stop_at) for entry in entries} == {(1200, 66)}
+
+    def test_sensitivity_varies_one_value_at_a_time(self):
+        """Each job's configuration differs from the default in the value that its label names, and nowhere else."""
+        usual = SwarmConfig()
+        for entry in sensitivity.entries(PLAN):
+            differing = [
+                (f"{part}.{name}", str(value))
+                for part, mine in vars(entry.job.config).items()
+                for name, value in vars(mine).items()
+                if value != getattr(getattr(usual, part), name)
+            ]
+            choice, value = entry.labels["choice"], entry.labels["value"]
+            assert differing == ([] if choice == "default" else [(choice, value)])
+
+    @pytest.mark.parametrize("quick, n_runs", [(False, 10), (True, 3)])
+    def test_sensitivity_varies_the_update_order(self, quick, n_runs):
+        entries = sensitivity.entries(replace(PLAN, quick=quick))
+        in_turn = [e for e in entries if e.job.config.strategy.update_order == "sequential"]
+        later = [e for e in entries if e.labels["group"] == "readings"]
+        assert in_turn + later == entries[-n_runs - len(later) :]  # so that the seeds of the others are what they were
+        assert {e.labels["group"] for e in in_turn} == {"update order"} and len(later) == (n_runs if quick else 11 * 10)
+
+    @pytest.mark.parametrize(("reading", "other"), [("paper", "all"), ("initial", "front")])
+    def test_sensitivity_leaves_out_what_is_the_default(self, reading, other):
+        entries = sensitivity.entries(Plan(READINGS[reading]))
+        sides = {e.labels["value"] for e in entries if e.labels["choice"] == "strategy.avoidance_sides"}
+        assert sides == {other}
+
+    def test_dead_robots_are_there_and_absent_ones_are_not(self):
+        entries = robustness.entries(PLAN)
+        half = {e.labels["kind"]: e.job for e in entries if e.labels["fraction"] == 0.5}
+        assert (half["dead"].n_robots, half["dead"].failed_fraction) == (280, 0.5)
+        assert (half["absent"].n_robots, half["absent"].failed_fraction) == (140, 0.0)
+        assert {e.labels["fraction"] for e in entries if e.labels["kind"] == "dead"} == {0, 0.1, 0.2, 0.3, 0.4, 0.5}
+
+    def test_types_have_the_densities_of_table_2(self):
+        found = {e.labels["type"]: (e.job.n_robots, e.job.steps, e.job.stop_at) for e in swarm_types.entries(PLAN)}
+        assert found["type1"] == (280, 800, None) and found["type2"] == (314, 800, None)
+
+    @pytest.mark.parametrize("name", EXPERIMENTS)
+    def test_no_two_runs_are_the_same(self, name):
+        """Another seed, another experiment's seed: other runs; the quick version is smaller."""
+        one, other = (EXPERIMENTS[name].entries(replace(PLAN, seed=seed)) for seed in (0, 1))
+        seeds = [entry.job.seed for entry in [*one, *other]]
+        assert len(set(seeds)) == len(seeds)
+        quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
+        assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in one)
+
+    def test_seeds_stay(self):
+        assert run_seed(0, 1, 2) == run_seed(0, 1, 2) != run_seed(0, 2, 1)
+        assert 0 <= run_seed(7, 0) < 2**32 - 1
+
+    def test_an_unknown_name_lists_the_others(self):
+        with pytest.raises(
+            UserError,
+            match=rf"'hops'; there are hop-count, density, .*{list(EXPERIMENTS)[-1]}: ",
+        ):
+            experiment("hops")
+        assert [line.split()[0] for line in listing().splitlines()] == list(EXPERIMENTS)

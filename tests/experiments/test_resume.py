@@ -1,0 +1,260 @@
+"""Searches that end early and go on, whatever ended them; and what is refused."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from helpers_search import SEARCH, contents, pretend
+
+from iswarm_mj.commands import main as cli
+from iswarm_mj.experiments.analysis.evolution_best import genome_of
+from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.experiments.runner.optimisers import METHODS
+from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.search import (
+    BEST,
+    CHECKPOINT,
+    TABLE,
+    run_search,
+)
+from iswarm_mj.strategy.evolution import Operators
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.serialization import to_dict
+from iswarm_mj.utils.tables import read_table
+
+
+class TestResume:
+    @pytest.fixture(autouse=True)
+    def no_figures(self, monkeypatch):
+        """Figures follow from the table and take most of the time; `TestTable` has them."""
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
+
+    @pytest.mark.parametrize("method", METHODS)
+    def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method):
+        search = replace(SEARCH, method=method)
+        pretend(monkeypatch)
+        run_search(search, tmp_path / "whole", execution=Execution(workers=1))
+        for number, breaks_after in enumerate((0, 1, 13, 20, 59)):
+            out = tmp_path / str(number)
+            pretend(monkeypatch, breaks_after)
+            with pytest.raises(KeyboardInterrupt):
+                run_search(search, out, execution=Execution(workers=2))
+            begun = pretend(monkeypatch)
+            run_search(search, out, resume=True, execution=Execution(workers=3))
+            assert contents(out) == contents(tmp_path / "whole")
+            assert len(begun) == 60 - breaks_after
+
+    def test_with_mjx_a_generation_in_parts_is_one_batch_again(self, monkeypatch, tmp_path):
+        """The end came between lines of the second generation, then of that again, at another run."""
+        begun = pretend(monkeypatch)
+        run_search(SEARCH, tmp_path / "whole", execution=Execution("mjx"))
+        batch = begun[10:20]
+        out = tmp_path / "out"
+        for runs in (17, 4):
+            pretend(monkeypatch, runs)
+            with pytest.raises(KeyboardInterrupt):
+                run_search(SEARCH, out, resume=True, execution=Execution("mjx"))
+        begun = pretend(monkeypatch)
+        run_search(SEARCH, out, resume=True, execution=Execution("mjx"))
+        assert len(begun) == 50 and begun[:10] == batch
+        assert contents(out) == contents(tmp_path / "whole")
+
+    def test_a_finished_search_is_not_run_again(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        run_search(SEARCH, tmp_path / "out")
+        before = contents(tmp_path / "out")
+        begun = pretend(monkeypatch)
+        run_search(SEARCH, tmp_path / "out", resume=True)
+        assert contents(tmp_path / "out") == before and begun == []
+
+    def test_the_table_is_there_after_each_generation(self, monkeypatch, tmp_path):
+        pretend(monkeypatch, breaks_after=35)
+        with pytest.raises(KeyboardInterrupt):
+            run_search(SEARCH, tmp_path / "out")
+        assert len(read_table(tmp_path / "out" / TABLE)[0]) == 30
+        assert not (tmp_path / "out" / BEST).exists()
+
+    def test_half_written_files_go(self, monkeypatch, tmp_path):
+        out = tmp_path / "out"
+        out.mkdir()
+        for name in (TABLE, "fitness.svg"):
+            (out / f".123-{name}").write_text("half")
+        (out / ".123-mine").write_text("mine")
+        pretend(monkeypatch)
+        run_search(SEARCH, out)
+        assert len(contents(out)) == 4 and (out / ".123-mine").read_text() == "mine"
+
+    def test_what_is_in_the_way_is_refused(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        run_search(SEARCH, tmp_path)
+        before = contents(tmp_path)
+        refusals = [
+            (
+                SEARCH,
+                False,
+                r"^out must be .* without a search \(got .*\); continue the search with `resume`$",
+            ),
+            (replace(SEARCH, seed=4), True, r"different settings \(seed: 3 there, 4 now\)"),
+            (replace(SEARCH, operators=Operators(span=0.1)), True, r"\(operators\.span: 0\.05 there, 0\.1 now\)"),
+        ]
+        for search, resume, message in refusals:
+            with pytest.raises(UserError, match=message):
+                run_search(search, tmp_path, resume=resume)
+            assert contents(tmp_path) == before
+        (tmp_path / CHECKPOINT).unlink()
+        with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.jsonl$"):
+            run_search(SEARCH, tmp_path, resume=True)
+
+    def test_another_engine_is_refused(self, monkeypatch, tmp_path):
+        begun = pretend(monkeypatch)
+        for name, one, other, message in (
+            ("c", "mujoco", "mjx", r"\(engine: the default there, mjx now, impl: the default there, jax now\)"),
+            ("mjx", "mjx", "mujoco", r"\(engine: mjx there, the default now, impl: jax there, the default now\)"),
+        ):
+            run_search(SEARCH, tmp_path / name, execution=Execution(one))
+            before = contents(tmp_path / name)
+            begun.clear()
+            with pytest.raises(UserError, match=message):
+                run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(other))
+            run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(one))
+            assert contents(tmp_path / name) == before and begun == []
+        assert read_table(tmp_path / "mjx" / TABLE)[1]["engine"] == "mjx"
+
+    def test_checkpoints_of_before_there_were_engines_orders_and_replicates_go_on(self, monkeypatch, tmp_path):
+        """Their settings name none of these, nor mutations of Booleans; the files in the end do not either."""
+        begun = pretend(monkeypatch)
+        run_search(SEARCH, tmp_path / "whole")
+        settings = to_dict(SEARCH)
+        assert not re.search("engine|update_order|replicates|boolean_mutation", json.dumps(settings))
+        with Journal(tmp_path / "whole" / CHECKPOINT, settings) as journal:
+            runs = dict(list(journal.entries.items())[:27])
+        (tmp_path / "old").mkdir()
+        with Journal(tmp_path / "old" / CHECKPOINT, settings) as journal:
+            for key, entry in runs.items():
+                journal.add(key, entry)
+        begun.clear()
+        run_search(SEARCH, tmp_path / "old", resume=True)
+        assert contents(tmp_path / "old") == contents(tmp_path / "whole") and len(begun) == 33
+
+    def test_a_checkpoint_of_another_program_is_refused(self, monkeypatch, tmp_path):
+        """Of the same settings and versions, but with a genome that does not follow from them."""
+        pretend(monkeypatch)
+        run_search(SEARCH, tmp_path)
+        with Journal(tmp_path / CHECKPOINT, to_dict(SEARCH)) as journal:
+            entry = journal.entries[2, 4, 0]
+            entry["genome"] = list(astuple(Genome()))
+            journal.settle()
+        with pytest.raises(UserError, match=r"another genome in generation 2 than this version of the program"):
+            run_search(SEARCH, tmp_path, resume=True)
+
+
+TINY = [
+    "--arena.size=15",
+    "--arena.dump-size=3",
+    "--arena.dust-area-size=3",
+    "--arena.dust-area-offset=5",
+    "--arena.n-dust=24",
+    "--operators.density-min=0.0556",
+    "--operators.density-max=0.0556",
+    "--steps=20",
+    "--seed=7",
+]
+"""12 robots; JAX compiles once."""
+
+
+def command(out, *flags):
+    return [sys.executable, "-m", "iswarm_mj", "evolve", *TINY, *flags, "--out", str(out)]
+
+
+def killed_at(lines, delay, out, *flags):
+    """Run `iswarm evolve` and kill -9 it when the checkpoint has so many lines, a little later; whether it lived."""
+    path = out / CHECKPOINT
+    with subprocess.Popen(
+        command(out, *flags, "--resume"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as process:
+        while process.poll() is None and not (path.exists() and path.read_bytes().count(b"\n") >= lines):
+            time.sleep(0.002)
+        time.sleep(delay)
+        lived = process.poll() is None
+        if lived:
+            os.kill(process.pid, signal.SIGKILL)
+    assert process.returncode == (-signal.SIGKILL if lived else 0)
+    return lived
+
+
+KILLED = """
+import os, signal, sys
+from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.runner.checkpoint import Journal
+
+add = Journal.add
+
+def add_and_die(journal, key, entry):
+    add(journal, key, entry)
+    if len(journal.entries) == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Journal.add = add_and_die
+main(sys.argv[1:])
+"""
+
+
+def test_killed_and_resumed(tmp_path):
+    """The process is really killed, in the second generation; the files are the same as without."""
+    flags = ["--generations=3", "--population=4", "--workers=1"]
+    cli.main(command(tmp_path / "whole", *flags)[3:])
+    given = [sys.executable, "-c", KILLED, *command(tmp_path / "out", *flags)[3:]]
+    assert subprocess.run(given, stdout=subprocess.DEVNULL, timeout=600).returncode == -signal.SIGKILL
+    assert (tmp_path / "out" / CHECKPOINT).read_bytes().count(b"\n") == 6
+    cli.main([*command(tmp_path / "out", *flags)[3:], "--resume"])
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+    rows, _ = read_table(tmp_path / "out" / TABLE)
+    assert len(rows) == 12 and {row["n_robots"] for row in rows} == {12} and len({row["fitness"] for row in rows}) > 6
+
+
+def test_generations_as_batches(small, tmp_path):
+    """Two generations in MJX, with swarms of two sizes; their first steps are those of MuJoCo C."""
+    out = tmp_path / "out"
+    flags = [
+        "--engine=mjx",
+        "--generations=2",
+        "--population=2",
+        "--operators.elite=1",
+        "--operators.density-max=0.07",
+        "--steps=6",
+    ]
+    cli.main(command(out, *flags)[3:])
+    rows, settings = read_table(out / TABLE)
+    assert (settings["engine"], settings["impl"]) == ("mjx", "jax")
+    sizes = [row["n_robots"] for row in rows]
+    assert len(rows) == 4 and max(sizes[:2]) != max(sizes[2:]) and min(sizes[:2]) < max(sizes[:2])
+    for row in rows:
+        alone = run_job(Job(small, genome_of(row), row["n_robots"], row["seed"], row["steps"]))
+        assert (row["steps"], row["delivered"], row["picked"]) == (6, alone.delivered, alone.picked)
+    assert sum(row["picked"] for row in rows) > 0
+    before = contents(out)
+    cli.main([*command(out, *flags)[3:], "--resume"])
+    assert contents(out) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_killed_at_five_random_moments(tmp_path, method):
+    """One search, killed five times, with two workers."""
+    flags = ["--generations=5", "--population=4", "--workers=2", "--evaluations=2", f"--method={method}"]
+    subprocess.run(command(tmp_path / "whole", *flags), check=True, stdout=subprocess.DEVNULL)
+    generator = np.random.default_rng()
+    moments = [(int(generator.integers(0, 41)), generator.uniform(0, 0.5)) for _ in range(5)]
+    lived = [killed_at(*moment, tmp_path / "out", *flags) for moment in sorted(moments)]
+    print(f"{method}: killed at lines and seconds after {sorted(moments)}: {lived}")
+    subprocess.run([*command(tmp_path / "out", *flags), "--resume"], check=True, stdout=subprocess.DEVNULL)
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")

@@ -1,0 +1,44 @@
+"""A search whose runs are pretended: their fitness is how near a genome is to a goal."""
+
+import numpy as np
+
+from iswarm_mj.experiments.runner import resumable
+from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.search import (
+    Search,
+)
+from iswarm_mj.strategy.evolution import to_vector
+from iswarm_mj.strategy.genome import PRESETS
+
+GOAL = to_vector(PRESETS["type2"])
+SEARCH = Search(generations=6, population=5, seed=3, evaluations=2)
+
+
+def worth(genome):
+    """Fitness without noise, 1000 at most: how near a genome is to that of type 2."""
+    return float(1000 - 80 * np.abs(to_vector(genome) - GOAL).sum())
+
+
+def pretend(monkeypatch, breaks_after=None):
+    """Jobs without physics, finished in an order that depends on the workers; returns those that were begun."""
+    begun = []
+
+    def run_jobs(jobs, execution):
+        for index in np.random.default_rng(execution.workers).permutation(len(jobs)):
+            if breaks_after is not None and len(begun) >= breaks_after:
+                raise KeyboardInterrupt
+            job = jobs[index]
+            begun.append(job)
+            noise = np.random.default_rng(job.seed).normal(0, 20)
+            picked = int(noise) % 70 + 2
+            yield (
+                int(index),
+                Outcome(picked - 1, picked, job.n_robots, None, None, job.steps, worth(job.genome) + noise),
+            )
+
+    monkeypatch.setattr(resumable, "run_jobs", run_jobs)
+    return begun
+
+
+def contents(out):
+    return {path.name: path.read_bytes() for path in out.iterdir()}
