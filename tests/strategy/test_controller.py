@@ -467,6 +467,28 @@ def test_carried_balls_fall_at_the_configured_rate():
     assert abs(fallen - expected) < 4.5 * math.sqrt(expected * 0.8)
 
 
+def test_actuators_err_whatever_a_robot_decides():
+    """One robot over many steps, which follows a vector straight ahead as often as not."""
+    config = SwarmConfig(drive=DriveConfig(error_step=0.1))
+    strategy = VectorStrategy(genes(p_vector_forget=0.0, weight_find_dust=0.5), 0, config, PROBE)
+    params = WorldParams(strategy, conditions_of(config), jax.random.key(8), jnp.ones(1, bool), jnp.int32(1))
+    state = SwarmState(memories(1, dust=(30.0, 0.0)), lay((0.0, -60.0)), jnp.ones(1, bool))
+    no, none = jnp.zeros((1, 4), bool), jnp.zeros((1, 4), jnp.int32)
+    sight = Sight(Links(none, no, none, *[jnp.zeros((1, 4))] * 2), no)
+
+    def command(step):
+        situation = Situation(jnp.array([[40.0, 0.0, 0.0]]), sight, step, jnp.array(True))
+        return decide(config, read_robot(), params, state, situation).command
+
+    turn, forward = (np.asarray(a)[:, 0] for a in jax.jit(jax.vmap(command))(jnp.arange(5000)))
+    error = forward[turn == 0.0] / STEP - 1.0
+    assert (
+        abs((turn == 0.0).mean() - 0.5) < 0.04
+        and abs(error.mean()) < 0.01
+        and error.std() == pytest.approx(0.1, rel=0.06)
+    )
+
+
 def test_workers_and_scouts_at_the_start():
     memory = controller.init(10, 3)
     np.testing.assert_array_equal(memory.is_scout, np.arange(10) < 3)
