@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from iswarm_mj.config import READINGS, SwarmConfig
     from iswarm_mj.output.saved import load
-    from iswarm_mj.simulation.rollout import rollout
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
     from iswarm_mj.strategy.genome import PRESETS
+    from iswarm_mj.workflows.rollout import rollout
 
 __version__ = "0.1.0"
 
@@ -34,7 +34,7 @@ __all__ = [
 _MODULES = {
     "config": ("READINGS", "SwarmConfig"),
     "output.saved": ("load",),
-    "simulation.rollout": ("rollout",),
+    "workflows.rollout": ("rollout",),
     "simulation.run": ("Run",),
     "simulation.settings": ("MjxSettings", "MujocoSettings", "PlanarSettings", "RunSettings"),
     "strategy.genome": ("PRESETS",),

@@ -21,8 +21,9 @@ N = 30
 
 
 def run_of(config, genome=PRESETS["type1"], n_robots=N, steps=200, *, threads=1, **settings):
-    """Run of small swarms; `worlds`, `strategy` and `robot_file` go to `Run`, the rest to `RunSettings`."""
+    """Run of small swarms; `worlds`, `strategy` (of all) and `robot_file` go to `Run`, the rest to `RunSettings`."""
     parts = {name: settings.pop(name) for name in ("worlds", "strategy", "robot_file") if name in settings}
+    parts["strategy_per_world"] = "strategy" in parts
     if "worlds" in parts:
         settings["n_worlds"] = len(parts["worlds"])
     everything = tuple(range(settings.get("n_worlds", 1)))

@@ -31,7 +31,7 @@ def test_laws_and_settings_are_light():
 
 def test_runs_on_the_host_do_without_mjx():
     """Importing it takes longer than all else together."""
-    code = "import sys, iswarm_mj.simulation.rollout, iswarm_mj.experiments.runner.jobs\n"
+    code = "import sys, iswarm_mj.workflows.rollout, iswarm_mj.experiments.runner.jobs\n"
     code += "print('mujoco.mjx' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"

@@ -24,6 +24,7 @@ from iswarm_mj.commands.infer import Infer
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
+from iswarm_mj.commands.strategy_options import explained_flags, with_strategy
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -62,8 +63,9 @@ def parse(arguments: Sequence[str]) -> Command:
     name, *rest = arguments or [""]
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
-        command = COMMANDS[name]
-        return tyro.cli(command, prog=f"iswarm {name}", args=rest, default=with_reading(command, rest))
+        command = with_strategy(COMMANDS[name], rest)
+        with explained_flags(command):
+            return tyro.cli(command, prog=f"iswarm {name}", args=rest, default=with_reading(command, rest))
     if name == "--version":
         print(f"iswarm {__version__}")
         raise SystemExit(0)

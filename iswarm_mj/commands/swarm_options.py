@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from iswarm_mj.commands.config_options import ConfigOptions
+from iswarm_mj.commands.strategy_options import OWN, check_flags
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Within, check, validate
@@ -38,6 +39,9 @@ _RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genom
 class Swarm(ConfigOptions):
     """Settings that the commands on a swarm share."""
 
+    controller: Annotated[str | None, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
+    package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help."""
     genome: str = "type1"
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: int | None = None
@@ -82,13 +86,20 @@ class Swarm(ConfigOptions):
             UserError: a setting is out of range, does not apply to the engine, or contradicts another one.
         """
         self._check_engine()
-        genome = overridden(load_genome(self.genome), vars(self.override))
+        own = self.own_strategy
+        check_flags(own)
+        genome = own if isinstance(own, Genome) else overridden(load_genome(self.genome), vars(self.override))
         config = self.config
         n_robots = self._n_robots(config, genome)
         n_worlds = MAX_ROBOTS["devices" if self.is_compiled else "host"] // n_robots
         constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
         check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
         return config, genome, n_robots
+
+    @property
+    def own_strategy(self) -> Any:
+        """The strategy that --strategy names, with the values of its flags; None for that of --genome."""
+        return getattr(self, OWN, None)
 
     @property
     def implementation(self) -> str | None:
@@ -167,12 +178,14 @@ class Swarm(ConfigOptions):
         worlds = worlds_of_seed(genome, settings)
         recorded = tuple(share.index(world) for world in settings.record_worlds) if hosts.index == 0 else ()
         settings = replace(settings, n_worlds=len(share), record_worlds=recorded)
+        strategy = None if isinstance(self.own_strategy, Genome) else self.own_strategy
         return Run(
             config,
             genome,
             settings,
             self._engine(chunk),
             worlds=[worlds[world] for world in share],
+            strategy=strategy,
             robot_file=self.robot,
         )
 

@@ -1,23 +1,36 @@
 """From records of a run to frames of a trajectory: arena units become SI here."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from typing import Any
 
 import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.trajectory import ARRAYS, Frames, Scene
 from iswarm_mj.simulation.state import StepRecord
+from iswarm_mj.strategy.recorded import array_name, part_of
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 LYING, HELD, DELIVERED = 0, 1, 2
 _FROM_ARENA = {"m": MM, "m/s": MM}
 """Arena units in SI."""
+_STORED = {"mm": "m", "mm/s": "m/s"}
+"""Units of memories, and what they become in files."""
 
 
-def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int, number: int) -> Scene:
+def scene_of(
+    config: SwarmConfig,
+    robot: Robot,
+    start: StepRecord,
+    world: int,
+    number: int,
+    recorded: Mapping[str, str] | None = None,
+) -> Scene:
     """What does not change in one world of a run.
 
     Args:
@@ -26,8 +39,17 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int, n
         start: record of the start (1, W, ...).
         world: which of the W worlds.
         number: of this world in its run.
+        recorded: parts of the memory and their units, see `strategy.recorded`.
+
+    Raises:
+        UserError: a part has the name of another array of trajectories.
     """
-    arena = config.arena
+    arena, memory = config.arena, start.swarm.memory
+    for name in recorded or {}:
+        if array_name(name) in ARRAYS:
+            raise UserError(
+                f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
+            )
 
     def square(x: float, edge: float) -> list[float]:
         return [x - edge / 2, -edge / 2, x + edge / 2, edge / 2]
@@ -35,7 +57,7 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int, n
     dust = [square(side * arena.dust_area_offset, arena.dust_area_size) for side in (-1, 1)]
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
-        is_scout=start.swarm.memory.is_scout[0, world],
+        is_scout=_scouts(memory, start.poses.shape[:3])[0, world],
         ball_radius=start.swarm.balls.radius[0, world],
         arena_size=arena.size * ROBOT_DIAMETER,
         dump=np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER,
@@ -45,18 +67,22 @@ def scene_of(config: SwarmConfig, robot: Robot, start: StepRecord, world: int, n
         message_range=config.strategy.message_range * ROBOT_DIAMETER,
         world=number,
         n_leds=len(robot.leds),
+        memory_names=tuple(map(array_name, recorded or {})),
+        memory_units=tuple(_STORED.get(unit, unit) for unit in (recorded or {}).values()),
+        memory_sizes=tuple(math.prod(np.shape(part_of(memory, name))[3:]) for name in recorded or {}),
     )
 
 
-def frames_of(records: Sequence[StepRecord], world: int) -> Frames:
+def frames_of(records: Sequence[StepRecord], world: int, recorded: Mapping[str, str] | None = None) -> Frames:
     """Frames of one world.
 
     Args:
         records: of consecutive steps (T, W, ...).
         world: which of the W worlds.
+        recorded: as for `scene_of`.
     """
     record: StepRecord = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
-    memory, balls = record.swarm.memory, record.swarm.balls
+    balls = record.swarm.balls
     n_steps, n_robots = record.poses.shape[:2]
     is_loaded = np.zeros((n_steps, n_robots), bool)
     step, ball = np.nonzero(balls.is_held)
@@ -78,18 +104,31 @@ def frames_of(records: Sequence[StepRecord], world: int) -> Frames:
         "link_bearing": record.links.bearing,
         "link_distance": record.measured_distance,
         "link_heard": record.is_heard,
-        "dust_vector": memory.dust.vector,
-        "dust_known": memory.dust.known,
-        "dust_hop": memory.dust.hop,
-        "dump_vector": memory.dump.vector,
-        "dump_known": memory.dump.known,
-        "dump_hop": memory.dump.hop,
         "delivered": balls.is_delivered.sum(axis=1),
         "picked": balls.was_picked.sum(axis=1),
         "collisions": record.collisions,
         "mean_speed": record.speed,
     }
-    return Frames(**{f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames)})
+    memory = {
+        array_name(name): _stored(np.asarray(part_of(record.swarm.memory, name)), unit)
+        for name, unit in (recorded or {}).items()
+    }
+    own = {f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames) if f.name in ARRAYS}
+    return Frames(**own, memory=memory)
+
+
+def _scouts(memory: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Which robots are scouts, if the strategy knows such."""
+    found = getattr(memory, "is_scout", None)
+    is_flag = found is not None and np.shape(found) == shape and np.asarray(found).dtype == bool
+    return np.asarray(found) if is_flag else np.zeros(shape, bool)
+
+
+def _stored(values: np.ndarray, unit: str) -> np.ndarray:
+    """A part of the memory as it is stored: lengths in m, floats in single precision."""
+    if unit in _STORED:
+        return (values * MM).astype(np.float32)
+    return values.astype(np.float32) if np.issubdtype(values.dtype, np.floating) else values
 
 
 def _in_si(values: np.ndarray, dtype: type, units: tuple[str, ...]) -> np.ndarray:

@@ -44,11 +44,13 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
         pose, loaded, scout = frames["pose"][step], frames["is_loaded"][step], frames["scene_is_scout"]
         hues = np.where(loaded, BLUE, np.where(scout, GREEN, RED))
         for known, vector, who in (
-            (frames["dust_known"][step], frames["dust_vector"][step], ~loaded & ~scout),
-            (frames["dump_known"][step], frames["dump_vector"][step], loaded),
+            ("dust_known", "dust_vector", ~loaded & ~scout),
+            ("dump_known", "dump_vector", loaded),
         ):
-            shown = known & who
-            lines = vectors(pose[shown], vector[shown]) * _MM
+            if known not in frames:  # of another strategy
+                continue
+            shown = frames[known][step] & who
+            lines = vectors(pose[shown], frames[vector][step][shown]) * _MM
             axes.add_collection(LineCollection([*lines], colors=hues[shown], linewidths=0.4, alpha=0.55, zorder=2))
         bodies = outlines(pose, frames["scene_robot_size"][:2]) * _MM
         axes.add_collection(PolyCollection([*bodies], facecolors=hues, edgecolors="none", zorder=3))

@@ -77,6 +77,12 @@ def _strips(points: np.ndarray, lengths: np.ndarray) -> pa.Array:
     return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
 
 
+def _is_known(frames: Frames, name: str) -> Bool[np.ndarray, "T N"]:
+    """Which robots have a vector (T, N): as the strategy says by NAME_known beside NAME_vector, else if it is not 0."""
+    flags = frames.memory.get(f"{look.stem(name)}_known")
+    return np.any(frames.memory[name], axis=-1) if flags is None else flags
+
+
 class Recording:
     """A Rerun file of one world, written block by block.
 
@@ -181,8 +187,9 @@ class Recording:
         self._lines(frames, centres)
         top = centres.copy()
         top[..., 2] = 1.1 * size[2]
-        self._arrows(look.DUST_VECTORS, top, yaw, frames.dust_vector, frames.dust_known)
-        self._arrows(look.DUMP_VECTORS, top, yaw, frames.dump_vector, frames.dump_known)
+        for name in self._scene.arrows:
+            self._arrows(look.arrows(name), top, yaw, frames.memory[name], _is_known(frames, name))
+        self._memory(frames)
         self._series(frames)
         self._flush()
         self._last_step = int(step[-1])
@@ -192,12 +199,13 @@ class Recording:
         steps = np.diff(frames.step, prepend=self._last_step)
         if np.any(steps <= 0):
             raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
-        everything = {
+        everything: dict[str, tuple[str, Any]] = {
             "pose": ("robots", ~np.isfinite(frames.pose).all(-1)),
             "position": ("balls", ~np.isfinite(frames.ball_position).all(-1)),
-            "vector to dust": ("robots", frames.dust_known & ~np.isfinite(frames.dust_vector).all(-1)),
-            "vector to the dump": ("robots", frames.dump_known & ~np.isfinite(frames.dump_vector).all(-1)),
         }
+        for name in self._scene.arrows:
+            is_finite = np.isfinite(frames.memory[name]).all(axis=-1)
+            everything[look.title(name)] = ("robots", np.logical_and(_is_known(frames, name), ~is_finite))
         for name, (kind, is_bad) in everything.items():
             if is_bad.any():
                 t = int(np.argmax(is_bad.any(axis=1)))
@@ -233,8 +241,7 @@ class Recording:
             columns,
             [n_robots] * n_frames,
             message=frames.message,
-            dust_hop=np.where(frames.dust_known, frames.dust_hop, NO_HOP).astype(np.int8),
-            dump_hop=np.where(frames.dump_known, frames.dump_hop, NO_HOP).astype(np.int8),
+            **self._hops(frames),
             turn_deg=np.rad2deg(frames.command[..., 0]),
             forward_mm=frames.command[..., 1] * np.float32(MILLIMETRES),
         )
@@ -278,15 +285,31 @@ class Recording:
         columns = rr.Arrows3D.columns(origins=origins[known], vectors=vectors)
         self._send(entity, columns, np.count_nonzero(known, axis=1))
 
+    def _hops(self, frames: Frames) -> dict[str, np.ndarray]:
+        """Hop counts of the recorded vectors that have some."""
+        hops = {name: f"{look.stem(name)}_hop" for name in self._scene.arrows}
+        return {
+            hop: np.where(_is_known(frames, name), frames.memory[hop], NO_HOP).astype(np.int8)
+            for name, hop in hops.items()
+            if hop in frames.memory
+        }
+
+    def _memory(self, frames: Frames) -> None:
+        """Numbers and flags that the robots remember, a series for each number of each robot."""
+        for name in look.numbers(self._scene):
+            values = frames.memory[name].reshape(len(frames), -1).astype(np.float64)
+            columns = rr.Scalars.columns(scalars=values.reshape(-1))
+            self._send(f"{look.MEMORY}/{name}", columns, [values.shape[1]] * len(frames))
+
     def _series(self, frames: Frames) -> None:
         """Time series; counts are cumulative, shares are of all robots, the speed is in mm/s."""
         values = {
             "series/balls/picked": frames.picked,
             "series/balls/delivered": frames.delivered,
             "series/collisions": frames.collisions,
-            "series/known/dust": frames.dust_known.mean(axis=1),
-            "series/known/dump": frames.dump_known.mean(axis=1),
             "series/mean_speed": frames.mean_speed * MILLIMETRES,
         }
-        for entity in look.SERIES:
+        for name in self._scene.arrows:
+            values[look.known(name)] = _is_known(frames, name).mean(axis=1)
+        for entity in look.series(self._scene):
             self._send(entity, rr.Scalars.columns(scalars=np.asarray(values[entity], np.float64)))

@@ -4,6 +4,7 @@ Lengths are in millimetres, as in the recording, since the viewer's camera moves
 """
 
 from collections.abc import Iterator
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,19 @@ MILLIMETRES = 1e3
 ROBOTS, FRONTS = "world/robots/body", "world/robots/front"
 BALLS, BALL_MARKERS = "world/balls/true_size", "world/balls/marker"
 LINKS, TRAILS = "world/links", "world/trails"
-DUST_VECTORS, DUMP_VECTORS = "world/memory/dust", "world/memory/dump"
+MEMORY = "memory"
 CONFIG = "config"
 
 SERIES = {
     "series/balls/picked": ("picked up", (230, 140, 40)),
     "series/balls/delivered": ("delivered", (60, 170, 80)),
     "series/collisions": ("collisions", (215, 65, 60)),
-    "series/known/dust": ("know the dust", (80, 150, 230)),
-    "series/known/dump": ("know the dump", (225, 180, 40)),
     "series/mean_speed": ("mean speed [mm/s]", (150, 110, 210)),
 }
-"""Entity of each time series: its name in the legend and its colour."""
+"""Entity of each time series but those of the memory: its name in the legend and its colour."""
+
+_HUES = ((80, 150, 230), (225, 180, 40), (110, 200, 120), (220, 110, 160))
+"""Colours of what robots remember, in turn."""
 
 ROBOT_CLASSES = (
     (0, "empty", (214, 48, 42)),
@@ -87,6 +89,41 @@ def _walls(arena_size: float, height: float) -> rr.Boxes3D:
     return rr.Boxes3D(centers=centres, half_sizes=half_sizes, colors=_WALL, fill_mode="solid")
 
 
+def stem(name: str) -> str:
+    """Return what a recorded vector is called, as `dust` for dust_vector."""
+    return name.removesuffix("_vector")
+
+
+def title(name: str) -> str:
+    """Return what a recorded vector is called in words."""
+    return {"dust": "vector to dust", "dump": "vector to the dump"}.get(stem(name), f"vector {stem(name)}")
+
+
+def arrows(name: str) -> str:
+    """Return the entity of the arrows of a recorded vector."""
+    return f"world/memory/{stem(name)}"
+
+
+def known(name: str) -> str:
+    """Return the entity of the share of robots that have a recorded vector."""
+    return f"series/known/{stem(name)}"
+
+
+def numbers(scene: Scene) -> list[str]:
+    """Names of what is recorded of the memory, but for vectors drawn as arrows and what belongs to them."""
+    drawn = {*scene.arrows, *(f"{stem(name)}_{part}" for name in scene.arrows for part in ("known", "hop"))}
+    return [name for name in scene.memory_names if name not in drawn]
+
+
+def series(scene: Scene) -> dict[str, tuple[str, tuple[int, int, int]]]:
+    """Entity of each time series: its name in the legend and its colour."""
+    words = {"dust": "know the dust", "dump": "know the dump"}
+    shares = {
+        known(name): (words.get(stem(name), f"have {stem(name)}"), hue) for name, hue in zip(scene.arrows, cycle(_HUES))
+    }
+    return SERIES | shares
+
+
 def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     """Yield (entity, archetype) of all that does not change: the arena, the styles, the colours of states."""
     size = np.asarray(scene.robot_size, float) * MILLIMETRES
@@ -107,9 +144,9 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(2.5), show_labels=False)
     yield LINKS, rr.LineStrips3D.from_fields(colors=_LINK, radii=rr.Radius.ui_points(0.6))
     yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
-    for entity, colour in ((DUST_VECTORS, SERIES["series/known/dust"][1]), (DUMP_VECTORS, (205, 150, 0))):
-        yield entity, rr.Arrows3D.from_fields(colors=colour, radii=0.03 * size[0])
-    for entity, (name, colour) in SERIES.items():
+    for name, colour in zip(scene.arrows, cycle(_HUES)):
+        yield arrows(name), rr.Arrows3D.from_fields(colors=colour, radii=0.03 * size[0])
+    for entity, (name, colour) in series(scene).items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
 
 
@@ -129,15 +166,21 @@ def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial
 
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout: the arena on the left; the time series and the configuration on the right."""
+    entities = [arrows(name) for name in scene.arrows]
+    others = [(*(e for e in entities if e != arrows(name)), LINKS, TRAILS) for name in scene.arrows]
     views = rrb.Tabs(
-        _arena_view(scene, "Arena (mm)", (DUST_VECTORS, DUMP_VECTORS)),
-        _arena_view(scene, "Vectors to dust (mm)", (DUMP_VECTORS, LINKS, TRAILS)),
-        _arena_view(scene, "Vectors to the dump (mm)", (DUST_VECTORS, LINKS, TRAILS)),
+        _arena_view(scene, "Arena (mm)", tuple(entities)),
+        *(
+            _arena_view(scene, f"{title(name).replace('vector', 'Vectors', 1)} (mm)", hidden)
+            for name, hidden in zip(scene.arrows, others, strict=True)
+        ),
         active_tab=0,
     )
+    shares = time_series("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05)))
+    memory = [time_series(f"{MEMORY}/{name}", name, None) for name in numbers(scene)]
     plots = rrb.Vertical(
         time_series("series/balls", "Balls", "LeftTop"),
-        time_series("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05))),
+        *([shares] if entities else []),
         time_series("series/collisions", "Collisions", "LeftTop"),
         time_series("series/mean_speed", "Mean speed (mm/s)", "RightBottom"),
         name="Time series",
@@ -145,7 +188,12 @@ def layout(scene: Scene) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             views,
-            rrb.Tabs(plots, rrb.TextDocumentView(origin=CONFIG, name="Configuration"), active_tab=0),
+            rrb.Tabs(
+                plots,
+                *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []),
+                rrb.TextDocumentView(origin=CONFIG, name="Configuration"),
+                active_tab=0,
+            ),
             column_shares=[2, 1],
         ),
         rrb.TimePanel(timeline="sim_time", state="collapsed"),

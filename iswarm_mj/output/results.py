@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ def about(run: Run, settings: RunSettings) -> dict[str, Any]:
         "version": __version__,
         **run.identity,
         "settings": own,
-        "genome": asdict(run.genome),
+        **run.rules,
         "config": asdict(run.config),
         "robot": {"file": None if run.robot_file is None else str(run.robot_file), **asdict(run.robot)},
     }
@@ -89,7 +89,7 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
 
 def write_trajectory(out: Path, scene: Scene, frames: Frames, about: Mapping[str, Any]) -> None:
     """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
-    arrays = {f.name: getattr(frames, f.name) for f in fields(frames)}
+    arrays: dict[str, Any] = frames.arrays()
     arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
     arrays[ABOUT] = np.bytes_(json.dumps(about).encode())
     with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:

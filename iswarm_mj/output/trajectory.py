@@ -1,5 +1,6 @@
 """Records of a run: the constants of a world, and its frames over time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
@@ -39,6 +40,18 @@ class Scene(NamedTuple):
     """Number of the world in its run."""
     n_leds: int
     """LEDs of a robot, which decide the layout of messages."""
+    memory_names: tuple[str, ...] = ()
+    """What is recorded of the robots' memory, see `Frames.memory`."""
+    memory_units: tuple[str, ...] = ()
+    """Unit of each; empty where the strategy states none."""
+    memory_sizes: tuple[int, ...] = ()
+    """How many numbers each has for a robot."""
+
+    @property
+    def arrows(self) -> list[str]:
+        """Names of the recorded vectors [m] of the plane, in the robots' own frames."""
+        each = zip(self.memory_names, self.memory_units, self.memory_sizes, strict=True)
+        return [name for name, unit, size in each if (unit, size) == ("m", 2)]
 
 
 def _stored(dtype: type, *units: str) -> dict[str, Any]:
@@ -85,18 +98,6 @@ class Frames:
     """Distance of the sender, as the receiver measured it."""
     link_heard: Bool[np.ndarray, "T N S"] = field(metadata=_stored(np.bool_))
     """The sender's message arrived, and its parity is correct, if that is checked."""
-    dust_vector: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "m"))
-    """Remembered vector to the dust, in the robot's own frame (x ahead, y left)."""
-    dust_known: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
-    """Whether the robot remembers a vector to the dust."""
-    dust_hop: UInt8[np.ndarray, "T N"] = field(metadata=_stored(np.uint8))
-    """Number of robots that this vector came through."""
-    dump_vector: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "m"))
-    """Remembered vector to the dump, in the robot's own frame."""
-    dump_known: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
-    """Whether the robot remembers a vector to the dump."""
-    dump_hop: UInt8[np.ndarray, "T N"] = field(metadata=_stored(np.uint8))
-    """Number of robots that this vector came through."""
     delivered: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
     """Balls delivered so far."""
     picked: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
@@ -105,12 +106,37 @@ class Frames:
     """Collisions so far."""
     mean_speed: Float[np.ndarray, "T"] = field(metadata=_stored(np.float32, "m/s"))
     """Distance moved in the control step over its duration, averaged over the robots."""
+    memory: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Arrays (T, N, ...) of what the strategy wants recorded of its memory (`strategy.recorded`), lengths in m.
+
+    Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the robot's own frame (x
+    ahead, y left), `dust_known`, whether there is one, and `dust_hop`, its hop count; likewise for the dump.
+    """
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.step)
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return all arrays by their names, those of the memory included."""
+        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory)
+
+    def __getitem__(self, steps: slice) -> "Frames":
+        """Return some of the frames."""
+        return _frames({name: array[steps] for name, array in self.arrays().items()})
+
     @staticmethod
     def concatenate(blocks: "list[Frames]") -> "Frames":
         """Join blocks along time."""
-        return Frames(**{f.name: np.concatenate([getattr(b, f.name) for b in blocks]) for f in fields(Frames)})
+        each = [block.arrays() for block in blocks]
+        return _frames({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
+
+
+ARRAYS = tuple(f.name for f in fields(Frames) if f.name != "memory")
+"""Names of the arrays that all trajectories have."""
+
+
+def _frames(arrays: Mapping[str, np.ndarray]) -> Frames:
+    """Frames of these arrays, of which those with other names are the memory's."""
+    memory = {name: array for name, array in arrays.items() if name not in ARRAYS}
+    return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory)

@@ -1,6 +1,7 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,25 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.faults import decode, summary
-from iswarm_mj.simulation.initial import cell_of, check_robots
+from iswarm_mj.simulation.initial import cell_of, check_robots, robots_for
 from iswarm_mj.simulation.metrics import Measures, measure
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.strategies import of_all_worlds, stated
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.strategy.recorded import declared
 from iswarm_mj.strategy.signatures import check_strategies
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import SimulationFault
+from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
+
+STEPS = 800
+"""Control steps of a run at most, unless its settings say otherwise."""
 
 
 class Run:
@@ -40,6 +47,8 @@ class Run:
         worlds: B of them.
         starts: how each of them began.
         start: record of the start of the W recorded worlds, with axes (1, W).
+        strategy: as given; None for the paper's.
+        recorded: parts of the strategy's memory that recordings show, and their units.
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
         watch: where the time goes.
@@ -48,29 +57,41 @@ class Run:
     def __init__(
         self,
         config: SwarmConfig,
-        genome: Genome,
-        settings: RunSettings,
+        genome: Genome | None = None,
+        settings: RunSettings | None = None,
         engine: EngineSettings | None = None,
         *,
         worlds: Sequence[World] | None = None,
-        strategy: Strategy | None = None,
+        strategy: Strategy | Genome | Any = None,
+        strategy_per_world: bool = False,
         robot_file: Path | None = None,
     ):
         """Prepare the worlds.
 
         Args:
             config: what all worlds share.
-            genome: the paper's strategy with these parameters.
-            settings: of the run.
+            genome: the paper's strategy with these parameters, by default those of type 1.
+            settings: of the run; by default the genome's number of robots and 800 steps.
             engine: settings of the engine, by default `MujocoSettings()`.
             worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
-            strategy: another strategy in place of the paper's, its arrays with a first axis of worlds.
+            strategy: another strategy in place of the paper's, see `strategy.protocol`; a genome stands for itself.
+                With a method `for_world(config, robot, n_robots)`, what that returns for each world.
+            strategy_per_world: the arrays of `strategy` have a first axis of worlds.
             robot_file: MJCF file of the robots, by default `models/robot.xml`.
 
         Raises:
             UserError: robots, worlds or settings that do not fit.
         """
         configure_jax()
+        if isinstance(strategy, Genome):
+            if worlds is not None:
+                raise UserError("strategy is a genome, but worlds have their own; leave out one of them")
+            genome, strategy = strategy, None
+        genome = PRESETS["type1"] if genome is None else genome
+        self.robot = read_robot(robot_file)
+        if settings is None:
+            density = genome.density_of_robots
+            settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
         self.config, self.genome, self.settings = config, genome, settings
         self.engine = MujocoSettings() if engine is None else engine
         kinds = MujocoSettings, PlanarSettings, MjxSettings
@@ -83,16 +104,18 @@ class Run:
         n_dust, goal = config.arena.n_dust, self.goal
         check("stop_at", goal, f"between 1 and the number of balls, {n_dust}", goal <= n_dust)
         self.robot_file = None if robot_file is None else robot_file.absolute()
-        self.robot = read_robot(robot_file)
         check_robots(config.arena, largest, cell_of(self.robot))
         slots, n_leds = config.optics.slots, len(self.robot.sides)
         is_long = not config.optics.baud_rate or slots >= n_leds
         check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
+        self.strategy, own = strategy, None
         if strategy is not None:
-            check_strategies(strategy, n_worlds, settings.capacity or largest, len(self.robot.sides))
+            own = of_all_worlds(strategy, config, self.robot, self.worlds, is_per_world=strategy_per_world)
+            check_strategies(own, settings.capacity or largest, n_leds)
+        self.recorded = declared(VectorStrategy if own is None else own)
         self.watch = Stopwatch()
         self.starts = starts_of(config, self.worlds, cell_of(self.robot))
-        plan = Plan(config, settings, self.engine, self.worlds, self.starts, strategy, robot_file, self.goal)
+        plan = Plan(config, settings, self.engine, self.worlds, self.starts, own, robot_file, self.goal)
         device = jax.devices("cpu")[0] if self.engine.on_host else None
         with jax.default_device(device):  # engines on the host leave GPUs alone
             self._loop, self.start = start_loop(plan, self.watch)
@@ -115,6 +138,11 @@ class Run:
     def is_over(self) -> bool:
         """Whether the time is up or every world has ended."""
         return self._taken >= self.settings.steps or bool(self._has_ended.all())
+
+    @property
+    def rules(self) -> dict[str, Any]:
+        """What the robots do, as results state it: the genome of the paper's strategy, or another strategy."""
+        return {"genome": asdict(self.genome)} if self.strategy is None else {"strategy": stated(self.strategy)}
 
     @property
     def identity(self) -> dict[str, Any]:

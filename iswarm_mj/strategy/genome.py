@@ -47,31 +47,30 @@ class Genome:
         validate(self)
 
 
-PRESETS = {
-    "type1": Genome(),
-    "type2": Genome(
-        density_of_robots=0.132,
-        fraction_scouts=0.27,
-        p_vector_forget=0.14,
-        priority_coll_avoid_dist=0.41,
-        empty_coll_avoid_dist=0.77,
-        loaded_coll_avoid_dist=0.27,
-        weight_find_dust=0.82,
-        weight_find_dump=1.00,
-    ),
-    "evolved": Genome(
-        density_of_robots=0.3304,
-        fraction_scouts=0.0310,
-        p_vector_forget=0.661,
-        priority_coll_avoid_dist=0.506,
-        empty_coll_avoid_dist=0.798,
-        loaded_coll_avoid_dist=0.0517,
-        priority_signal_scouts=True,
-        priority_signal_loaded=False,
-        weight_find_dust=0.750,
-        weight_find_dump=0.769,
-    ),
-}
+TYPE1 = Genome()
+TYPE2 = Genome(
+    density_of_robots=0.132,
+    fraction_scouts=0.27,
+    p_vector_forget=0.14,
+    priority_coll_avoid_dist=0.41,
+    empty_coll_avoid_dist=0.77,
+    loaded_coll_avoid_dist=0.27,
+    weight_find_dust=0.82,
+    weight_find_dump=1.00,
+)
+EVOLVED = Genome(
+    density_of_robots=0.3304,
+    fraction_scouts=0.0310,
+    p_vector_forget=0.661,
+    priority_coll_avoid_dist=0.506,
+    empty_coll_avoid_dist=0.798,
+    loaded_coll_avoid_dist=0.0517,
+    priority_signal_scouts=True,
+    priority_signal_loaded=False,
+    weight_find_dust=0.750,
+    weight_find_dump=0.769,
+)
+PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
 """The two fit types that evolved in the paper (Table 2), and the fittest of `results-initial/evolve-paper`."""
 
 

@@ -7,8 +7,10 @@ import jax.numpy as jnp
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
+from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.recorded import check_recorded
 from iswarm_mj.utils.errors import UserError
 
 
@@ -32,23 +34,17 @@ def observation_shapes(n_robots: int, n_sides: int = 4) -> Observation:
     )
 
 
-def check_strategies(strategies: Strategy, n_worlds: int, n_robots: int, n_sides: int = 4) -> None:
+def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4) -> None:
     """Check a strategy whose arrays have a first axis of worlds, see `check_strategy`.
 
     Args:
         strategies: of all worlds.
-        n_worlds: B.
         n_robots: N.
         n_sides: S.
 
     Raises:
-        UserError: an array lacks that axis, or a method returns something else.
+        UserError: see `check_strategy`.
     """
-    for leaf in jax.tree.leaves(strategies):
-        if jnp.shape(leaf)[:1] != (n_worlds,):
-            raise UserError(
-                f"the arrays of the strategy must have a first axis of {n_worlds} worlds (got shape {jnp.shape(leaf)})"
-            )
     check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0), n_sides)
 
 
@@ -62,18 +58,27 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: i
         n_sides: S.
 
     Raises:
-        UserError: a method returns something else.
+        UserError: a method returns something else, raises an exception or cannot be compiled; what is to be recorded
+            is not there.
     """
     message = Message(_integers(n_robots), _flags(n_robots), _vectors(n_robots), _vectors(n_robots))
     command = Command(_floats(n_robots), _floats(n_robots))
-    memory = jax.eval_shape(lambda key: strategy.init(n_robots, key), key)
     name = type(strategy).__name__
-    _compare(f"{name}.say", jax.eval_shape(strategy.say, memory, _flags(n_robots)), message)
-    _compare(f"{name}.picks", jax.eval_shape(strategy.picks, memory), _flags(n_robots))
+
+    def shapes(method: str, *arguments: Any) -> Any:
+        with explained(f"{name}.{method}"):
+            # The strategy's own arrays are traced, too, as in a run.
+            return jax.eval_shape(lambda own, *given: getattr(own, method)(*given), strategy, *arguments)
+
+    with explained(f"{name}.init"):
+        memory = jax.eval_shape(lambda own, key: own.init(n_robots, key), strategy, key)
+    check_recorded(strategy, memory, n_robots)
+    _compare(f"{name}.say", shapes("say", memory, _flags(n_robots)), message)
+    _compare(f"{name}.picks", shapes("picks", memory), _flags(n_robots))
     if isinstance(strategy, RelayingStrategy):
-        listened = jax.eval_shape(strategy.listen, memory, observation_shapes(n_robots, n_sides), key)
+        listened = shapes("listen", memory, observation_shapes(n_robots, n_sides), key)
         _compare(f"{name}.listen", listened, memory, "memory")
-    returned = jax.eval_shape(strategy.act, memory, observation_shapes(n_robots, n_sides), key)
+    returned = shapes("act", memory, observation_shapes(n_robots, n_sides), key)
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
     _compare(f"{name}.act", returned[0], memory, "memory")

@@ -1,6 +1,7 @@
 """The paper's strategy, with vectors and scouts, as a `Strategy`."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -32,6 +33,13 @@ class VectorStrategy:
     config: SwarmConfig = field(metadata={"static": True})
     probe_tip: Point = field(metadata={"static": True})
     sides: Sides = field(default=PAPER_SIDES, metadata={"static": True})
+
+    recorded: ClassVar[dict[str, str]] = {
+        f"{place}.{part}": unit
+        for place in ("dust", "dump")
+        for part, unit in (("vector", "mm"), ("known", ""), ("hop", ""))
+    }
+    """See `strategy.recorded`."""
 
     def init(self, n_robots: int, key: Array) -> RobotMemory:
         """See `Strategy.init`."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from iswarm_mj.output.trajectory import RECORDING
 from iswarm_mj.simulation.distributed import ALONE, Hosts
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.utils.errors import UserError
@@ -84,7 +85,7 @@ def _time(run: Run, warm_up: int, record: bool, hosts: Hosts) -> Times:
     laps: list[float] = []
     with ExitStack() as stack:
         out = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        recorder = Recorder(run, out) if record and hosts.index == 0 else None
+        recorder = Recorder(run, out / RECORDING, trajectory=out) if record and hosts.index == 0 else None
         if recorder is not None:
             stack.callback(recorder.save)
         started = time.perf_counter()

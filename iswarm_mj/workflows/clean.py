@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from tqdm import tqdm
 
 from iswarm_mj.output import results
+from iswarm_mj.output.trajectory import RECORDING
 from iswarm_mj.simulation.distributed import ALONE, Hosts
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
@@ -108,7 +109,7 @@ def _record(run: Run, settings: RunSettings, places: Sequence[Path], hosts: Host
         recorders = []
         for index in range(len(run.settings.record_worlds)):
             with postponed():
-                recorders.append(Recorder(run, places[index], index, settings))
+                recorders.append(Recorder(run, places[index] / RECORDING, index, places[index], settings))
                 stack.enter_context(saved(recorders[-1].save))
         _advance(run, recorders, hosts)
         for recorder in recorders:

@@ -1,4 +1,4 @@
-"""Recording of one world of a run, to trajectory.npz and clean.rrd."""
+"""Recording of one world of a run, for Rerun and as trajectory.npz."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from iswarm_mj import __version__
 from iswarm_mj.output import results
 from iswarm_mj.output.frames import frames_of, scene_of
-from iswarm_mj.output.trajectory import RECORDING, Frames
+from iswarm_mj.output.trajectory import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
@@ -19,27 +19,35 @@ BLOCK = 64
 class Recorder:
     """Records one world of a run; what it has so far can be saved at any time, once, also by another thread."""
 
-    def __init__(self, run: Run, out: Path, index: int = 0, settings: RunSettings | None = None):
+    def __init__(
+        self,
+        run: Run,
+        recording: Path,
+        index: int = 0,
+        trajectory: Path | None = None,
+        settings: RunSettings | None = None,
+    ):
         """Begin with the start.
 
         Args:
             run: at its start.
-            out: directory for the files.
+            recording: file for Rerun.
             index: which of the recorded worlds.
+            trajectory: directory for trajectory.npz; none is written if not given.
             settings: of the run of all processes, by default those of the run.
         """
         from iswarm_mj.output.rerun_swarm import Recording
 
-        self._watch, self._out, self._index = run.watch, out, index
+        self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
         number = run.worlds[run.settings.record_worlds[index]].index
-        self._scene = scene_of(run.config, run.robot, run.start, index, number)
+        self._scene = scene_of(run.config, run.robot, run.start, index, number, self._recorded)
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]
         self._blocks: list[Frames] = []
-        metadata = {"genome": asdict(run.genome), "run": asdict(run.settings), **asdict(run.config)}
+        metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
         identity = {"version": __version__, "seed": run.settings.seed, "n_robots": run.settings.n_robots}
-        self._recording = Recording(out / RECORDING, self._scene, metadata, identity)
+        self._recording = Recording(recording, self._scene, metadata, identity)
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
@@ -51,7 +59,8 @@ class Recorder:
                 self._write()
                 self._recording.__exit__(None, None, None)
             finally:
-                results.write_trajectory(self._out, self._scene, Frames.concatenate(self._blocks), self._about)
+                if self._out is not None:
+                    results.write_trajectory(self._out, self._scene, Frames.concatenate(self._blocks), self._about)
 
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""
@@ -63,5 +72,7 @@ class Recorder:
     def _write(self) -> None:
         if self._pending:
             pending, self._pending = self._pending, []
-            self._blocks.append(frames_of(pending, self._index))
-            self._recording.append(self._blocks[-1])
+            block = frames_of(pending, self._index, self._recorded)
+            self._recording.append(block)
+            if self._out is not None:
+                self._blocks.append(block)

@@ -13,7 +13,6 @@ from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.initial import start_with
-from iswarm_mj.simulation.rollout import paper_strategy
 from iswarm_mj.simulation.settings import MjxSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.step import control_step, drive_phases
@@ -22,6 +21,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.workflows.rollout import paper_strategy
 
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 APART = [[-6, -6, 0.3], [6, -5, 2.0], [-5, 6, -1.0], [5, 5, -2.5]]

@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,9 @@ def make_scene(n_robots=40, n_balls=12):
         message_range=0.14,
         world=0,
         n_leds=4,
+        memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),
+        memory_units=("m", "", "m", "", "", ""),
+        memory_sizes=(2, 1, 2, 1, 1, 1),
     )
 
 
@@ -103,23 +106,26 @@ def make_frames(scene, n_frames=50, seed=0):
             "link_distance": more.random((n, 4), np.float32),
             "link_heard": valid & (more.random((n, 4)) < 0.8),
             "ball_holder": np.zeros(k, np.int16),
-            "dust_vector": body[0].astype(np.float32),
-            "dust_known": knows[0].copy(),
-            "dust_hop": more.integers(15, size=n, dtype=np.uint8),
-            "dump_hop": more.integers(15, size=n, dtype=np.uint8),
-            "dump_vector": body[1].astype(np.float32),
-            "dump_known": knows[1].copy(),
             "delivered": np.int32((state == 2).sum()),
             "picked": np.int32(picked),
             "collisions": np.int32(collisions),
             "mean_speed": np.float32(0.9e-3 + 1e-4 * rng.normal()),
         }
-        blocks.append(Frames(**{name: value[None] for name, value in one.items()}))
+        memory = {
+            "dust_vector": body[0].astype(np.float32),
+            "dust_known": knows[0].copy(),
+            "dump_vector": body[1].astype(np.float32),
+            "dump_known": knows[1].copy(),
+            "dust_hop": more.integers(15, size=n),
+            "dump_hop": more.integers(15, size=n),
+        }
+        many = {name: value[None] for name, value in one.items()}
+        blocks.append(Frames(**many, memory={name: value[None] for name, value in memory.items()}))
     return Frames.concatenate(blocks)
 
 
 def cut(frames, start, stop):
-    return Frames(**{f.name: getattr(frames, f.name)[start:stop] for f in fields(Frames)})
+    return frames[start:stop]
 
 
 def write(path, scene, frames, cuts=(1, 6, 23), config=None):
@@ -146,7 +152,7 @@ def test_the_synthetic_run_has_something_to_show():
     frames = make_frames(make_scene())
     assert frames.is_loaded.any() and frames.has_priority.any() and (frames.ball_state == 1).any()
     assert frames.link_valid.any() and not frames.link_valid.all()
-    assert frames.dust_known.any() and not frames.dust_known.all()
+    assert frames.memory["dust_known"].any() and not frames.memory["dust_known"].all()
 
 
 def test_timelines(run):
@@ -228,7 +234,7 @@ def test_robots_tell_messages_hop_counts_and_commands(run):
     robots = recorded["/world/robots/body"]
     np.testing.assert_array_equal(robots["message"], frames.message)
     for name in ("dust", "dump"):
-        hops, known = getattr(frames, f"{name}_hop"), getattr(frames, f"{name}_known")
+        hops, known = frames.memory[f"{name}_hop"], frames.memory[f"{name}_known"]
         np.testing.assert_array_equal(robots[f"{name}_hop"], np.where(known, hops.astype(int), -1))
     np.testing.assert_allclose(robots["turn_deg"], np.rad2deg(frames.command[..., 0]), rtol=1e-5)
     np.testing.assert_allclose(robots["forward_mm"], 1e3 * frames.command[..., 1], rtol=1e-5)
@@ -237,7 +243,7 @@ def test_robots_tell_messages_hop_counts_and_commands(run):
 @pytest.mark.parametrize("kind", ["dust", "dump"])
 def test_arrows_start_at_those_who_know(run, kind):
     _, frames, recorded = run
-    known, vector = getattr(frames, f"{kind}_known"), getattr(frames, f"{kind}_vector")
+    known, vector = frames.memory[f"{kind}_known"], frames.memory[f"{kind}_vector"]
     origins = column(recorded, f"/world/memory/{kind}", "Arrows3D:origins")
     vectors = column(recorded, f"/world/memory/{kind}", "Arrows3D:vectors")
     for t in range(len(frames)):
@@ -275,8 +281,8 @@ def test_time_series(run):
         "balls/delivered": frames.delivered,
         "balls/picked": frames.picked,
         "collisions": frames.collisions,
-        "known/dust": frames.dust_known.sum(1) / 40,
-        "known/dump": frames.dump_known.sum(1) / 40,
+        "known/dust": frames.memory["dust_known"].sum(1) / 40,
+        "known/dump": frames.memory["dump_known"].sum(1) / 40,
         "mean_speed": 1e3 * frames.mean_speed,
     }
     for name, values in wanted.items():
@@ -360,8 +366,9 @@ def test_unwritable_places(tmp_path):
 def test_values_that_are_not_finite_are_refused(tmp_path, name):
     scene = make_scene(5, 2)
     frames = make_frames(scene, 9)
-    bad = replace(frames, dump_known=np.ones((9, 5), bool), dump_vector=np.zeros((9, 5, 2), np.float32))
-    getattr(bad, name)[5:, 1] = np.nan
+    known = {"dump_known": np.ones((9, 5), bool), "dump_vector": np.zeros((9, 5, 2), np.float32)}
+    bad = replace(frames, memory={**frames.memory, **known})
+    bad.arrays()[name][5:, 1] = np.nan
     with (
         pytest.raises(SimulationFault, match=r"Step 5: .* 1 is not finite"),
         Recording(tmp_path / "r", scene, {}, {}) as recording,
@@ -383,9 +390,8 @@ def test_steps_must_increase(tmp_path):
 def test_a_world_without_balls_links_or_knowledge(tmp_path):
     scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0))
     frames = make_frames(make_scene(5, 2), 4)
-    none = {
-        name: np.zeros_like(getattr(frames, name)) for name in ("link_valid", "dust_known", "dump_known", "is_loaded")
-    }
+    none = {name: np.zeros_like(frames.arrays()[name]) for name in ("link_valid", "is_loaded")}
+    none["memory"] = {**frames.memory, "dust_known": np.zeros((4, 5), bool), "dump_known": np.zeros((4, 5), bool)}
     bare = replace(frames, ball_position=frames.ball_position[:, :0], ball_state=frames.ball_state[:, :0], **none)
     write(tmp_path / "run.rrd", scene, bare, cuts=())
     recorded = read(tmp_path / "run.rrd")

@@ -13,12 +13,12 @@ import pytest
 from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N, poses, ran, settings
 
 from iswarm_mj.simulation.initial import draw_start
-from iswarm_mj.simulation.rollout import paper_strategy, rollout
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import FaultKind, UserError
+from iswarm_mj.workflows.rollout import paper_strategy, rollout
 
 TYPE1 = PRESETS["type1"]
 WORLD = World(TYPE1, N, SEED)

@@ -162,8 +162,8 @@ class TestWhatDoesNotFit:
 
     def test_strategies_without_an_axis_of_worlds(self, small):
         strategy = vector_strategies(small, read_robot(), [World(TYPE1, 5)] * 2)
-        with pytest.raises(UserError, match=r"first axis of 1 worlds \(got shape \(2,\)\)"):
-            Run(small, TYPE1, RunSettings(5, 3), strategy=strategy)
+        with pytest.raises(UserError, match=r"array of shape \(2,\); .* that of the 1 worlds"):
+            Run(small, TYPE1, RunSettings(5, 3), strategy=strategy, strategy_per_world=True)
 
     def test_measures_of_a_world_that_is_not_there(self, small):
         run = Run(small, TYPE1, RunSettings(5, 3))

@@ -9,7 +9,7 @@ from helpers_rrd import read
 from helpers_runs import engine_of, first_step, records, run_of, spoil
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import ABOUT, Frames, Scene
+from iswarm_mj.output.trajectory import ABOUT, ARRAYS, Scene
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER
@@ -78,7 +78,8 @@ def test_result_has_all_that_was_promised(done, small):
 
 def test_trajectory_agrees_with_result(done):
     _, content, frames, _ = done
-    assert frames.keys() == {f.name for f in fields(Frames)} | {f"scene_{name}" for name in Scene._fields} | {ABOUT}
+    memory = {f"{place}_{part}" for place in ("dust", "dump") for part in ("vector", "known", "hop")}
+    assert frames.keys() == {*ARRAYS, *memory, *(f"scene_{name}" for name in Scene._fields), ABOUT}
     about = json.loads(frames[ABOUT].item())
     assert about == {name: content[name] for name in ("version", "engine", "settings", "genome", "config", "robot")}
     np.testing.assert_array_equal(frames["step"], np.arange(content["steps"] + 1))
@@ -103,6 +104,7 @@ def test_trajectory_is_in_si(done):
         vectors = np.stack([1e-3 * np.asarray(m.vector[0]) for m in memory])
         np.testing.assert_allclose(frames[f"{name}_vector"], vectors, atol=1e-8)
         np.testing.assert_array_equal(frames[f"{name}_known"], [m.known[0] for m in memory])
+        np.testing.assert_array_equal(frames[f"{name}_hop"], [m.hop[0] for m in memory])
     for name in ("sender", "valid"):
         links = [getattr(record.links, name)[0] for record in recorded]
         np.testing.assert_array_equal(frames[f"link_{name}"], links)

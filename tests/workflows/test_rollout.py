@@ -11,12 +11,12 @@ from helpers_mjx import TINY, N, compilations, mjx
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.initial import draw_radii, place_robots
-from iswarm_mj.simulation.rollout import Rollout, _each, paper_strategy, rollout
 from iswarm_mj.simulation.settings import MujocoSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.errors import FaultKind, UserError
 from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.workflows.rollout import Rollout, _each, paper_strategy, rollout
 
 KEYS = jax.random.split(jax.random.key(8), 3)
 N_FEW = 5
@@ -208,15 +208,10 @@ def test_without_poses():
     assert run.poses is None and run.steps.tolist() == [1]
 
 
-def broken(**methods):
-    """A `Straight` of which some methods are others."""
-    return type("Broken", (Straight,), methods)(jnp.float32(0.1))
-
-
 @pytest.mark.parametrize(
     "strategy, words",
     [
-        (broken(), "Broken where JAX expects an array"),
+        (Straight(lambda: 0.1), "holds a function where JAX expects an array"),
         (Straight(jnp.zeros(2), jnp.zeros(3), jnp.zeros(3)), "first axis is that of the 3 worlds"),
     ],
 )

@@ -1,7 +1,9 @@
 """Rollouts of any strategy in many worlds at once: one call, arrays with a world axis."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import jax
@@ -21,6 +23,8 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.interruption import saved
+from iswarm_mj.workflows.recorder import Recorder
 
 
 class Rollout(NamedTuple):
@@ -50,7 +54,7 @@ class Rollout(NamedTuple):
 
 def rollout(
     config: SwarmConfig,
-    strategy: Strategy,
+    strategy: Strategy | Genome | Any,
     keys: jax.Array,
     *,
     n_robots: int,
@@ -60,6 +64,7 @@ def rollout(
     stop_at: int | None = None,
     every: int = 10,
     poses_of: Sequence[int] = (),
+    record: str | Path | None = None,
 ) -> Rollout:
     """Let a strategy clean the floor of B worlds.
 
@@ -72,7 +77,8 @@ def rollout(
 
     Args:
         config: what all worlds share.
-        strategy: a pytree, see `strategy.protocol.Strategy`.
+        strategy: a genome, or see `strategy.protocol.Strategy`; what may differ between worlds says
+            `simulation.strategies.of_all_worlds`.
         keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
         n_robots: N, in each world.
         steps: control steps at most.
@@ -81,32 +87,48 @@ def rollout(
         stop_at: a world is finished when this many balls are delivered; None for all.
         every: deliveries are counted after every so many control steps, and after the last.
         poses_of: W numbers of worlds whose poses after each step are kept.
+        record: file for a recording of the first of these worlds, or of world 0 without any; open it with `rerun`.
 
     Raises:
-        UserError: keys, robots, settings or a strategy that do not fit.
+        UserError: keys, robots, settings or a strategy that do not fit; or the recording cannot be written.
     """
     _check_keys(keys)
     check("every", every, "a whole number between 1 and 10000", isinstance(every, int) and 1 <= every <= 10_000)
     n_worlds = len(keys)
     known = len(set(poses_of)) == len(poses_of) and all(world in range(n_worlds) for world in poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
-    settings = RunSettings(n_robots, steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=tuple(poses_of))
-    many = _of_all_worlds(strategy, n_worlds, strategy_per_world)
-    genome = PRESETS["type1"]  # ignored, since the strategy is given
+    recorded = tuple(poses_of) or (() if record is None else (0,))
+    settings = RunSettings(n_robots, steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)
+    is_genome = isinstance(strategy, Genome)
+    genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine
     engine = replace(engine, chunk=every) if isinstance(engine, PlanarSettings | MjxSettings) else engine
     worlds = [
         World(genome, n_robots, index=index, start=_start(config, n_robots, data), key=key)
         for index, (data, key) in enumerate(_each(keys))
     ]
-    run = Run(config, genome, settings, engine, worlds=worlds, strategy=many)
+    run = Run(
+        config,
+        genome,
+        settings,
+        engine,
+        worlds=worlds,
+        strategy=None if is_genome else strategy,
+        strategy_per_world=strategy_per_world,
+    )
     counted = np.minimum(np.arange(every, steps + every, every), steps)
     delivered, poses = np.zeros((len(keys), len(counted)), int), [run.start.poses]
-    for column, last in enumerate(counted):
-        while not run.is_over and run.step < last:
-            record = run.advance()
-            poses += [] if record is None else [record.poses]
-        delivered[:, column] = run.delivered()
+    recorder = None if record is None else Recorder(run, Path(record))
+    with nullcontext() if recorder is None else saved(recorder.save):
+        for column, last in enumerate(counted):
+            while not run.is_over and run.step < last:
+                taken = run.advance()
+                poses += [] if taken is None else [taken.poses]
+                if recorder is not None and taken is not None:
+                    recorder.add(taken)
+            delivered[:, column] = run.delivered()
+        if recorder is not None:
+            recorder.save()
     return _rollout(run, counted, delivered, _hold_last(poses, 1 + steps) if poses_of else None)
 
 
@@ -161,22 +183,3 @@ def _check_keys(keys: jax.Array) -> None:
             f"keys was {given}; it must be random keys, one for each world: "
             "make B of them by jax.random.split(jax.random.key(0), B)."
         )
-
-
-def _of_all_worlds(strategy: Strategy, n_worlds: int, is_per_world: bool) -> Any:
-    """The strategy with a first axis of worlds in all its arrays."""
-    for leaf in jax.tree.leaves(strategy):
-        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
-            raise UserError(
-                f"strategy holds a {type(leaf).__name__} where JAX expects an array: make the class a pytree by "
-                "jax.tree_util.register_dataclass, with what is no array marked as static."
-            )
-        shape = np.shape(leaf)
-        if is_per_world and shape[:1] != (n_worlds,):
-            raise UserError(
-                f"strategy has an array of shape {shape}; with strategy_per_world its first axis is that of the "
-                f"{n_worlds} worlds: stack the strategies of all worlds."
-            )
-    # With types named, or numbers without one of their own would make another program.
-    arrays = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), strategy)
-    return arrays if is_per_world else jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), arrays)

@@ -1,0 +1,231 @@
+"""A strategy in a file outside the package: it runs on every engine and is recorded; its errors are explained."""
+
+import json
+import re
+import textwrap
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_rrd import read
+
+from iswarm_mj.commands import main as cli
+from iswarm_mj.strategy.genome import PRESETS
+
+WALK = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+import jax
+import jax.numpy as jnp
+
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.utils.constraints import Within
+
+@dataclass
+class Walk:
+    turn: Annotated[float, Within(0, 180, "deg")] = 30.0
+    """Largest turn of a step [deg]."""
+    recorded = {"turned": "rad"}
+
+    def init(self, n_robots, key):
+        return {"turned": jnp.zeros(n_robots)}
+    def say(self, memory, is_loaded):
+        nothing = VectorMemory.empty(len(is_loaded))
+        return Message(jnp.zeros(len(is_loaded), int), is_loaded, nothing, nothing)
+    def picks(self, memory):
+        return memory["turned"] < jnp.inf
+    def act(self, memory, seen, key):
+        turn = jnp.deg2rad(self.turn) * jax.random.uniform(key, seen.at_dust.shape, minval=-1)
+        return {"turned": memory["turned"] + turn}, Command(turn, jnp.full_like(turn, 1.0))
+'''
+"""At most 25 lines of code."""
+SMALL = ("--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5")
+FEW = (*SMALL, "--arena.n-dust=5", "--robots=4", "--steps=6")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """An empty working directory with the file."""
+    monkeypatch.chdir(tmp_path)
+    Path("walk.py").write_text(WALK)
+    return tmp_path
+
+
+def code_of(*arguments):
+    try:
+        cli.main([str(a) for a in arguments])
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def refused(capfd, *arguments):
+    """The one sentence with which `iswarm` refuses."""
+    assert code_of(*arguments) == 2
+    out, error = capfd.readouterr()
+    assert out == "" and re.fullmatch(r"iswarm: [^\n]*\n", error), error
+    return error
+
+
+def changed(old, new):
+    """Write the file with a part replaced; its lines count from 1."""
+    assert old in WALK
+    Path("walk.py").write_text(WALK.replace(old, new))
+    return 1 + WALK[: WALK.index(old)].count("\n")
+
+
+def walked(*flags, name="walk.py:Walk"):
+    assert code_of("clean", "--strategy", name, *FEW, *flags) == 0
+    with np.load("runs/clean/trajectory.npz") as file:
+        return dict(file)
+
+
+def test_the_walk_is_short():
+    lines = [line for line in WALK.splitlines() if line.strip() and not line.strip().startswith('"""')]
+    assert len(lines) <= 25
+
+
+@pytest.mark.parametrize("engine", [["mujoco"], ["planar"], ["planar", "--impl=warp"], ["mjx"]], ids=" ".join)
+def test_every_engine_runs_and_records_it(engine):
+    frames = walked("--turn=40", "--engine", *engine)
+    turned = frames["turned"]
+    assert turned.shape == (7, 4) and (turned[0] == 0).all()
+    steps = np.diff(turned, axis=0)
+    assert np.abs(steps).max() <= np.deg2rad(40.001) and np.abs(steps).max() > np.deg2rad(20)
+    free = np.abs(np.diff(frames["pose"][..., 2], axis=0) - steps) < 1e-3  # a contact turns robots, too
+    assert free.mean() > 0.5
+    assert frames["scene_memory_names"].tolist() == ["turned"] and frames["scene_memory_units"].tolist() == ["rad"]
+    assert "dust_vector" not in frames
+    content = json.loads(Path("runs/clean/result.json").read_text())
+    assert content["strategy"] == {"class": "Walk", "turn": 40.0} and "genome" not in content
+    entity = read("runs/clean/clean.rrd")["/memory/turned"]
+    np.testing.assert_allclose(np.array([row for row in entity["Scalars:scalars"]]), turned, rtol=1e-6)
+
+
+def test_bench_runs_it(capfd):
+    flags = ("--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5")
+    assert code_of("bench", "--strategy", "walk.py:Walk", *flags, "--robots=4", "--steps=3", "--warm-up=2") == 0
+    assert json.loads(capfd.readouterr().out)["n_robots"] == 4
+
+
+def test_help_shows_its_flags_in_place_of_the_genome(capfd):
+    assert code_of("clean", "--strategy", "walk.py:Walk", "--help") == 0
+    out, _ = capfd.readouterr()
+    assert re.search(r"--turn FLOAT\s.*\n.*Largest turn of a step \[deg\]\. \(default: 30\.0\)", out)
+    assert "--genome" not in out and "--weight-find-dust" not in out
+
+
+class TestInstalled:
+    @pytest.fixture(autouse=True)
+    def package(self, here, monkeypatch):
+        """What an installer writes about this package, from its own declaration, and about another."""
+        groups = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]["entry-points"]
+        points = groups["iswarm_mj.strategies"] | {"theirs": "walk:Walk"}
+        info = here / "own-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own\nVersion: 1.0\n")
+        lines = ["[iswarm_mj.strategies]", *(f"{name} = {value}" for name, value in points.items())]
+        (info / "entry_points.txt").write_text("\n".join(lines))
+        monkeypatch.syspath_prepend(here)
+
+    def test_presets_are_strategies(self):
+        for name, genome in PRESETS.items():
+            assert cli.parse(["clean", "--strategy", name]).checked()[1] == genome
+        command = cli.parse(["clean", "--strategy", "type2", "--p-vector-forget", "0.5"])
+        assert command.checked()[1].p_vector_forget == 0.5 and command.checked()[1].weight_find_dump == 1.0
+
+    def test_a_preset_does_the_same_by_either_name(self):
+        one = walked(name="type2")
+        assert code_of("clean", "--genome", "type2", *FEW) == 0
+        with np.load("runs/clean/trajectory.npz") as other:
+            np.testing.assert_array_equal(one["pose"], other["pose"])
+            np.testing.assert_array_equal(one["dust_hop"], other["dust_hop"])
+
+    def test_other_packages_offer_theirs(self):
+        assert walked(name="theirs")["turned"].any()
+
+    def test_unknown_names(self, capfd):
+        error = refused(capfd, "clean", "--strategy", "typ2")
+        assert "installed (evolved, theirs, type1, type2)" in error and "perhaps you meant type2" in error
+
+
+class TestMistakes:
+    def wrong(self, capfd, name="walk.py:Walk", *flags):
+        return refused(capfd, "clean", "--strategy", name, *FEW, *flags)
+
+    def test_files_and_classes(self, capfd):
+        assert "strategy file wlk.py does not exist" in self.wrong(capfd, "wlk.py:Walk")
+        assert "walk.py has no Wlk; its strategies are Walk" in self.wrong(capfd, "walk.py:Wlk")
+        assert "names no class; its strategies are Walk" in self.wrong(capfd, "walk.py")
+
+    def test_syntax(self, capfd):
+        line = changed("    def picks(self, memory):", "    def picks(self, memory)")
+        assert re.search(rf"SyntaxError: .*walk\.py, line {line}: `def picks\(self, memory\)`", self.wrong(capfd))
+
+    def test_imports(self, capfd):
+        changed("import jax\n", "import nonesuch\n")
+        assert "ModuleNotFoundError: No module named 'nonesuch'" in self.wrong(capfd)
+
+    def test_missing_methods(self, capfd):
+        changed("def picks", "def pick")
+        assert "Walk has no method picks" in self.wrong(capfd)
+
+    def test_ranges(self, capfd):
+        assert "--turn must be between 0 and 180 deg (got 200.0)" in self.wrong(capfd, "walk.py:Walk", "--turn=200")
+
+    def test_flags_that_the_command_has(self, capfd):
+        changed("    turn: ", "    steps: int = 3\n    turn: ")
+        assert "Walk has a field steps, but --steps is already a flag of iswarm clean" in self.wrong(capfd)
+
+    @pytest.mark.parametrize(
+        "statement, words",
+        [
+            ("if seen.at_dust.any(): turn = turn * 0", "jnp.where"),
+            ("if self.turn > 3: turn = turn * 0", "jnp.where"),
+            ("turn = turn[seen.at_dust]", "jnp.where"),
+            ("import numpy; turn = numpy.sin(turn)", "jax.numpy"),
+            ("turn = jnp.zeros(int(turn[0]))", "static"),
+            ("for _ in range(seen.led[0, 0]): pass", "jax.lax"),
+        ],
+    )
+    def test_python_on_traced_values(self, capfd, statement, words):
+        last = 'return {"turned": memory["turned"] + turn}'
+        line = changed(last, f"{statement}\n        {last}")
+        error = self.wrong(capfd)
+        assert re.search(rf"Walk\.act .*walk\.py, line {line}: `{re.escape(statement)}`\).*{re.escape(words)}", error)
+
+    def test_exceptions(self, capfd):
+        last = 'return {"turned": memory["turned"] + turn}'
+        line = changed(last, f'memory["missing"]\n        {last}')
+        assert re.search(rf"Walk\.act raised KeyError: 'missing' .*walk\.py, line {line}: `memory", self.wrong(capfd))
+
+    def test_arguments(self, capfd):
+        changed("def init(self, n_robots, key)", "def init(self, n_robots)")
+        assert re.search(r"Walk\.init raised TypeError: .*takes 2 positional arguments but 3", self.wrong(capfd))
+
+    @pytest.mark.parametrize(
+        "old, new, words",
+        [
+            ("jnp.full_like(turn, 1.0)", "1", "forward of its command"),
+            ("Command(turn, ", "Command(turn[:2], ", r"turn of its command \(got float32\[2\]\)"),
+            ('memory["turned"] < jnp.inf', 'memory["turned"]', r"picks must return bool\[4\]"),
+            ('{"turned": "rad"}', '{"turn": "rad"}', "recorded names 'turn', which its memory lacks"),
+            ('{"turned": "rad"}', '"turned"', "recorded must be a tuple of names"),
+            ('{"turned": jnp.zeros(n_robots)}', '{"turned": jnp.zeros(3)}', "axis must be that of the 4 robots"),
+        ],
+    )
+    def test_shapes_and_types(self, capfd, old, new, words):
+        changed(old, new)
+        assert re.search(words, self.wrong(capfd))
+
+    def test_names_that_trajectories_have(self, capfd):
+        Path("walk.py").write_text(textwrap.dedent(WALK).replace('"turned"', '"pose"'))
+        assert "cannot be called pose" in self.wrong(capfd)
+
+    def test_exceptions_of_the_constructor(self, capfd):
+        changed("    def init", "    def __post_init__(self):\n        raise ValueError('too\\nbad')\n    def init")
+        assert re.search(r"raised ValueError: too .*walk\.py, line \d+: `raise", self.wrong(capfd))

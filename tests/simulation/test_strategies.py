@@ -1,0 +1,146 @@
+"""What becomes of a user's strategy: a pytree, for all worlds, recorded."""
+
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_rrd import read
+
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.rollout import rollout
+
+HERE = MujocoSettings(1)
+
+
+class Still:
+    """Robots that stand, without parameters."""
+
+    recorded = ("home",)
+
+    def init(self, n_robots, key):
+        return {"home": jnp.tile(jnp.array([3.0, 4.0]), (n_robots, 1))}
+
+    def say(self, memory, is_loaded):
+        nothing = VectorMemory.empty(len(is_loaded))
+        return Message(jnp.zeros(len(is_loaded), int), is_loaded, nothing, nothing)
+
+    def picks(self, memory):
+        return memory["home"][:, 0] > 0
+
+    def act(self, memory, seen, key):
+        return memory, Command(*jnp.zeros((2, len(seen.at_dust))))
+
+
+@dataclass
+class Ahead(Still):
+    """Robots that go ahead, as far as their world says."""
+
+    stride: float = 0.1
+    steps: int = 1
+    per_robot: float = field(default=0.0, metadata={"static": True})
+    recorded = {"home": "mm"}
+
+    def __post_init__(self):
+        if self.stride < 0:
+            raise ValueError("stride")
+
+    def for_world(self, config, robot, n_robots):
+        return Ahead(self.stride * n_robots)
+
+    def act(self, memory, seen, key):
+        n = len(seen.at_dust)
+        moved = sum(self.stride for _ in range(self.steps))
+        return memory, Command(jnp.zeros(n), jnp.full(n, moved))
+
+
+def moved_by(run):
+    """Distances of the robots [mm] in the first step of each world (W, N)."""
+    record = run.advance()
+    return np.linalg.norm(record.poses[0, ..., :2] - run.start.poses[0, ..., :2], axis=-1)
+
+
+class TestRuns:
+    def test_a_class_without_fields(self, small):
+        run = Run(small, strategy=Still(), settings=RunSettings(4, 2), engine=HERE)
+        np.testing.assert_allclose(moved_by(run), 0, atol=1e-6)
+        assert run.rules == {"strategy": {"class": "Still"}}
+
+    def test_each_world_gets_its_own(self, small):
+        worlds = [World(PRESETS["type1"], n) for n in (2, 5)]
+        settings = RunSettings(5, 2, n_worlds=2, record_worlds=(0, 1))
+        moved = moved_by(Run(small, strategy=Ahead(), settings=settings, engine=HERE, worlds=worlds))
+        np.testing.assert_allclose(moved[0, :2], 0.2, atol=0.02)
+        np.testing.assert_allclose(moved[1], 0.5, atol=0.02)
+
+    def test_defaults_are_those_of_the_command(self, small):
+        run = Run(small, strategy=Still(), engine=HERE)
+        assert (run.settings.steps, run.settings.n_robots) == (800, Run(small, engine=HERE).settings.n_robots)
+
+    def test_a_genome_stands_for_itself(self, small):
+        settings = RunSettings(10, 2)
+        one, other = (
+            Run(small, *given, settings=settings, engine=HERE, **more)
+            for given, more in (((PRESETS["type2"],), {}), ((), {"strategy": PRESETS["type2"]}))
+        )
+        np.testing.assert_array_equal(one.advance().poses, other.advance().poses)
+        with pytest.raises(UserError, match="worlds have their own"):
+            Run(small, strategy=PRESETS["type2"], settings=settings, worlds=one.worlds)
+
+    def test_what_is_no_number_is_compiled_in(self):
+        from iswarm_mj.strategy.pytrees import as_strategy
+
+        leaves, structure = jax.tree.flatten(as_strategy(Ahead(0.3, 2, 5.0)))
+        assert leaves == [0.3]
+        again = jax.tree.unflatten(structure, leaves)
+        assert again == Ahead(0.3, 2, 5.0)
+
+    def test_refused(self, small):
+        @dataclass
+        class Listed(Still):
+            names: str = ()
+
+        class Attributes(Still):
+            def __init__(self):
+                self.stride = 1.0
+
+        for strategy, words in (
+            (Still, r"is the class Still itself; give an object of it, as Still\(\)"),
+            (Attributes(), r"Attributes has attributes \(stride\) but is not a dataclass; write @dataclass"),
+            (Listed(["a"]), "Listed.names is compiled in and must not change, but is a list; use a tuple"),
+            (3.0, "float has no method init and no method say"),
+        ):
+            with pytest.raises(UserError, match=words):
+                Run(small, strategy=strategy, settings=RunSettings(2, 1), engine=HERE)
+
+
+class TestRollouts:
+    KEYS = jax.random.split(jax.random.key(1), 2)
+
+    def test_are_recorded(self, small, tmp_path):
+        """Vectors in mm are drawn as arrows, by 3 and 4 mm in the robot's frame."""
+        path = tmp_path / "x.rrd"
+        found = rollout(
+            small, Ahead(), self.KEYS, n_robots=3, steps=4, engine=PlanarSettings(1), record=path, poses_of=(1,)
+        )
+        recorded = read(path)
+        body = np.array(recorded["/world/robots/body"]["Boxes3D:centers"])
+        np.testing.assert_allclose(body[..., :2], found.poses[0, ..., :2], atol=1e-4)
+        arrows = np.array(recorded["/world/memory/home"]["Arrows3D:vectors"])
+        np.testing.assert_allclose(np.linalg.norm(arrows, axis=-1), 5.0, rtol=1e-5)
+        assert [path.name for path in tmp_path.iterdir()] == ["x.rrd"]
+
+    def test_recording_changes_nothing(self, small, tmp_path):
+        few = {"n_robots": 3, "steps": 4, "engine": PlanarSettings(1)}
+        plain = rollout(small, PRESETS["type2"], self.KEYS, **few)
+        recorded = rollout(small, PRESETS["type2"], self.KEYS, **few, record=str(tmp_path / "x.rrd"))
+        assert recorded.poses is None and "/world/memory/dust" in read(tmp_path / "x.rrd")
+        np.testing.assert_array_equal(plain.delivered_after, recorded.delivered_after)
