@@ -47,7 +47,7 @@ class Ahead(Still):
     stride: float = 0.1
     steps: int = 1
     per_robot: float = field(default=0.0, metadata={"static": True})
-    recorded = {"home": "mm"}
+    recorded = {"home": "mm"}  # noqa: RUF012
 
     def __post_init__(self):
         if self.stride < 0:
