@@ -15,6 +15,7 @@ import rerun as rr
 from jaxtyping import Bool, Float, Int, UInt16
 
 from iswarm_mj.output import rerun_swarm_view as look
+from iswarm_mj.output.remembered import hop_counts, is_known
 from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties, settings_document
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.trajectory import Frames, Scene
@@ -23,8 +24,6 @@ from iswarm_mj.utils.geometry import rotate
 
 TRAIL_FRAMES = 20
 """Length of a trail [frames]."""
-NO_HOP = -1
-"""Hop count of a robot that knows no vector."""
 
 
 def robot_classes(
@@ -75,12 +74,6 @@ def _strips(points: np.ndarray, lengths: np.ndarray) -> pa.Array:
     vectors = rr.encodings.Vec3DBatch(np.ascontiguousarray(points, np.float32)).as_arrow_array()
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
     return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
-
-
-def _is_known(frames: Frames, name: str) -> Bool[np.ndarray, "T N"]:
-    """Which robots have a vector (T, N): as the strategy says by NAME_known beside NAME_vector, else if it is not 0."""
-    flags = frames.memory.get(f"{look.stem(name)}_known")
-    return np.any(frames.memory[name], axis=-1) if flags is None else flags
 
 
 class Recording:
@@ -188,7 +181,7 @@ class Recording:
         top = centres.copy()
         top[..., 2] = 1.1 * size[2]
         for name in self._scene.arrows:
-            self._arrows(look.arrows(name), top, yaw, frames.memory[name], _is_known(frames, name))
+            self._arrows(look.arrows(name), top, yaw, frames.memory[name], is_known(frames, name))
         self._memory(frames)
         self._series(frames)
         self._flush()
@@ -205,7 +198,7 @@ class Recording:
         }
         for name in self._scene.arrows:
             is_finite = np.isfinite(frames.memory[name]).all(axis=-1)
-            everything[look.title(name)] = ("robots", np.logical_and(_is_known(frames, name), ~is_finite))
+            everything[look.title(name)] = ("robots", np.logical_and(is_known(frames, name), ~is_finite))
         for name, (kind, is_bad) in everything.items():
             if is_bad.any():
                 t = int(np.argmax(is_bad.any(axis=1)))
@@ -241,7 +234,7 @@ class Recording:
             columns,
             [n_robots] * n_frames,
             message=frames.message,
-            **self._hops(frames),
+            **hop_counts(self._scene, frames),
             turn_deg=np.rad2deg(frames.command[..., 0]),
             forward_mm=frames.command[..., 1] * np.float32(MILLIMETRES),
         )
@@ -285,15 +278,6 @@ class Recording:
         columns = rr.Arrows3D.columns(origins=origins[known], vectors=vectors)
         self._send(entity, columns, np.count_nonzero(known, axis=1))
 
-    def _hops(self, frames: Frames) -> dict[str, np.ndarray]:
-        """Hop counts of the recorded vectors that have some."""
-        hops = {name: f"{look.stem(name)}_hop" for name in self._scene.arrows}
-        return {
-            hop: np.where(_is_known(frames, name), frames.memory[hop], NO_HOP).astype(np.int8)
-            for name, hop in hops.items()
-            if hop in frames.memory
-        }
-
     def _memory(self, frames: Frames) -> None:
         """Numbers and flags that the robots remember, a series for each number of each robot."""
         for name in look.numbers(self._scene):
@@ -310,6 +294,6 @@ class Recording:
             "series/mean_speed": frames.mean_speed * MILLIMETRES,
         }
         for name in self._scene.arrows:
-            values[look.known(name)] = _is_known(frames, name).mean(axis=1)
+            values[look.known(name)] = is_known(frames, name).mean(axis=1)
         for entity in look.series(self._scene):
             self._send(entity, rr.Scalars.columns(scalars=np.asarray(values[entity], np.float64)))
