@@ -94,6 +94,7 @@ def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     sizes: dict[str, tuple[int, str]] = {}
     kinds = {f.name: f.type for f in fields(Frames)}
     kinds |= {f"scene_{name}": kind for name, kind in Scene.__annotations__.items()}
+    kinds = {name: kind for name, kind in kinds.items() if not name.startswith("scene_memory_")}
     for name, kind in kinds.items():
         axes = getattr(kind, "dim_str", "").split()
         if name not in arrays:
@@ -105,3 +106,6 @@ def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
                 raise UserError(f"{path}: the shape {found} of `{name}` does not fit that of `{first}`; {REMEDY}.")
         if len(axes) != len(found):
             raise UserError(f"{path}: `{name}` has {len(found)} axes instead of {len(axes)}; {REMEDY}.")
+    for name in np.atleast_1d(arrays.get("scene_memory_names", [])).tolist():
+        if name not in arrays or arrays[name].shape[:2] != arrays["pose"].shape[:2]:
+            raise UserError(f"{path}: `{name}` is not there for each step and robot; {REMEDY}.")

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from iswarm_mj.config import N_LEDS, SwarmConfig
 from iswarm_mj.output.reading import REMEDY, read_about, read_result, read_trajectory
-from iswarm_mj.output.tables import TABLES, UNITS, missing, table_of
+from iswarm_mj.output.tables import TABLES, missing, table_of
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.settings import RunSettings
@@ -38,7 +38,10 @@ class SavedRun:
     version: str
     """Of the package that wrote it."""
     config: SwarmConfig
-    genome: Genome
+    genome: Genome | None
+    """None where another strategy than the paper's ran, which `strategy` states."""
+    strategy: dict[str, Any] | None
+    """Class and parameters of a strategy other than the paper's, None for that."""
     settings: RunSettings
     """`record_worlds` are those that were found."""
     engine: dict[str, Any]
@@ -56,7 +59,8 @@ class SavedRun:
     @property
     def units(self) -> dict[str, dict[str, str]]:
         """Unit of each column of each table, empty for numbers without one."""
-        return {name: {c: UNITS[name].get(c, "") for c in getattr(self, name).column_names} for name in TABLES}
+        tables = {name: getattr(self, name) for name in TABLES}
+        return {name: {f.name: f.metadata[b"unit"].decode() for f in table.schema} for name, table in tables.items()}
 
     @property
     def scene(self) -> Scene:
@@ -129,7 +133,8 @@ def load(path: str | Path) -> SavedRun:
     source = place / RESULT if not files else files[0]
     try:
         config = restored(SwarmConfig, about["config"])
-        genome = restored(Genome, about["genome"])
+        strategy = about.get("strategy")
+        genome = restored(Genome, about["genome"]) if strategy is None else None
         worlds = _by_number(read)
         settings = _settings(about, tuple(worlds))
     except (KeyError, TypeError, AttributeError) as error:
@@ -148,6 +153,7 @@ def load(path: str | Path) -> SavedRun:
         version=about.get("version", ""),
         config=config,
         genome=genome,
+        strategy=strategy,
         settings=settings,
         engine={name: about[name] for name in ENGINE if name in about},
         measures=_measures(about, settings.n_worlds),

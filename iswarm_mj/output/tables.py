@@ -174,14 +174,39 @@ TABLES: dict[str, tuple[Column, ...]] = {
     ),
 }
 """Columns of each table, after the number of the world."""
-UNITS = {table: {column.name: column.unit for column in columns} for table, columns in TABLES.items()}
-"""Unit of each column of each table, empty for those without one."""
 WORLD = pa.field("world", pa.int32(), metadata={"unit": "", "description": "number of the world"})
 
 
 def missing(name: str, arrays: Arrays) -> list[str]:
     """Columns of a table that lack an array, since an earlier version wrote the trajectory."""
-    return [column.name for column in TABLES[name] if _values(column, arrays) is None]
+    own = _remembers_otherwise(arrays)
+    return [c.name for c in TABLES[name] if c.name not in own and _values(c, arrays) is None]
+
+
+def memory_columns(name: str, arrays: Arrays) -> list[Column]:
+    """Columns of what other strategies than the paper's have recorded of the robots' memory, if the table is `robots`.
+
+    What a robot has several numbers of makes as many columns, as `home_0` and `home_1`.
+    """
+    if name != "robots" or not _remembers_otherwise(arrays):
+        return []
+    each = zip(*(arrays[f"scene_memory_{part}"].tolist() for part in ("names", "units", "sizes")), strict=True)
+    return [
+        Column(part if size == 1 else f"{part}_{place}", unit, "remembered", _place(part, place))
+        for part, unit, size in each
+        for place in range(size)
+    ]
+
+
+def _place(name: str, place: int) -> Callable[[Arrays], np.ndarray]:
+    return lambda a: a[name].reshape(*a["pose"].shape[:2], -1)[..., place]
+
+
+def _remembers_otherwise(arrays: Arrays) -> set[str]:
+    """Columns of the memory of the paper's strategy, if the trajectory is of another one."""
+    if "scene_memory_names" not in arrays or "dust_vector" in arrays["scene_memory_names"]:
+        return set()
+    return {column.name for place in ("dust", "dump") for column in _memory(place)}
 
 
 def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
@@ -192,7 +217,8 @@ def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
         arrays: of the trajectory.
         world: number of the world.
     """
-    found = [(column, values) for column in TABLES[name] if (values := _values(column, arrays)) is not None]
+    columns = [*TABLES[name], *memory_columns(name, arrays)]
+    found = [(column, values) for column in columns if (values := _values(column, arrays)) is not None]
     n_rows = found[0][1].size if found else 0
     parts = [pa.array(np.full(n_rows, world, np.int32))]
     schema = [WORLD]

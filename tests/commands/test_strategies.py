@@ -4,12 +4,14 @@ import json
 import re
 import textwrap
 import tomllib
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers_rrd import read
 
+import iswarm_mj
 from iswarm_mj.commands import main as cli
 from iswarm_mj.strategy.genome import PRESETS
 
@@ -100,6 +102,10 @@ def test_every_engine_runs_and_records_it(engine):
     assert free.mean() > 0.5
     assert frames["scene_memory_names"].tolist() == ["turned"] and frames["scene_memory_units"].tolist() == ["rad"]
     assert "dust_vector" not in frames
+    with warnings.catch_warnings(action="error"):
+        run = iswarm_mj.load("runs/clean")
+    np.testing.assert_array_equal(run.robots["turned"].to_numpy().reshape(7, 4), turned)
+    assert run.units["robots"]["turned"] == "rad" and run.genome is None and run.strategy["class"] == "Walk"
     content = json.loads(Path("runs/clean/result.json").read_text())
     assert content["strategy"] == {"class": "Walk", "turn": 40.0} and "genome" not in content
     entity = read("runs/clean/clean.rrd")["/memory/turned"]

@@ -259,6 +259,7 @@ def test_a_run_without_a_recording(copy):
 
 NEW = ("message", "command", "dust_hop", "dump_hop", "ball_holder", "is_running", "link_led", "link_bearing")
 NEW += ("link_distance", "link_heard", "scene_is_alive", "scene_message_range", "scene_world", "scene_n_leds", ABOUT)
+NEW += ("scene_memory_names", "scene_memory_units", "scene_memory_sizes")
 """Arrays that the first versions did not write."""
 
 
