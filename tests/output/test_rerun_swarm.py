@@ -275,6 +275,15 @@ def test_trails_of_loaded_robots_cross_blocks(run):
             np.testing.assert_allclose(np.array(strip)[:, :2], 1e3 * past, atol=1e-3)
 
 
+def test_trails_are_whole_at_the_start_of_a_block(tmp_path):
+    """All robots are loaded all the time."""
+    scene = make_scene()
+    frames = make_frames(scene, 30)
+    write(tmp_path / "a.rrd", scene, replace(frames, is_loaded=np.ones_like(frames.is_loaded)), cuts=(25,))
+    strips = read(tmp_path / "a.rrd")["/world/trails"]["LineStrips3D:strips"]
+    assert [{len(strip) for strip in frame} for frame in strips] == [{min(t, 20) + 1} for t in range(30)]
+
+
 def test_time_series(run):
     _, frames, recorded = run
     wanted = {
