@@ -1,5 +1,6 @@
 """Results of earlier runs make way, and a file appears complete or not at all."""
 
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import pytest
@@ -26,7 +27,8 @@ def test_a_directory_in_the_place_of_a_file(tmp_path):
 
 def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     """Ten points for each of those that it was given, not of those that it took."""
-    parts = {"config": small, "genome": Genome(), "robot": read_robot(None), "robot_file": None, "identity": {}}
+    rules = {"genome": asdict(Genome())}
+    parts = {"config": small, "rules": rules, "robot": read_robot(None), "robot_file": None, "identity": {}}
     run = SimpleNamespace(**parts, goal=24, watch=Stopwatch())
     measures = [Measures(24, 24, 60, 5.0, finished_at) for finished_at in (40, 55)]
     content = results.result(run, RunSettings(30, 100, n_worlds=2), measures, 55, 1.0)
