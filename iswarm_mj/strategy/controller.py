@@ -24,6 +24,7 @@ from iswarm_mj.strategy.interface import Command, Draws, Observation, Plan, Robo
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, believed_motion, heard
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.fusion import computed_once
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -64,19 +65,20 @@ def act(
         sides: of the robots.
     """
     draws = draw(len(memory.is_scout), observation.is_heard.shape[1], key)
-    memory = _remember(config, rules, memory, observation, draws, sides)
-    plan = choose(config, rules, memory, observation, draws)
+    known = computed_once(lambda: _remember(config, rules, memory, observation, draws, sides))
+    plan = choose(config, rules, known, observation, draws)
     push = avoid(config, rules, observation, plan.follows, sides)
-    approaches = approaching(rules, memory, observation)
+    approaches = approaching(rules, known, observation)
     plan = towards_ball(plan, approaches & rules.avoids_at_dust, observation.ball_vector)
-    command = steer(config, plan.direction + push, plan.limit, prefers_left=draws.side < 0.5)
+    wish, prefers_left = plan.direction + push, draws.side < 0.5
+    steered = computed_once(lambda: steer(config, wish, plan.limit, prefers_left))
     swerves = rules.avoids_at_dust & (push != 0.0).any(axis=-1)
-    command = approach(config, probe_tip, approaches & ~swerves, observation.ball_vector, command)
+    command = approach(config, probe_tip, approaches & ~swerves, observation.ball_vector, steered)
     waits = is_blocked(rules, observation.is_heard, observation.distance, sides)
     command = Command(command.turn, jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
     believed = believed_motion(rules, *command, jax.random.fold_in(key, 1))
-    dust, dump = (after_motion(vectors, *believed) for vectors in (memory.dust, memory.dump))
-    return memory._replace(dust=dust, dump=dump), command
+    dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
+    return known._replace(dust=dust, dump=dump), command
 
 
 def listen(

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jax.extend.random import define_prng_impl, threefry_prng_impl
 
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.fusion import computed_once
 
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 _PARITY = 0x1BD11BDA
@@ -53,14 +54,12 @@ def _fold_in(key: Array, data: Array) -> Array:
 def _random_bits(key: Array, bit_width: int, shape: tuple[int, ...]) -> Array:
     if bit_width != 32:
         return threefry_prng_impl.random_bits(key, bit_width, shape)
-    # A loop whose length XLA does not know: otherwise every consumer of the bits would compute them anew.
-    once = jax.lax.optimization_barrier(jnp.int32(1))
 
-    def compute(_: Array, before: Array) -> Array:
+    def compute() -> Array:
         x, y = _count(key, shape)
         return x ^ y
 
-    return jax.lax.fori_loop(0, once, compute, jnp.zeros(shape, jnp.uint32))
+    return computed_once(compute, lambda: threefry_prng_impl.random_bits(key, bit_width, shape))
 
 
 _UNROLLED = define_prng_impl(

@@ -228,8 +228,9 @@ def primitives(jaxpr):
     return found
 
 
-def test_by_default_nothing_is_repeated():
+def test_by_default_nothing_is_repeated(monkeypatch):
     """Updates at once are what they were: no loop in the program, no random number more."""
+    monkeypatch.setattr("iswarm_mj.strategy.controller.computed_once", lambda compute: compute())
     config = SwarmConfig()
     n, texts = 6, {}
     for order in ("synchronous", "sequential"):
