@@ -1,7 +1,8 @@
-"""Disks that are full, by the system's limit on the size of a file."""
+"""Disks that are full, and memory that ends, by the system's limits."""
 
 import resource
 from contextlib import contextmanager
+from pathlib import Path
 
 
 @contextmanager
@@ -13,3 +14,15 @@ def full_disk(n_bytes=0):
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@contextmanager
+def little_memory(n_bytes):
+    """This process can have so many bytes more than now."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (now + n_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -30,13 +30,13 @@ class Experiment(ManyRunsOptions):
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
-        from iswarm_mj.experiments.studies.registry import experiment, listing
+        from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 
         if self.list:
             print(listing())
             return
         if not self.name:
-            raise UserError(f"The command needs the name of an experiment; choose one of:\n{listing()}")
+            raise UserError(f"no experiment was named; choose {', '.join(EXPERIMENTS)}, which --list describes")
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
         out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
         run_experiment(experiment(self.name), plan, out, self.execution, self.again)

@@ -10,9 +10,12 @@ import numpy as np
 
 from iswarm_mj.sensors.messages import MAX_LEDS
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import check_file
 from iswarm_mj.utils.robot import SIDES, Point, Robot, Sides
 
 MIN_LEDS = 2
+LARGEST_FILE = 2**26
+"""Size up to which a robot's file is read [bytes]."""
 _TYPES = {"body": "bodies", "joint": "joints", "geom": "geoms", "site": "sites"}
 _NEEDED = {
     "body": ["robot", "visual"],
@@ -42,14 +45,17 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
     own = models_directory() / "robot.xml"
     path = own if path is None else path
     try:
+        check_file(path, LARGEST_FILE)
         spec = mujoco.MjSpec.from_file(str(path))
+        found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}
+        found["mesh"] = {mesh.file for mesh in spec.meshes}  # names that are no text raise here
     except (ValueError, OSError) as error:
         raise UserError(f"the robot's file {path} cannot be read as MJCF ({_one_line(error)}).") from None
     missing = [
         f"{kind} {name}"
         for kind, names in (_NEEDED | {"site": [*_NEEDED["site"], *_optics(spec)]}).items()
         for name in names
-        if name not in {element.name for element in getattr(spec, _TYPES[kind])}
+        if name not in found[kind]
     ]
     if missing:
         raise UserError(f"the robot's file {path} lacks {', '.join(missing)}; name its parts as models/robot.xml does.")

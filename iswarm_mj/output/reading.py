@@ -1,6 +1,7 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
 import json
+import zipfile
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -10,10 +11,14 @@ import numpy as np
 
 from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import check_file
+from iswarm_mj.utils.memory import check_memory
 
 REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
 LARGEST_RESULT = 2**28
 """Size up to which a result.json is read [bytes]."""
+LARGEST_TRAJECTORY = 2**36
+"""Likewise a trajectory.npz, if its arrays fit into memory."""
 NEEDED = ("step", "pose")
 """Arrays without which a file is no trajectory."""
 
@@ -25,9 +30,7 @@ def read_result(path: Path) -> dict[str, Any]:
         UserError: there is no such file, or it is no run's.
     """
     try:
-        _check_file(path)
-        if path.stat().st_size > LARGEST_RESULT:
-            raise ValueError(f"it has more than {LARGEST_RESULT} bytes")
+        check_file(path, LARGEST_RESULT)
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
@@ -47,7 +50,8 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
         UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
     """
     try:
-        _check_file(path)
+        check_file(path, LARGEST_TRAJECTORY)
+        _check_room(path)
         with np.load(path) as file:
             arrays = dict(file)
     except OSError as error:
@@ -83,14 +87,15 @@ def read_about(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     return json.loads(arrays[ABOUT].item())
 
 
-def _check_file(path: Path) -> None:
-    """Raise an OSError if the path is something that may never end, such as a pipe or a device."""
-    if path.exists() and not path.is_file():
-        raise OSError(f"{path.name} is no file")
+def _check_room(path: Path) -> None:
+    """Raise a MemoryError if the arrays need more memory than there is."""
+    with zipfile.ZipFile(path) as file:
+        needed = sum(part.file_size for part in file.infolist())
+    check_memory(needed)
 
 
 def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Refuse arrays whose sizes along the same axis differ."""
+    """Refuse arrays of other kinds of values, and those whose sizes along the same axis differ."""
     sizes: dict[str, tuple[int, str]] = {}
     kinds = {f.name: f.type for f in fields(Frames)}
     kinds |= {f"scene_{name}": kind for name, kind in Scene.__annotations__.items()}
@@ -99,7 +104,9 @@ def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         axes = getattr(kind, "dim_str", "").split()
         if name not in arrays:
             continue
-        found = arrays[name].shape
+        found, dtype = arrays[name].shape, arrays[name].dtype
+        if dtype.name not in getattr(kind, "dtypes", [dtype.name]):
+            raise UserError(f"{path}: `{name}` holds values of the kind {dtype}; {REMEDY}.")
         wanted = [sizes.setdefault(axis, (size, name)) for axis, size in zip(axes, found, strict=False)]
         for axis, (size, first), mine in zip(axes, wanted, found, strict=False):
             if mine != (int(axis) if axis.isdigit() else size):

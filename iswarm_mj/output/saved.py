@@ -96,7 +96,12 @@ class SavedRun:
         self._check_recorded()
         tables = [table_of(name, arrays, world) for world, arrays in self._arrays.items()]
         shared = [c for c in tables[0].column_names if all(c in table.column_names for table in tables)]
-        return pa.concat_tables([table.select(shared) for table in tables])
+        try:
+            return pa.concat_tables([table.select(shared) for table in tables])
+        except pa.ArrowException:
+            raise UserError(
+                f"{self.path}: the worlds were recorded by different versions; read them one by one."
+            ) from None
 
     def _check_recorded(self) -> None:
         if not self._arrays:
@@ -137,7 +142,9 @@ def load(path: str | Path) -> SavedRun:
         genome = restored(Genome, about["genome"]) if strategy is None else None
         worlds = _by_number(read)
         settings = _settings(about, tuple(worlds))
-    except (KeyError, TypeError, AttributeError) as error:
+        measures = _measures(about, settings.n_worlds)
+        scenes = {number: _scene(arrays, number, config) for number, arrays in worlds.items()}
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise UserError(
             f"{source} has settings that this version does not know ({error}); read it with the one that wrote it."
         ) from None
@@ -156,9 +163,9 @@ def load(path: str | Path) -> SavedRun:
         strategy=strategy,
         settings=settings,
         engine={name: about[name] for name in ENGINE if name in about},
-        measures=_measures(about, settings.n_worlds),
+        measures=measures,
         result=about if "wall_s" in about else {},
-        scenes={number: _scene(arrays, number, config) for number, arrays in worlds.items()},
+        scenes=scenes,
         missing=lacking,
         _arrays=worlds,
     )

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.files import check_file
 
 Share = Annotated[float, Within(0, 1)]
 
@@ -74,6 +75,10 @@ PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
 """The two fit types that evolved in the paper (Table 2), and the fittest of `results-initial/evolve-paper`."""
 
 
+LARGEST_FILE = 2**20
+"""Size up to which a genome's file is read [bytes]."""
+
+
 def load_genome(name: str) -> Genome:
     """Return a preset by its name, or the genome in a JSON file, whose keys are the names of the fields.
 
@@ -89,6 +94,7 @@ def load_genome(name: str) -> Genome:
     if not path.is_file():
         raise ConfigError("genome", name, f"a preset ({presets}) or the path of a JSON file")
     try:
+        check_file(path, LARGEST_FILE)
         values = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique)
     except (OSError, ValueError, RecursionError) as error:
         raise UserError(

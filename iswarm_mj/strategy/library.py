@@ -11,9 +11,12 @@ from typing import Any
 
 from iswarm_mj.strategy.explain import explained
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.files import check_file
 
 GROUP = "iswarm_mj.strategies"
 """Group of entry points by which packages offer strategies: classes, or objects whose fields are the defaults."""
+LARGEST_FILE = 2**24
+"""Size up to which a strategy's file is read [bytes]."""
 _FORM = "FILE.py:CLASS, as walk.py:Walk"
 
 
@@ -61,6 +64,10 @@ def _imported(path: Path) -> ModuleType:
     """Execute a file, which may import others beside it."""
     if not path.is_file():
         raise UserError(f"strategy file {path} does not exist; give {_FORM}")
+    try:
+        check_file(path, LARGEST_FILE)
+    except OSError as error:
+        raise UserError(f"strategy file {path} cannot be read ({error.strerror}); give {_FORM}") from None
     path = path.resolve()
     name = f"iswarm_strategy_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)

@@ -4,8 +4,16 @@ from collections.abc import Iterable
 from enum import IntFlag
 from typing import Any
 
+MAX_SHOWN = 100
+"""Characters of a value that a message shows at most."""
 MAX_LISTED = 10
 """Robots that a message lists at most."""
+
+
+def shown(value: Any) -> str:
+    """A value in a message: one line, and no more than a part of it if it is long."""
+    text = " ".join(str(value).split())
+    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
 
 
 class UserError(Exception):
@@ -38,7 +46,7 @@ class ConfigError(UserError):
     def __str__(self) -> str:
         got = repr(self.value) if isinstance(self.value, str) else self.value
         remedy = f"; {self.remedy}" if self.remedy else ""
-        return f"{self.field} must be {self.constraint} (got {got}){remedy}"
+        return f"{self.field} must be {self.constraint} (got {shown(got)}){remedy}"
 
 
 class FaultKind(IntFlag):

@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -32,6 +33,22 @@ def make_output_directory(out: Path, given: Path | None = None) -> None:
     except OSError as error:
         constraint = "a writable directory" if given is None else "a file in a writable directory"
         raise ConfigError("out", given or out, constraint, f"choose another ({error.strerror})") from None
+
+
+def check_file(path: Path, most: int) -> None:
+    """Raise an OSError unless the path is a file that ends; a pipe or a device may not.
+
+    Args:
+        path: of the file.
+        most: bytes that it may have.
+    """
+    found = path.stat()
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "it is no file")
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"it has more than {most} bytes")
 
 
 def write_error(path: Path, error: OSError) -> UserError:

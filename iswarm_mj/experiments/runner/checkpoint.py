@@ -9,15 +9,17 @@ an error. A database would detect less: SQLite has no checksums, and needs a sec
 import json
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, write_error
+from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.files import atomic_write, check_file, write_error
 from iswarm_mj.utils.versions import versions
 
 Key = tuple[int, ...]
+LARGEST_FILE = 2**32
+"""Size up to which a journal is read [bytes]."""
 
 _LEFT_OUT = "the default"  # of a setting that a file omits, see `serialization.to_dict`
 
@@ -28,16 +30,19 @@ class Journal:
     Args:
         path: of the file, which is created if it does not exist.
         settings: that determine the runs; they must be representable as JSON.
+        is_entry: whether a value of JSON is an entry.
 
     Raises:
         UserError: the file cannot be written, is damaged, or was created with different settings or versions.
     """
 
-    def __init__(self, path: Path, settings: Mapping[str, Any]):
-        self._path = path
+    def __init__(self, path: Path, settings: Mapping[str, Any], is_entry: Callable[[Any], bool] = lambda _: True):
+        self._path, self._is_entry = path, is_entry
         self._head = json.loads(json.dumps({"versions": versions(), "settings": settings}))
         self.entries: dict[Key, Any] = {}
         try:
+            if path.exists():
+                check_file(path, LARGEST_FILE)
             self._file = path.open("a+b", buffering=0)
         except OSError as error:
             raise write_error(path, error) from None
@@ -93,8 +98,11 @@ class Journal:
         self._compare(head)
         try:
             self.entries = {tuple(key): entry for key, entry in rows}
+            are_keys = all(type(part) is int for key in self.entries for part in key)
         except (TypeError, ValueError):
-            raise UserError(_damaged(self._path, "contains something other than runs")) from None
+            are_keys = False
+        if not are_keys or not all(map(self._is_entry, self.entries.values())):
+            raise UserError(_damaged(self._path, "contains something other than runs"))
 
     def _compare(self, head: Any) -> None:
         """Raise a UserError unless the file was created with these settings and versions."""
@@ -118,7 +126,10 @@ def _content(path: Path, number: int, line: bytes) -> Any:
     checksum, _, text = line.partition(b" ")
     if not text or checksum != b"%08x" % zlib.crc32(text):
         raise UserError(_damaged(path, f"does not match its checksum in line {number}"))
-    return json.loads(text)
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        raise UserError(_damaged(path, f"holds no JSON in line {number}")) from None
 
 
 def _damaged(path: Path, how: str) -> str:
@@ -133,4 +144,4 @@ def _differences(had: Any, wanted: Any, name: str = "") -> list[str]:
             _differences(had.get(n, _LEFT_OUT), wanted.get(n, _LEFT_OUT), f"{name}.{n}" if name else n) for n in names
         ]
         return [difference for differences in found for difference in differences]
-    return [] if had == wanted else [f"{name}: {had} there, {wanted} now"]
+    return [] if had == wanted else [f"{name}: {shown(had)} there, {shown(wanted)} now"]

@@ -12,7 +12,7 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Finding, Rows
 from iswarm_mj.experiments.runner.checkpoint import Journal, Key
-from iswarm_mj.experiments.runner.jobs import Job, Outcome
+from iswarm_mj.experiments.runner.jobs import Job, Outcome, is_outcome
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.strategy.genome import Genome
@@ -161,7 +161,7 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -
     """Outcomes of the jobs; those in the journal are not run again."""
     run_by = " ".join(map(str, execution.identity.values())) or execution.engine
     keys = [_key(job, run_by) for job in jobs]
-    with Journal(out / RUNS, {"kind": "runs of experiments"}) as journal:
+    with Journal(out / RUNS, {"kind": "runs of experiments"}, is_outcome) as journal:
         with progress(len(keys), name, sum(key in journal.entries for key in keys)) as bar:
             run_missing(dict(zip(keys, jobs, strict=True)), journal, execution, bar, lambda job, outcome: outcome)
         return [Outcome(*journal.entries[key]) for key in keys]

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.metrics import Measures, fitness
@@ -45,6 +45,15 @@ class Outcome(NamedTuple):
     """Number of control steps taken."""
     fitness: float
     """The paper's fitness over the job's steps."""
+
+
+def is_outcome(values: Any) -> bool:
+    """Whether a list of JSON's is an `Outcome`."""
+    if not isinstance(values, list | tuple) or len(values) != len(Outcome._fields):
+        return False
+    unknown = {"mean_carriage_steps", "finished_at"}
+    numbers = zip(Outcome._fields, values, strict=True)
+    return all(type(value) in (int, float) or (value is None and name in unknown) for name, value in numbers)
 
 
 NumberedOutcomes = Generator[tuple[int, Outcome], None, None]

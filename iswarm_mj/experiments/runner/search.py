@@ -15,7 +15,7 @@ from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.runner import experiment
 from iswarm_mj.experiments.runner.checkpoint import Journal
-from iswarm_mj.experiments.runner.jobs import Job, Outcome
+from iswarm_mj.experiments.runner.jobs import Job, Outcome, is_outcome
 from iswarm_mj.experiments.runner.optimisers import Method, optimiser
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
@@ -199,6 +199,12 @@ def _entry(job: Job, outcome: Outcome) -> dict[str, Any]:
     return {"genome": astuple(job.genome), "outcome": outcome}
 
 
+def _is_entry(entry: Any) -> bool:
+    """Whether a value from the checkpoint is what `_entry` returns."""
+    known = isinstance(entry, dict) and set(entry) == {"genome", "outcome"}
+    return known and isinstance(entry["genome"], list) and is_outcome(entry["outcome"])
+
+
 def _outcomes(jobs: Mapping[Place, Job], journal: Journal) -> list[Outcome]:
     """Outcomes of jobs from the journal."""
     for place, job in jobs.items():
@@ -222,7 +228,7 @@ def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) 
         for name in (BEST, TABLE, CHECKPOINT):
             remove(out / name)
     _check_out(out, resume)
-    return Journal(out / CHECKPOINT, settings)
+    return Journal(out / CHECKPOINT, settings, _is_entry)
 
 
 def _check_out(out: Path, resume: bool) -> None:

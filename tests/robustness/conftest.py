@@ -1,0 +1,28 @@
+"""Attacks are given their part of the budget, and their counts are told at the end."""
+
+import pytest
+from helpers_attack import Attack, numbers, seconds
+
+KEY = "attack"
+
+
+@pytest.fixture
+def attack(request):
+    """The attack of a test, whose marker `attack` states its part of the budget."""
+    (part,) = request.node.get_closest_marker("attack").args
+    config = request.config.option
+    first, alone = numbers(config.case)
+    found = Attack(request.node.nodeid, part * seconds(config.budget), first, alone)
+    yield found
+    request.node.user_properties.append((KEY, dict(found.counts)))
+    found.check()
+
+
+def pytest_terminal_summary(terminalreporter):
+    """One line for each attack."""
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            for counts in (value for name, value in getattr(report, "user_properties", ()) if name == KEY):
+                if report.when == "teardown":
+                    told = ", ".join(f"{count} {what}" for what, count in sorted(counts.items()))
+                    terminalreporter.write_line(f"{report.nodeid}: tried {sum(counts.values())}: {told or 'none'}")
