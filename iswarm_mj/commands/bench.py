@@ -1,10 +1,13 @@
 """`iswarm bench`."""
 
 from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
 
 from iswarm_mj.commands.flags import changed
+from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.simulation.settings import MjxSettings
+from iswarm_mj.utils.constraints import Within, check, constraint_of
 
 _OF_GRASP = ("what", "worlds", "engine", "impl", "seed")
 """Settings that apply to `what` grasp."""
@@ -14,30 +17,30 @@ _OF_GRASP = ("what", "worlds", "engine", "impl", "seed")
 class Bench(Swarm):
     """Time the control step and its parts, or the gripper's bench, on this machine; prints one JSON line."""
 
-    what: str = "swarm"
+    MAIN: ClassVar = ("what", "robots", "worlds", "engine", "impl", "steps", "warm_up", "threads", "record")
+
+    what: Literal["swarm", "grasp"] = "swarm"
     """swarm; or grasp, whole trials on the gripper's bench. The number of trials is --worlds (100 if that is 1); the
     other flags that apply are --engine (mujoco or mjx), --impl and --seed."""
-    steps: int = 200
+    steps: Annotated[int, Within(1, 100_000)] = 200
     """Control steps that are timed."""
-    warm_up: int = 20
+    warm_up: Annotated[int, Within(1, 100_000)] = 20
     """Control steps before that."""
-    chunk: int = 20
+    chunk: Annotated[int, constraint_of(MjxSettings, "chunk")] = 20
     """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
     record: bool = False
     """Record too, to a temporary file."""
 
     def run(self) -> None:
         """Run the command."""
-        check("what", self.what, "swarm or grasp", self.what in ("swarm", "grasp"))
         if self.what == "grasp":
             self._grasp()
             return
         config, genome, n_robots = self.checked()
-        check("steps", self.steps, "between 1 and 100000", 1 <= self.steps <= 100_000)
-        check("warm_up", self.warm_up, "between 1 and 100000", 1 <= self.warm_up <= 100_000)
-        check("chunk", self.chunk, "between 1 and 10000", 1 <= self.chunk <= 10_000)
         from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.benchmark import bench
+
+        refuse_ignored(self, [(("chunk",), not self.is_compiled, "with engines that take one step a call")])
 
         chunk = min(self.chunk, self.steps) if self.is_compiled else 1
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
@@ -54,6 +57,7 @@ class Bench(Swarm):
         check("impl", self.impl, "jax or warp", self.impl in ("default", "jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
+        refuse_ignored(self, [(("impl",), self.engine == "mujoco", "with `engine` mujoco")])
         from iswarm_mj.utils.jax_setup import configure_jax
         from iswarm_mj.workflows.benchmark_grasp import speed
 

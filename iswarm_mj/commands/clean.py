@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, ClassVar
 
+from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.utils.constraints import Within, check, constraint_of
 from iswarm_mj.utils.lock import locked
 
 
@@ -12,23 +15,25 @@ from iswarm_mj.utils.lock import locked
 class Clean(Swarm):
     """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
 
-    steps: int = 800
+    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "out")
+
+    steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
     """Control steps at most."""
-    stop_at: int | None = None
+    stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish when this many balls are delivered; all of them by default."""
     out: Path = Path("runs/clean")
     """Directory for the results; those of an earlier run in it are replaced."""
     record: bool = True
     """Record to trajectory.npz and clean.rrd."""
-    record_worlds: tuple[int, ...] = (0,)
+    record_worlds: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
 
     def run(self) -> None:
         """Run the command."""
         config, genome, n_robots = self.checked()
-        from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.clean import clean
 
+        refuse_ignored(self, [(("record_worlds",), not self.record, "with --no-record")])
         n_dust = config.arena.n_dust
         stop_at = n_dust if self.stop_at is None else self.stop_at
         check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)

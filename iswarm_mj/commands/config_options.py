@@ -3,10 +3,11 @@
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
+from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.config import (
     READINGS,
     ArenaConfig,
@@ -16,6 +17,9 @@ from iswarm_mj.config import (
     StrategyConfig,
     SwarmConfig,
 )
+from iswarm_mj.experiments.runner.limits import Seed, Workers
+from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.utils.constraints import constraint_of
 
 
 @dataclass(frozen=True)
@@ -54,14 +58,17 @@ def with_reading(command: Any, arguments: Sequence[str]) -> Any:
 class ManyRunsOptions(ConfigOptions):
     """How and where many runs are executed."""
 
-    seed: int = 0
+    MAIN: ClassVar[tuple[str, ...]] = ("reading", "seed", "engine", "workers")
+    """Flags that `--help` shows."""
+
+    seed: Seed = 0
     """Seed of all random numbers."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
     """Physics: mujoco (C, on CPUs), planar (many times faster; runs batched on an NVIDIA GPU if there is one) or mjx
     (JAX, runs batched on a GPU)."""
-    refinement: int = 10
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
     """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
-    workers: int = 0
+    workers: Workers = 0
     """Worker processes, but of batches, 0 for one per core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
@@ -75,4 +82,6 @@ class ManyRunsOptions(ConfigOptions):
         """
         from iswarm_mj.experiments.runner.pool import Execution
 
-        return Execution(self.engine, self.workers, self.backend, self.refinement)
+        execution = Execution(self.engine, self.workers, self.backend, self.refinement)
+        refuse_ignored(self, [(("workers",), execution.in_batches, "with runs in batches, which take one process")])
+        return execution

@@ -1,10 +1,12 @@
 """`iswarm evolve`."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from iswarm_mj.commands.config_options import ManyRunsOptions
+from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Steps
 from iswarm_mj.strategy.evolution import Operators
 
 
@@ -12,15 +14,20 @@ from iswarm_mj.strategy.evolution import Operators
 class Evolve(ManyRunsOptions):
     """Search for fit genomes; writes evolution.parquet, best.json, a figure, and a checkpoint to resume from."""
 
-    generations: int = 120
+    MAIN: ClassVar = (
+        *("method", "generations", "population", "steps", "replicates"),
+        *("seed", "engine", "workers", "out", "resume"),
+    )
+
+    generations: Generations = 120
     """Generations, the first, random one included."""
-    population: int = 10
+    population: Population = 10
     """Swarms in a generation."""
-    steps: int = 800
+    steps: Steps = 800
     """Control steps of a run at most."""
-    evaluations: int = 1
+    evaluations: Repeats = 1
     """Runs of each swarm in each generation; its fitness is their mean."""
-    replicates: int = 1
+    replicates: Repeats = 1
     """Independent repetitions of the search, each with its own seed; a generation of all is one set of runs."""
     method: Literal["paper", "cmaes", "random"] = "paper"
     """The paper's evolution, CMA-ES with margin, or random search."""
@@ -34,6 +41,8 @@ class Evolve(ManyRunsOptions):
         """Run the command."""
         from iswarm_mj.experiments.runner.search import Search, run_search
 
+        rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
+        refuse_ignored(self, [(rates, self.method != "paper", f"with `method` {self.method}")])
         search = Search(
             config=self.config,
             operators=self.operators,

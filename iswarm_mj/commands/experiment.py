@@ -2,17 +2,25 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import tyro
 
 from iswarm_mj.commands.config_options import ManyRunsOptions
+from iswarm_mj.commands.flags import changed
+from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.utils.errors import UserError
+
+OWN_GENOMES = ("types", "time-step")
+"""Experiments that take the presets."""
 
 
 @dataclass(frozen=True)
 class Experiment(ManyRunsOptions):
     """Run an experiment of the paper or beyond it: table, statistics, figures. Finished runs are kept for next time."""
+
+    MAIN: ClassVar = ("name", "list", "quick", "genome", "reading", "seed", "engine", "workers", "again", "out")
 
     name: tyro.conf.Positional[str] = ""
     """Which one; --list names them."""
@@ -32,6 +40,14 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
         from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 
+        others = [name for name in changed(self) if name not in ("list", "name")]
+        rules = [
+            (others, self.list, "with `list`"),
+            (("genome",), self.name in OWN_GENOMES, f"in the experiment {self.name}, which has its own"),
+        ]
+        refuse_ignored(self, rules)
+        if self.list and self.name:
+            raise UserError(f"--list takes no name; leave out {self.name}")
         if self.list:
             print(listing())
             return

@@ -1,28 +1,36 @@
 """`iswarm grasp`."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
+from iswarm_mj.commands.flags import changed
+from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.utils.constraints import Within, check, validate
+
+OF_CURVES = {"start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time"}
+"""Settings of the protocol that force-distance curves follow."""
+_GAP = Within(0.5e-6, 50e-6, "m")
 
 
 @dataclass(frozen=True)
 class Grasp:
     """Grasp and release single balls on the bench; writes trials.parquet, trials.csv, figures and recordings."""
 
+    MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "engine", "record", "force_curve", "voltages", "out")
+
     radius: tuple[str, ...] = ("15e-6:25e-6:5",)
     """Radii of the balls, a list or start:stop:count [m]."""
-    rh: tuple[float, ...] = (10.0, 30.0, 50.0)
+    rh: Annotated[tuple[float, ...], Within(0, 100, "%")] = (10.0, 30.0, 50.0)
     """Relative humidities [%]."""
     repeats: Annotated[int, Within(1, 100_000)] = 5
     """Trials at each radius and humidity, each with its own works of adhesion."""
     seed: Annotated[int, Within(0, 2**32 - 1)] = 0
     """Seed of the works of adhesion."""
-    gap: tuple[float, ...] = (5e-6,)
+    gap: Annotated[tuple[float, ...], _GAP] = (5e-6,)
     """Gaps to the plate at which a ball is released [m]."""
-    no_contact_gap: tuple[float, ...] = (1e-6, 2e-6, 5e-6)
+    no_contact_gap: Annotated[tuple[float, ...], _GAP] = (1e-6, 2e-6, 5e-6)
     """Gaps to the ball at which the tool stops in attempts without contact [m]."""
     engine: Literal["mujoco", "mjx"] = "mujoco"
     """Physics engine: mujoco (C, on CPUs), or mjx (JAX, on GPUs and CPUs)."""
@@ -30,11 +38,11 @@ class Grasp:
     """Implementation of mjx."""
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads of the C engine, 0 for one per core; the results do not depend on it."""
-    record: tuple[int, ...] = (0,)
+    record: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
     force_curve: bool = False
     """Write force-distance curves of the radii at the first humidity instead of running trials."""
-    voltages: tuple[float, ...] = (0.0, 10.0, 20.0)
+    voltages: Annotated[tuple[float, ...], Within(0, 200, "V")] = (0.0, 10.0, 20.0)
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
@@ -45,6 +53,7 @@ class Grasp:
 
     def run(self) -> None:
         """Run the command."""
+        self._check_effects()
         radii, humidities = parse_radii(self.radius), tuple(dict.fromkeys(self.rh))
         self._check_trials(radii)
         self._check_output(len(radii) * len(humidities) * self.repeats, len(radii) * len(self.voltages))
@@ -68,14 +77,25 @@ class Grasp:
         else:
             run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
 
+    def _check_effects(self) -> None:
+        """Refuse what would have no effect."""
+        of_trials = ("repeats", "seed", "gap", "no_contact_gap", "engine", "impl", "threads", "record")
+        speeds = [f"protocol.{f.name}" for f in fields(Protocol) if f.name not in OF_CURVES]
+        rules = [
+            (("voltages",), not self.force_curve, "without `force_curve`"),
+            ((*of_trials, *speeds), self.force_curve, "with `force_curve`"),
+            (("impl",), self.engine == "mujoco", "with `engine` mujoco"),
+            (("threads",), self.engine == "mjx", "with `engine` mjx"),
+        ]
+        refuse_ignored(self, rules)
+        many = self.force_curve and len(self.rh) > 1 and "rh" in changed(self)
+        check("rh", self.rh, "one relative humidity with `force_curve`", not many)
+
     def _check_trials(self, radii: tuple[float, ...]) -> None:
         """Check the conditions of the trials."""
         check("rh", self.rh, "one or more relative humidities from 0 to 100 %", len(self.rh) > 0)
-        for rh in self.rh:
-            check("rh", rh, "a relative humidity from 0 to 100 %", 0 <= rh <= 100)
         for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
             for gap in gaps:
-                check(name, gap, "between 0.5e-6 and 50e-6 m", 0.5e-6 <= gap <= 50e-6)
                 check(name, gap, "at most 4 times the least radius", gap <= 4 * min(radii))
 
     def _check_output(self, n_trials: int, n_curves: int) -> None:
@@ -83,8 +103,6 @@ class Grasp:
         check("repeats", self.repeats, "such that there are at most 1000000 trials", n_trials <= 1_000_000)
         for number in self.record:
             check("record", number, f"the index of a trial, 0 to {n_trials - 1}", 0 <= number < n_trials)
-        for voltage in self.voltages:
-            check("voltages", voltage, "between 0 and 200 V", 0 <= voltage <= 200)
         if self.force_curve:
             check("voltages", self.voltages, "such that there are 1 to 100 curves in all", 1 <= n_curves <= 100)
 

@@ -2,18 +2,24 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.config_options import ManyRunsOptions
+from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.experiments.runner.limits import Repeats
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import Within
 
 
 @dataclass(frozen=True)
 class Infer(ManyRunsOptions):
     """Run combinations of readings on the paper's figures, and tell which choices agree with its numbers."""
 
-    combinations: int = 512
+    MAIN: ClassVar = ("combinations", "repeats", "quick", "seed", "engine", "workers", "again", "out")
+
+    combinations: Annotated[int, Within(1, 100_000)] = 512
     """Combinations of readings, drawn evenly over all choices."""
-    repeats: int = 1
+    repeats: Repeats = 1
     """Runs of each setting for each combination."""
     quick: bool = False
     """A version of about a minute, with 8 combinations and short runs."""
@@ -27,5 +33,6 @@ class Infer(ManyRunsOptions):
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
         from iswarm_mj.experiments.studies.infer import experiment_of
 
+        refuse_ignored(self, [(("combinations", "repeats"), self.quick, "with `quick`")])
         plan = Plan(self.config, Genome(), self.seed, self.quick)
         run_experiment(experiment_of(self.combinations, self.repeats), plan, self.out, self.execution, self.again)

@@ -13,13 +13,16 @@ from typing import Protocol
 import tyro
 
 from iswarm_mj import __version__
+from iswarm_mj.commands.arguments import flag_kinds, with_booleans, without_config
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
+from iswarm_mj.commands.config_file import read, strategy_of
 from iswarm_mj.commands.config_options import with_reading
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
+from iswarm_mj.commands.help import shown
 from iswarm_mj.commands.infer import Infer
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
@@ -63,7 +66,17 @@ def parse(arguments: Sequence[str]) -> Command:
     name, *rest = arguments or [""]
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
+        rest, path = without_config(rest)
+        content = None if path is None else read(path, rest)
+        rest = [*strategy_of(content, rest), *rest]
         command = with_strategy(COMMANDS[name], rest)
+        if (page := shown(command, rest)) is not None:
+            return tyro.cli(page[0], prog=f"iswarm {name}", args=page[1])
+        kinds = dict(flag_kinds(command))
+        if content is not None:
+            rest = [*content.arguments(name, kinds, rest), *rest]
+        rest = with_booleans(kinds, rest)
+        _check_paths(rest)
         with explained_flags(command):
             return tyro.cli(command, prog=f"iswarm {name}", args=rest, default=with_reading(command, rest))
     if name == "--version":
@@ -81,7 +94,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         with interruptible() if arguments is None else nullcontext():
             given = sys.argv[1:] if arguments is None else arguments
-            _check_paths(given)
             for stream in (sys.stdout, sys.stderr):
                 if isinstance(stream, io.TextIOWrapper):
                     stream.reconfigure(errors="backslashreplace")  # names of files may be no text

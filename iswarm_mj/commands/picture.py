@@ -12,7 +12,7 @@ from iswarm_mj.utils.constraints import Within
 class Picture(RenderOptions):
     """Render one step of a recorded run to a PNG, off-screen."""
 
-    step: int = 100
+    step: Annotated[int, Within(0)] = 100
     """Control step, from 0 for the start."""
     width: Annotated[int, Within(16, 8192, "pixels")] = 1280
     """[pixels]"""

@@ -3,16 +3,33 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.config_options import ManyRunsOptions
+from iswarm_mj.commands.flags import changed
 from iswarm_mj.commands.grasp import Grasp, parse_radii
+from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.experiments.runner.limits import Repeats
 from iswarm_mj.utils.constraints import Within, check, validate
 
 
 @dataclass(frozen=True)
 class Reproduce(ManyRunsOptions):
     """Make all results, the findings on them, the report, and the tables of README and docs. What is there is kept."""
+
+    MAIN: ClassVar = (
+        "only",
+        "list",
+        "tables",
+        "quick",
+        "again",
+        "reading",
+        "engine",
+        "workers",
+        "results",
+        "beside",
+        "out",
+    )
 
     only: tuple[str, ...] = ()
     """Parts to make, such as density or evolve-paper; --list names them. All by default."""
@@ -26,7 +43,7 @@ class Reproduce(ManyRunsOptions):
     """Make also what is there, from the beginning."""
     same_engine: bool = False
     """Make again what another engine than --engine computed."""
-    replicates: int = 16
+    replicates: Repeats = 16
     """Of each search."""
     trials: Annotated[int, Within(1, 10_000)] = 20
     """Grasps at each radius and humidity."""
@@ -44,13 +61,13 @@ class Reproduce(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        with_runs = [name for name in ("quick", "list", "again", "only") if getattr(self, name)]
-        check(
-            "tables",
-            self.tables,
-            f"left out with `{with_runs[0]}`" if with_runs else "",
-            not self.tables or not with_runs,
-        )
+        places = {"tables", "results", "beside", "out", "pages"}
+        rules = [
+            ([name for name in changed(self) if name not in places], self.tables, "with `tables`, which makes no runs"),
+            (("again", "beside"), self.list, "with `list`"),
+            (("replicates", "trials"), self.quick, "with `quick`"),
+        ]
+        refuse_ignored(self, rules)
         check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
         from iswarm_mj.experiments.report.parts import parts_of
         from iswarm_mj.experiments.report.reproduce import Places, chosen, listing, reproduce, rewrite

@@ -3,26 +3,29 @@
 import importlib.util
 from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
 from iswarm_mj.commands.config_options import ConfigOptions
+from iswarm_mj.commands.ignored import of_optics, refuse_ignored
 from iswarm_mj.commands.strategy_options import OWN, check_flags
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import can_use_warp
 
 GenomeOverrides = make_dataclass(
     "GenomeOverrides",
     [
-        (f.name, Annotated[f.type | None, tyro.conf.arg(help="Replaces the genome's value.")], None)  # type: ignore
+        (f.name, f.type | None, None)  # type: ignore
         for f in fields(Genome)
     ],
     frozen=True,
 )
+GenomeOverrides.described_by = Genome  # type: ignore
 GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
 
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
@@ -39,20 +42,23 @@ _RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genom
 class Swarm(ConfigOptions):
     """Settings that the commands on a swarm share."""
 
+    MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine", "impl")
+    """Flags that `--help` shows."""
+
     controller: Annotated[str | None, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = None
     """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
     package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help."""
     genome: str = "type1"
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
-    robots: int | None = None
+    robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
     robot: Path | None = None
     """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
-    density: float | None = None
+    density: Annotated[float | None, Above(0, 1)] = None
     """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
-    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
+    seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
     """Seed of all random numbers."""
-    worlds: Annotated[int, Within(1)] = 1
+    worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
     """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, many times faster, on CPUs
@@ -60,11 +66,11 @@ class Swarm(ConfigOptions):
     impl: Literal["default", "numba", "jax", "warp"] = "default"
     """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
     (everywhere, the default) or warp (NVIDIA GPUs)."""
-    solver_iterations: int = 100
+    solver_iterations: Annotated[int, constraint_of(MjxSettings, "solver_iterations")] = 100
     """Maximum number of iterations of mjx's contact solver: 100 for MuJoCo's own result, 20 for speed."""
-    contact_capacity: float = 1.0
+    contact_capacity: Annotated[float, constraint_of(MjxSettings, "contact_capacity")] = 1.0
     """Size of mjx's contact buffers, relative to the default rule; jammed swarms need more."""
-    refinement: int = 10
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
     """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
     devices: str = "all"
     """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
@@ -72,7 +78,7 @@ class Swarm(ConfigOptions):
     """Distribute the worlds of jax or warp over the processes of a job on several hosts, each with its `devices`."""
     hosts_timeout: Annotated[float, Within(1, 86_400, "s")] = 300.0
     """How long a process waits for the others at the start [s]."""
-    threads: Annotated[int, Within(0, 1024)] = 0
+    threads: Annotated[int, constraint_of(MujocoSettings, "threads")] = 0
     """Number of threads of mujoco and numba, 0 for one per core; results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
 
@@ -129,6 +135,14 @@ class Swarm(ConfigOptions):
             check("engine", self.engine, f"mjx, or planar with --impl warp, with `{name}`", applies)
         if self.impl == "warp" and importlib.util.find_spec("warp") is None:
             raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
+        drawn = self.override.density_of_robots is None or (self.robots is None and self.density is None)
+        rules = [
+            *of_optics(self.optics),
+            (("density_of_robots",), not drawn, "with `robots` or `density`"),
+            (("hosts_timeout",), not self.hosts, "without `hosts`"),
+            (("threads",), self.is_compiled, f"with `impl` {self.implementation}, which uses no threads"),
+        ]
+        refuse_ignored(self, rules)
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
         from iswarm_mj.engines.robot_file import read_robot
@@ -191,7 +205,6 @@ class Swarm(ConfigOptions):
 
     def _engine(self, chunk: int) -> Any:
         from iswarm_mj.simulation.distributed import devices
-        from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings
 
         if self.engine == "mujoco":
             return MujocoSettings(self.threads)

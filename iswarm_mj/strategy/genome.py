@@ -82,6 +82,8 @@ LARGEST_FILE = 2**20
 def load_genome(name: str) -> Genome:
     """Return a preset by its name, or the genome in a JSON file, whose keys are the names of the fields.
 
+    The file may be the result.json of a run, too.
+
     Fields that the file leaves out have the values of type 1.
 
     Raises:
@@ -106,6 +108,8 @@ def load_genome(name: str) -> Genome:
             f"genome file {name} holds a {type(values).__name__}; write one JSON object such as "
             '{"use_hop_count": true, "p_vector_forget": 0.29}.'
         )
+    if isinstance(values.get("genome"), dict):
+        values = values["genome"]  # a result.json
     known = [f.name for f in fields(Genome)]
     unknown = sorted(set(values) - set(known))
     if unknown:

@@ -60,7 +60,7 @@ def validate(settings: Any, group: str = "") -> None:
 
     Raises:
         ConfigError: a field is out of range, not one of a `Literal`'s values, or of another type. Whole numbers do
-            as floats, and None where the type allows it.
+            as floats, and None where the type allows it. Of a tuple each element is checked.
     """
     for name, kind, constraint in _rules(type(settings)):
         value = getattr(settings, name)
@@ -69,17 +69,29 @@ def validate(settings: Any, group: str = "") -> None:
             check(full, value, "true or false", isinstance(value, bool))
         elif get_origin(kind) is Literal:
             check(full, value, " or ".join(get_args(kind)), value in get_args(kind))
+        elif constraint is not None and get_origin(kind) is tuple:
+            for element in value:
+                _check_number(full, element, get_args(kind)[0], constraint)
         elif constraint is not None and not (value is None and type(None) in get_args(kind)):
-            whole = "a whole number " if kind is int else ""
-            number = numbers.Integral if whole else numbers.Real
-            is_number = isinstance(value, number) and not isinstance(value, bool)
-            check(full, value, f"{whole}{constraint}", is_number and constraint.allows(value))
+            _check_number(full, value, kind, constraint)
+
+
+def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
+    whole = "a whole number " if kind is int else ""
+    number = numbers.Integral if whole else numbers.Real
+    is_number = isinstance(value, number) and not isinstance(value, bool)
+    check(name, value, f"{whole}{constraint}", is_number and constraint.allows(value))
 
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:
     """Values that a field of a dataclass may have whose type is a `Literal`; none for another type."""
     kind = get_type_hints(cls)[name]
     return get_args(kind) if get_origin(kind) is Literal else ()
+
+
+def constraint_of(cls: type, name: str) -> Within | None:
+    """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""
+    return next((constraint for known, _, constraint in _rules(cls) if known == name), None)
 
 
 @functools.cache

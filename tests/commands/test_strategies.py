@@ -121,7 +121,8 @@ def test_bench_runs_it(capfd):
 def test_help_shows_its_flags_in_place_of_the_genome(capfd):
     assert code_of("clean", "--strategy", "walk.py:Walk", "--help") == 0
     out, _ = capfd.readouterr()
-    assert re.search(r"--turn FLOAT\s.*\n.*Largest turn of a step \[deg\]\. \(default: 30\.0\)", out)
+    text = re.sub(r"[\s│]+", " ", out)
+    assert "--turn FLOAT Largest turn of a step. (between 0 and 180 deg; default 30.0)" in text
     assert "--genome" not in out and "--weight-find-dust" not in out
 
 

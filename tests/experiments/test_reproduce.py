@@ -180,7 +180,7 @@ class TestBadInput:
         "flags, said",
         [
             (["--only", "densty"], "The part was 'densty'; there are grasp, hop-count, density,"),
-            (["--tables", "--quick"], "--tables must be left out with --quick"),
+            (["--tables", "--quick"], "--quick has no effect with --tables"),
             (["--replicates", "0"], "--replicates must be"),
             (["--trials", "0"], "--trials must be"),
             (["--tables", "--results", "nowhere"], "--results must be an existing directory"),

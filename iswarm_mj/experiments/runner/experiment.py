@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Finding, Rows
 from iswarm_mj.experiments.runner.checkpoint import Journal, Key
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, is_outcome
+from iswarm_mj.experiments.runner.limits import Seed
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.constraints import Within, validate
+from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.serialization import to_dict
@@ -36,7 +37,7 @@ class Plan:
     config: SwarmConfig = field(default_factory=SwarmConfig)
     genome: Genome = field(default_factory=Genome)
     """Of the swarm; the paper uses type 1, the fittest."""
-    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
+    seed: Seed = 0
     quick: bool = False
     """A version of about a minute, with fewer and shorter runs."""
 

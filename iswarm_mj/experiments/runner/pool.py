@@ -15,8 +15,9 @@ from tqdm import tqdm
 
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, run_job
+from iswarm_mj.experiments.runner.limits import Workers
 from iswarm_mj.simulation.settings import FINE, EngineSettings, MujocoSettings, PlanarSettings
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import check, constraint_of, validate
 from iswarm_mj.utils.jax_setup import can_use_warp
 
 
@@ -27,11 +28,11 @@ class Execution:
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
     """Physics: mujoco (C, on CPUs), planar (many times faster), or mjx (JAX). Jobs of equal settings are one batch of
     worlds in this process with mjx, and with planar on an NVIDIA GPU."""
-    workers: Annotated[int, Within(0, 1024)] = 0
+    workers: Workers = 0
     """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
-    refinement: Annotated[int, Within(1, 100)] = FINE
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = FINE
     """Of planar, as in `PlanarSettings`."""
 
     def __post_init__(self):

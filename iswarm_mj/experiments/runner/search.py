@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.runner import experiment
 from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.experiments.runner.jobs import Job, Outcome, is_outcome
+from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
 from iswarm_mj.experiments.runner.optimisers import Method, optimiser
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.experiments.runner.search_table import Place, rows_of
 from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Individual, Operators
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 from iswarm_mj.utils.lock import locked
@@ -39,14 +40,14 @@ class Search:
     config: SwarmConfig = field(default_factory=SwarmConfig)
     operators: Operators = field(default_factory=Operators)
     method: Method = "paper"
-    generations: Annotated[int, Within(1, 100_000)] = 120
-    population: Annotated[int, Within(2, 10_000)] = 10
-    steps: Annotated[int, Within(1, 1_000_000)] = 800
+    generations: Generations = 120
+    population: Population = 10
+    steps: Steps = 800
     """Largest number of control steps of a run."""
-    seed: Annotated[int, Within(0, 2**32 - 2)] = 0
-    evaluations: Annotated[int, Within(1, 1000)] = 1
+    seed: Seed = 0
+    evaluations: Repeats = 1
     """Runs of each genome in each generation; its fitness is their mean."""
-    replicates: Annotated[int, Within(1, 1000)] = added_later(1)
+    replicates: Repeats = added_later(1)  # noqa: RUF009
     """Independent repetitions of the search, which advance together. Replicate 0 is the search with one; the others are
     those with the seeds of `replicate_seed`. In batches this is so up to rounding, see `batches.run_batches`."""
 

@@ -1,0 +1,39 @@
+"""Flags that would have no effect are refused."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from iswarm_mj.commands.flags import changed
+from iswarm_mj.utils.errors import UserError
+
+Rule = tuple[Iterable[str], bool, str]
+"""Settings, whether they have no effect, and why, to be read after "has no effect"."""
+
+ONLY_WITH_SLOTS = (
+    "optics.slots",
+    "optics.photodiodes_while_emitting",
+    "optics.serial_photodiodes",
+    "optics.capture_ratio",
+)
+
+
+def refuse_ignored(command: Any, rules: Iterable[Rule]) -> None:
+    """Refuse settings that differ from their defaults and would have no effect.
+
+    Raises:
+        UserError: there is one.
+    """
+    given = set(changed(command))
+    for names, is_ignored, why in rules:
+        idle = [name for name in names if name in given]
+        if is_ignored and idle:
+            raise UserError(f"`{idle[0]}` has no effect {why}; leave it out")
+
+
+def of_optics(optics: Any) -> list[Rule]:
+    """Settings of the optics that others switch off."""
+    return [
+        (ONLY_WITH_SLOTS, not optics.baud_rate, "without `optics.baud_rate`, as messages take no time"),
+        (("optics.photodiode_splay",), optics.mode == "sector", "with `optics.mode` sector"),
+        (("optics.photodiode_aperture",), optics.mode == "power", "with `optics.mode` power"),
+    ]

@@ -1,0 +1,149 @@
+"""`--config`: a TOML file of flags, or the result.json of an earlier run; and words for Booleans."""
+
+import json
+
+import pytest
+
+from iswarm_mj.commands.main import main, parse
+from iswarm_mj.config import READINGS
+from iswarm_mj.utils.errors import UserError
+
+RUN = """
+steps = 8
+robots = 12
+record = false
+use-hop-count = false
+record_worlds = [0, 1]
+worlds = 2
+reading = "initial"
+
+[arena]
+size = 15
+dump-size = 3
+dust-area-size = 3
+dust-area-offset = 5
+n_dust = 24
+
+[optics]
+line-of-sight = false
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.toml").write_text(RUN)
+    return tmp_path
+
+
+def test_keys_are_flags():
+    command = parse(["clean", "--config", "run.toml"])
+    assert (command.steps, command.robots, command.record, command.record_worlds) == (8, 12, False, (0, 1))
+    assert command.override.use_hop_count is False
+    assert (command.arena.size, command.arena.dump_size, command.arena.n_dust) == (15.0, 3.0, 24)
+    assert command.optics.line_of_sight is False and command.strategy == READINGS["initial"].strategy
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_flags_override_the_file(order):
+    flags, file = ["--steps", "9", "--record", "--arena.size=20", "--record-worlds", "1"], ["--config=run.toml"]
+    command = parse(["clean", *(file + flags if order else flags + file)])
+    assert (command.steps, command.record, command.arena.size, command.arena.n_dust) == (9, True, 20.0, 24)
+    assert command.record_worlds == (1,)
+
+
+def test_a_density_replaces_the_number_of_robots():
+    command = parse(["clean", "--config", "run.toml", "--density", "0.05"])
+    assert (command.robots, command.density) == (None, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("wings = 2", "x.toml names wings, of which iswarm clean knows nothing; `iswarm clean --help-all` lists"),
+        ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, of which .*; perhaps you meant arena.size; "),
+        ("steps = ", "x.toml is not TOML"),
+        ("steps = 2020-01-01", "steps must be a number, a word, true or false, or a list"),
+    ],
+)
+def test_what_a_file_must_not_have(here, text, says):
+    (here / "x.toml").write_text(text)
+    with pytest.raises(UserError, match=says):
+        parse(["clean", "--config", "x.toml"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--config", "none.toml"], "none.toml cannot be read"),
+        (["--config"], "--config needs the name"),
+        (["--config=run.toml", "--config=run.toml"], "--config is given 2 times"),
+    ],
+)
+def test_files_that_are_not_there(arguments, says):
+    with pytest.raises(UserError, match=says):
+        parse(["clean", *arguments])
+
+
+def test_a_value_out_of_range_is_refused_like_a_flag(here, capfd):
+    (here / "x.toml").write_text("[arena]\nsize = 3")
+    with pytest.raises(SystemExit) as end:
+        main(["clean", "--config", "x.toml"])
+    assert end.value.code == 2
+    assert capfd.readouterr().err == "iswarm: --arena.size must be between 10 and 150 rd (got 3.0)\n"
+
+
+def test_a_result_repeats_its_run(here):
+    """Every measure is the same, and so are all settings."""
+    main(
+        [
+            "clean",
+            "--config",
+            "run.toml",
+            "--record",
+            "--out",
+            "a",
+            "--engine",
+            "planar",
+            "--impl",
+            "numba",
+            "--seed",
+            "7",
+        ]
+    )
+    main(["clean", "--config", "a/result.json", "--out", "b", "--no-record"])
+    first, second = (json.loads((here / name / "result.json").read_text()) for name in "ab")
+    assert first["picked"] and first["genome"]["use_hop_count"] is False and first["seed"] == 7
+    assert [key for key in first if first[key] != second[key]] in (["wall_s", "seconds"], ["seconds"], [])
+
+
+def test_a_file_that_is_no_result(here):
+    (here / "x.json").write_text('{"steps": 3}')
+    with pytest.raises(UserError, match=r"x.json is not the result.json of `iswarm clean` of this version"):
+        parse(["clean", "--config", "x.json"])
+
+
+def test_the_strategy_of_a_result_must_be_named(here):
+    values = {"settings": {"seed": 3}, "config": {}, "strategy": {"class": "Walk", "turn": 40.0}}
+    (here / "x.json").write_text(json.dumps(values))
+    with pytest.raises(UserError, match="is of the strategy Walk; name it by --strategy"):
+        parse(["clean", "--config", "x.json"])
+
+
+def test_a_strategy_in_a_file(here):
+    (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
+    (here / "x.toml").write_text('strategy = "own.py:TYPE2"\nfraction-scouts = 0.5\n"strategy.random-turn" = 10')
+    command = parse(["clean", "--config", "x.toml"])
+    assert command.own_strategy.fraction_scouts == 0.5 and command.own_strategy.density_of_robots == 0.132
+    assert command.strategy.random_turn == 10.0
+
+
+@pytest.mark.parametrize("word", ["false", "False", "no", "OFF"])
+@pytest.mark.parametrize("form", ["{} {}", "{}={}"])
+def test_words_for_booleans(word, form):
+    flags = ("--use-hop-count", "--record", "--optics.line-of-sight", "--optics.line_of_sight")
+    arguments = [part for flag in flags for part in form.format(flag, word).split(" ")]
+    command = parse(["clean", *arguments])
+    assert (command.override.use_hop_count, command.record, command.optics.line_of_sight) == (False, False, False)
+    command = parse(["clean", *arguments, "--record", "true", "--use-hop-count", "yes"])
+    assert (command.override.use_hop_count, command.record) == (True, True)

@@ -1,0 +1,70 @@
+"""`--help` fits on a screen and shows the main flags; `--help-all` shows each with its range and its unit."""
+
+import re
+from dataclasses import fields
+from typing import get_args
+
+import pytest
+
+from iswarm_mj.commands.arguments import flag_kinds
+from iswarm_mj.commands.main import COMMANDS, parse
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.utils.constraints import constraint_of
+
+SCREEN = 42
+"""Lines of a terminal."""
+
+
+def shown(capfd, *arguments):
+    with pytest.raises(SystemExit) as end:
+        parse([*arguments])
+    assert end.value.code == 0
+    return re.sub(r"[\s│╭╮╰╯]+", " ", out := capfd.readouterr().out), out.count("\n")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_short_help_fits_on_a_screen_and_names_the_long_one(capfd, command):
+    text, lines = shown(capfd, command, "--help")
+    assert lines <= SCREEN and "--config FILE" in text
+    is_all = all(f"--{name.replace('_', '-')}" in text for name, _ in flag_kinds(COMMANDS[command]))
+    assert ("--help-all" in text) is not is_all
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_long_help_has_every_flag(capfd, command):
+    text, _ = shown(capfd, command, "--help-all")
+    missing = [name for name, _ in flag_kinds(COMMANDS[command]) if f"--{name.replace('_', '-')}" not in text]
+    assert missing == []
+
+
+def test_ranges_and_units_are_those_of_the_annotations(capfd):
+    text, _ = shown(capfd, "clean", "--help-all")
+    checked = 0
+    for group in fields(SwarmConfig):
+        for f in fields(config := group.default_factory):
+            if (constraint := constraint_of(config, f.name)) is not None:
+                flag = f"--{group.name}.{f.name.replace('_', '-')} "
+                own = text[text.index(flag) :].split(" --")[0]
+                assert f"({str(constraint).split(', since')[0]}; default " in own
+                checked += 1
+    assert checked > 40
+    assert "--robots INT Number of robots; by default it follows from the density. (at least 1)" in text
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_number_has_a_range(command):
+    """So that the help shows it, and that it is checked before anything runs."""
+    own = {name: kind for name, kind in flag_kinds(COMMANDS[command]) if "." not in name}
+    of_numbers = [
+        f.name
+        for f in fields(COMMANDS[command])
+        if {int, float} & {own.get(f.name), *get_args(own.get(f.name))} and f.name in own
+    ]
+    assert [name for name in of_numbers if constraint_of(COMMANDS[command], name) is None] == []
+
+
+def test_flags_of_a_strategy_are_main_flags(capfd, tmp_path):
+    (tmp_path / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
+    text, _ = shown(capfd, "clean", "--strategy", f"{tmp_path}/own.py:TYPE2", "--help")
+    assert "--fraction-scouts FLOAT Share of the robots that scout. (between 0 and 1; default 0.27)" in text
+    assert "--arena.size" not in text

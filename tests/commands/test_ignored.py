@@ -1,0 +1,67 @@
+"""A flag that would have no effect is refused in a sentence that names it and the reason."""
+
+import re
+
+import pytest
+
+from iswarm_mj.commands.main import main
+
+WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "flag", "why"),
+    [
+        (f"clean {WARP} --threads 2", "--threads", "with --impl warp"),
+        ("clean --engine mjx --threads 2", "--threads", "with --impl jax"),
+        ("clean --engine mjx --hosts-timeout 9", "--hosts-timeout", "without --hosts"),
+        ("clean --no-record --record-worlds 0 1 --worlds 2", "--record-worlds", "with --no-record"),
+        ("clean --robots 9 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
+        ("clean --density 0.1 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
+        ("clean --optics.slots 9", "--optics.slots", "without --optics.baud-rate"),
+        ("clean --optics.serial-photodiodes", "--optics.serial-photodiodes", "without --optics.baud-rate"),
+        ("clean --optics.capture-ratio 2", "--optics.capture-ratio", "without --optics.baud-rate"),
+        ("clean --optics.photodiode-splay 20", "--optics.photodiode-splay", "with --optics.mode sector"),
+        (
+            "clean --optics.mode power --optics.photodiode-aperture 60",
+            "--optics.photodiode-aperture",
+            "with --optics.mode power",
+        ),
+        ("bench --chunk 3", "--chunk", "with engines that take one step a call"),
+        ("bench --engine planar --impl numba --chunk 3", "--chunk", "with engines that take one step a call"),
+        ("bench --what grasp --impl jax", "--impl", "with --engine mujoco"),
+        ("grasp --voltages 10 20", "--voltages", "without --force-curve"),
+        ("grasp --impl warp", "--impl", "with --engine mujoco"),
+        ("grasp --engine mjx --threads 2", "--threads", "with --engine mjx"),
+        (f"grasp {CURVE} --repeats 2", "--repeats", "with --force-curve"),
+        (f"grasp {CURVE} --record 1", "--record", "with --force-curve"),
+        (f"grasp {CURVE} --engine mjx", "--engine", "with --force-curve"),
+        (f"grasp {CURVE} --protocol.ramp-rate 50e3", "--protocol.ramp-rate", "with --force-curve"),
+        ("experiment --list --seed 1", "--seed", "with --list"),
+        ("experiment types --genome type2", "--genome", "in the experiment types"),
+        ("experiment hop-count --engine mjx --workers 2", "--workers", "with runs in batches"),
+        ("evolve --method cmaes --operators.span 0.1", "--operators.span", "with --method cmaes"),
+        ("evolve --method random --operators.elite 1", "--operators.elite", "with --method random"),
+        ("infer --quick --combinations 9", "--combinations", "with --quick"),
+        ("reproduce --tables --engine planar", "--engine", "with --tables"),
+        ("reproduce --list --again", "--again", "with --list"),
+        ("reproduce --quick --trials 3", "--trials", "with --quick"),
+    ],
+)
+def test_is_refused(arguments, flag, why, capfd, tmp_path):
+    with pytest.raises(SystemExit) as end:
+        main(arguments.split())
+    error = capfd.readouterr().err
+    assert end.value.code == 2 and list(tmp_path.iterdir()) == []
+    assert re.match(rf"iswarm: {flag} has no effect {re.escape(why)}\b.*; leave it out\n", error), error
+
+
+def test_one_humidity_for_force_curves(capfd):
+    with pytest.raises(SystemExit):
+        main(["grasp", "--force-curve", "--rh", "10", "50"])
+    assert "--rh must be one relative humidity with --force-curve" in capfd.readouterr().err
