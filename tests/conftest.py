@@ -35,6 +35,8 @@ CHECKED = [
         "simulation.start",
         "simulation.step",
         "simulation.worlds",
+        "tasks.cleaning",
+        "tasks.layout",
         "gripper.laws.detachment",
         "gripper.laws.maugis",
         "gripper.laws.probe_table",

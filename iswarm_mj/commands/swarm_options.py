@@ -146,7 +146,7 @@ class Swarm(ConfigOptions):
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
         from iswarm_mj.engines.robot_file import read_robot
-        from iswarm_mj.simulation.initial import cell_of, check_robots, robots_for
+        from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 
         cell = 1.0 if self.robot is None else cell_of(read_robot(self.robot))
         if self.robots is not None and self.density is not None:

@@ -108,9 +108,10 @@ class CompiledLoop:
     def counts(self) -> Counts:
         """See `Loop.counts`."""
         s = self._state
-        found = Counts(None, s.collisions, s.is_finished, s.finished_at, s.fault)
-        balls = s.swarm.balls if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], s.swarm.balls)
-        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(balls=balls)
+        found = Counts(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault)
+        things = s.swarm.things
+        things = things if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], things)
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(things=things)
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""

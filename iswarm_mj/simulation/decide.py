@@ -1,4 +1,4 @@
-"""What the robots of one world decide in a control step: communicate, grip, observe, act. Pure JAX."""
+"""What the robots of one world decide in a control step: communicate, advance the task, observe, act. Pure JAX."""
 
 from functools import partial
 from typing import NamedTuple
@@ -9,10 +9,9 @@ from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
-from iswarm_mj.gripper.handling import Balls, carry, handle, loaded
+from iswarm_mj.gripper.handling import loaded
 from iswarm_mj.sensors.channel import Channel, Received, exchange
 from iswarm_mj.sensors.conditions import Conditions
-from iswarm_mj.sensors.floor import FloorView, probe_tips, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
 from iswarm_mj.sensors.messages import Message
@@ -21,6 +20,7 @@ from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
+from iswarm_mj.tasks.protocol import Around, Sensed
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
@@ -62,6 +62,8 @@ class Decision(NamedTuple):
     links: Links
     """Of each side (*B, N, S), the sender whose message it receives unless noise spoils it."""
     spoken: Spoken
+    progress: Int[Array, "*B"]
+    """Of the task, see `Task.progress`."""
 
 
 def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
@@ -81,7 +83,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     n_robots, optics = len(poses), config.optics
     strategy, is_alive = params.strategy, swarm.is_alive
     step_key = jax.random.fold_in(unrolled(params.key), step)
-    channel_key, fall_key, policy_key = jax.random.split(step_key, 3)
+    channel_key, task_key, policy_key = jax.random.split(step_key, 3)
 
     if optics.baud_rate:
         first_slot = draw_first_slots(optics, jax.random.fold_in(step_key, 4), n_robots)
@@ -97,8 +99,10 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
 
     said = strategy.say(swarm.memory, loaded(swarm.balls, n_robots))
     received = transmit(said)
-    balls, floor, grasp_failed = _grip(config, robot, params, swarm, poses, fall_key)
-    observation = _observe(sight, received, floor, loaded(balls, n_robots), grasp_failed)
+    picks = strategy.picks(swarm.memory) & is_alive
+    around = Around(poses, params.is_present, is_alive, picks, params.conditions, config, robot)
+    things, sensed = params.task.advance(swarm.things, around, task_key)
+    observation = _observe(sight, received, sensed, loaded(things.balls, n_robots))
     if config.strategy.update_order == "sequential":
         relaying = _relaying(strategy)
 
@@ -111,10 +115,11 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     memory, command = strategy.act(swarm.memory, observation, policy_key)
     command = executed(config, params.conditions, command, jax.random.fold_in(step_key, 5))
     command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
-    decided = SwarmState(memory, balls, is_alive)
+    decided = SwarmState(memory, things.balls, is_alive, things.own)
     kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
-    return Decision(kept, command, said.priority & is_alive, sight.links, spoken)
+    progress = params.task.progress(kept.things)
+    return Decision(kept, command, said.priority & is_alive, sight.links, spoken, progress)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
@@ -137,21 +142,7 @@ def executed(config: SwarmConfig, conditions: Conditions, command: Command, key:
     return Command(turn, command.forward + slip)
 
 
-def _grip(
-    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, poses: Array, key: Array
-) -> tuple[Balls, FloorView, Array]:
-    """Carry, release and lift balls; what the robots sense of the floor; which tried to lift one in vain (N,)."""
-    tips = probe_tips(poses, jnp.asarray(robot.probe_tip))
-    balls = carry(swarm.balls, tips)
-    dump_size, reach = mm_from_rd(params.conditions.dump_size), mm_from_rd(params.conditions.dust_range)
-    floor = sense(poses, tips, balls.position, balls.is_lying, dump_size, reach)
-    falls = jax.random.bernoulli(key, params.conditions.drop_rate, balls.is_held.shape)
-    picks = params.strategy.picks(swarm.memory) & swarm.is_alive
-    balls, grasp_failed = handle(config.gripper, params.conditions, balls, tips, floor, picks, falls)
-    return balls, floor, grasp_failed
-
-
-def _observe(sight: Sight, received: Received, floor: FloorView, is_loaded: Array, grasp_failed: Array) -> Observation:
+def _observe(sight: Sight, received: Received, sensed: Sensed, is_loaded: Array) -> Observation:
     """Everything that the robots may know of this step."""
     message = received.message
     return Observation(
@@ -163,11 +154,12 @@ def _observe(sight: Sight, received: Received, floor: FloorView, is_loaded: Arra
         dust=message.dust,
         dump=message.dump,
         sees_wall=sight.sees_wall,
-        at_dust=floor.at_dust,
-        ball_vector=floor.ball_vector,
-        on_dump=floor.on_dump,
+        at_dust=sensed.at_dust,
+        ball_vector=sensed.ball_vector,
+        on_dump=sensed.on_dump,
         is_loaded=is_loaded,
-        grasp_failed=grasp_failed,
+        grasp_failed=sensed.grasp_failed,
+        sensed=sensed.own,
     )
 
 

@@ -22,8 +22,10 @@ Tree = TypeVar("Tree")
 class Counts(NamedTuple):
     """What a run looks at after each call, as NumPy arrays of B worlds."""
 
-    balls: Any
-    """`Balls`; arrays of JAX where they need not leave a device until someone looks."""
+    things: Any
+    """What the task is about, `Things`; arrays of JAX where they need not leave a device until someone looks."""
+    progress: np.ndarray
+    """Of the task."""
     collisions: np.ndarray
     is_finished: np.ndarray
     finished_at: np.ndarray
@@ -118,7 +120,9 @@ class HostLoop:
     def counts(self) -> Counts:
         """See `Loop.counts`."""
         states = [share.state for share in self._shares]
-        return _joined([Counts(s.swarm.balls, s.collisions, s.is_finished, s.finished_at, s.fault) for s in states])
+        return _joined(
+            [Counts(s.swarm.things, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault) for s in states]
+        )
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""

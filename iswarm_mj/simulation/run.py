@@ -10,20 +10,23 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.faults import decode, summary
-from iswarm_mj.simulation.initial import cell_of, check_robots, robots_for
 from iswarm_mj.simulation.metrics import Measures, measure
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, stated
+from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of, metrics_of
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.recorded import declared
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
+from iswarm_mj.tasks.protocol import Task, Things
+from iswarm_mj.tasks.signatures import check_object
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.jax_setup import configure_jax
@@ -48,6 +51,8 @@ class Run:
         starts: how each of them began.
         start: record of the start of the W recorded worlds, with axes (1, W).
         strategy: as given; None for the paper's.
+        task: as given.
+        goal: progress of the task that finishes a world, in cleaning balls delivered; None if it never is.
         recorded: parts of the strategy's memory that recordings show, and their units.
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
@@ -64,6 +69,7 @@ class Run:
         worlds: Sequence[World] | None = None,
         strategy: Strategy | Genome | Any = None,
         strategy_per_world: bool = False,
+        task: Task | Any = CLEANING,
         robot_file: Path | None = None,
     ):
         """Prepare the worlds.
@@ -77,6 +83,7 @@ class Run:
             strategy: another strategy in place of the paper's, see `strategy.protocol`; a genome stands for itself.
                 With a method `for_world(config, robot, n_robots)`, what that returns for each world.
             strategy_per_world: the arrays of `strategy` have a first axis of worlds.
+            task: what the robots are to do, see `tasks.protocol`; cleaning by default.
             robot_file: MJCF file of the robots, by default `models/robot.xml`.
 
         Raises:
@@ -101,31 +108,29 @@ class Run:
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
         largest = max(world.n_robots for world in self.worlds)
         check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
-        n_dust, goal = config.arena.n_dust, self.goal
-        check("stop_at", goal, f"between 1 and the number of balls, {n_dust}", goal <= n_dust)
+        check_object(task)
+        self.task, self.goal = task, goal_of(task, config, settings)
         self.robot_file = None if robot_file is None else robot_file.absolute()
         check_robots(config.arena, largest, cell_of(self.robot))
         slots, n_leds = config.optics.slots, len(self.robot.sides)
         is_long = not config.optics.baud_rate or slots >= n_leds
         check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
+        self.starts = starts_of(config, self.worlds, cell_of(self.robot), task)
+        capacity = settings.capacity or largest
+        job = job_of(task, config, self.robot, self.starts, capacity)
         self.strategy, own = strategy, None
         if strategy is not None:
             own = of_all_worlds(strategy, config, self.robot, self.worlds, is_per_world=strategy_per_world)
-            check_strategies(own, settings.capacity or largest, n_leds)
+            check_strategies(own, capacity, n_leds, job.sensed)
         self.recorded = declared(VectorStrategy if own is None else own)
         self.watch = Stopwatch()
-        self.starts = starts_of(config, self.worlds, cell_of(self.robot))
-        plan = Plan(config, settings, self.engine, self.worlds, self.starts, own, robot_file, self.goal)
+        goal = ENDLESS if self.goal is None else self.goal
+        plan = Plan(config, settings, self.engine, self.worlds, self.starts, own, robot_file, goal, job.task)
         device = jax.devices("cpu")[0] if self.engine.on_host else None
         with jax.default_device(device):  # engines on the host leave GPUs alone
             self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0
         self._counts = self._loop.counts()
-
-    @property
-    def goal(self) -> int:
-        """Deliveries that finish a world."""
-        return self.config.arena.n_dust if self.settings.stop_at is None else self.settings.stop_at
 
     @property
     def step(self) -> int:
@@ -141,8 +146,9 @@ class Run:
 
     @property
     def rules(self) -> dict[str, Any]:
-        """What the robots do, as results state it: the genome of the paper's strategy, or another strategy."""
-        return {"genome": asdict(self.genome)} if self.strategy is None else {"strategy": stated(self.strategy)}
+        """What the robots are to do and how, as results state it: the task; the genome or another strategy."""
+        how = {"genome": asdict(self.genome)} if self.strategy is None else {"strategy": stated(self.strategy)}
+        return {"task": stated(self.task), **how}
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -188,11 +194,11 @@ class Run:
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
     @property
-    def _balls(self) -> Balls:
-        """The balls so far; they leave a device when they are asked for."""
-        if not isinstance(self._counts.balls.is_held, np.ndarray):
-            self._counts = self._counts._replace(balls=jax.tree.map(np.asarray, self._counts.balls))
-        return self._counts.balls
+    def _things(self) -> Things:
+        """What the task is about so far; it leaves a device when it is asked for."""
+        if not isinstance(self._counts.things.balls.is_held, np.ndarray):
+            self._counts = self._counts._replace(things=jax.tree.map(np.asarray, self._counts.things))
+        return self._counts.things
 
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
@@ -206,7 +212,20 @@ class Run:
 
     def delivered(self) -> np.ndarray:
         """Return the number of balls delivered in each world (B,)."""
-        return self._balls.is_delivered.sum(axis=1)
+        return self._things.balls.is_delivered.sum(axis=1)
+
+    def progress(self) -> np.ndarray:
+        """Return the progress of the task in each world (B,)."""
+        return self._counts.progress
+
+    def metrics(self, world: int) -> dict[str, Any]:
+        """Return the metrics of the task in a world so far, by their names; None for what is not known.
+
+        Raises:
+            IndexError: there is no such world.
+        """
+        self._check_world(world)
+        return metrics_of(self.task, jax.tree.map(lambda a: a[world], self._things))
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far.
@@ -214,11 +233,14 @@ class Run:
         Raises:
             IndexError: there is no such world.
         """
-        if not 0 <= world < len(self.worlds):
-            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
+        self._check_world(world)
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
-        return measure(self._balls, world, int(counts.collisions[world]), finished_at)
+        return measure(self._things.balls, world, int(counts.collisions[world]), finished_at)
+
+    def _check_world(self, world: int) -> None:
+        if not 0 <= world < len(self.worlds):
+            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

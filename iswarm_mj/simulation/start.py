@@ -17,7 +17,7 @@ from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
-from iswarm_mj.simulation.initial import Start, cell_of
+from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.state import StepRecord, WorldState
@@ -25,6 +25,9 @@ from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.layout import cell_of
+from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robot
@@ -46,7 +49,9 @@ class Plan(NamedTuple):
     robot_file: Path | None
     """MJCF file of the robots; None for `models/robot.xml`."""
     goal: int
-    """Deliveries that finish a world."""
+    """Progress of the task that finishes a world."""
+    task: Task = CLEANING
+    """With a first axis of B worlds."""
 
 
 def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
@@ -65,7 +70,7 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     strategy = plan.strategy
     if strategy is None:
         strategy = vector_strategies(config, robot, worlds)
-    params = world_params(config, worlds, strategy, plan.goal, capacity)
+    params = world_params(config, worlds, strategy, plan.goal, capacity, plan.task)
     poses, state = first_state(plan.starts, params)
     start = start_record(state, poses, settings.record_worlds, robot)
     match plan.engine:

@@ -12,6 +12,8 @@ from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.protocol import Task, Things
 from iswarm_mj.utils.arrays import Array
 
 
@@ -25,7 +27,8 @@ class WorldParams(NamedTuple):
     is_present: Bool[Array, "*B N"]
     """The other places are empty."""
     goal: Int[Array, "*B"]
-    """The world is finished when this many balls are delivered."""
+    """The world is finished with this progress of the task, in cleaning balls delivered."""
+    task: Task = CLEANING
 
 
 class SwarmState(NamedTuple):
@@ -36,6 +39,13 @@ class SwarmState(NamedTuple):
     balls: Balls
     is_alive: Bool[Array, "*B N"]
     """The others neither sense, nor send, nor move: they only stand in the way."""
+    own: Any = None
+    """What the task keeps beside the balls."""
+
+    @property
+    def things(self) -> Things:
+        """What the task is about."""
+        return Things(self.balls, self.own)
 
 
 class Fault(NamedTuple):
@@ -63,6 +73,8 @@ class WorldState(NamedTuple):
     """The goal is reached."""
     finished_at: Int[Array, "*B"]
     """After this control step; 0 if not finished."""
+    progress: Int[Array, "*B"]
+    """Of the task (`tasks.protocol.Task.progress`), counted in each control step; 0 at the start."""
     fault: Fault
 
 

@@ -53,7 +53,7 @@ def control_step(
     decision = stepper.decide(params, state.swarm, situation)
     command, refused = limited(config, decision.command)
     motion = engine.move(state.bodies, drive_phases(config.drive, command), is_running & ~refused.any(axis=-1))
-    new = account(params, state, decision.swarm, motion, refused, situation)
+    new = account(params, state, decision, motion, refused, situation)
     done = decision._replace(command=command)
     return new, record(stepper, params, new, done, situation) if stepper.records else None
 
@@ -97,17 +97,17 @@ def drive_phases(drive: DriveConfig, command: Command) -> tuple[Phase, Phase]:
 def account(
     params: WorldParams,
     state: WorldState,
-    swarm: SwarmState,
+    decision: Decision,
     motion: Motion,
     refused: Bool[Array, "*B N"],
     situation: Situation,
 ) -> WorldState:
-    """State after a control step: counts of collisions and deliveries, the end of the world, its faults.
+    """State after a control step: collisions and progress of the task, the end of the world, its faults.
 
     Args:
         params: of the world.
         state: before the step.
-        swarm: after it.
+        decision: of the robots, with what became of the task.
         motion: of the robots.
         refused: commands that were not finite.
         situation: as the step began.
@@ -124,15 +124,15 @@ def account(
     )
     is_sound = is_running & (fault.bits == 0)
     begun = (motion.touching > state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
-    delivered = xp.asarray(swarm.balls.is_delivered).sum(axis=-1)
-    reached = is_sound & (delivered >= params.goal)
+    reached = is_sound & (decision.progress >= params.goal)
     return WorldState(
         bodies=motion.bodies,
-        swarm=swarm,
+        swarm=decision.swarm,
         touching=motion.touching,
         collisions=state.collisions + xp.where(is_sound, begun, 0),
         is_finished=state.is_finished | reached,
         finished_at=xp.where(reached, step + 1, state.finished_at).astype(state.finished_at.dtype),
+        progress=decision.progress,
         fault=fault,
     )
 

@@ -20,6 +20,8 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.robot import Robot
@@ -61,15 +63,15 @@ def worlds_of_seed(genome: Genome, settings: RunSettings) -> list[World]:
     return [World(genome, s.n_robots, s.seed, index, s.failed_fraction) for index in range(s.n_worlds)]
 
 
-def starts_of(config: SwarmConfig, worlds: Sequence[World], cell: float = 1.0) -> list[Start]:
-    """Return how each world begins, with robots on cells as wide as this [rd].
+def starts_of(config: SwarmConfig, worlds: Sequence[World], cell: float = 1.0, task: Task = CLEANING) -> list[Start]:
+    """Return how each world of a task begins, with robots on cells as wide as this [rd].
 
     Raises:
         UserError: a world differs in what all worlds of a run share.
     """
     for own in {world.config for world in worlds if world.config is not None}:
         check_common(config, own)
-    return [_start(config, world, cell) for world in worlds]
+    return [_start(config, world, cell, task) for world in worlds]
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
@@ -84,7 +86,7 @@ def random_keys(worlds: Sequence[World]) -> Array:
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, goal: int, capacity: int
+    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, goal: int, capacity: int, task: Task = CLEANING
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 
@@ -92,8 +94,9 @@ def world_params(
         config: that all worlds share.
         worlds: B of them.
         strategy: with a first axis of B worlds.
-        goal: balls that finish a world.
+        goal: progress that finishes a world.
         capacity: places for robots.
+        task: with a first axis of B worlds.
     """
     each = [conditions_of(world.config or config) for world in worlds]
     n_robots = np.array([world.n_robots for world in worlds])
@@ -103,6 +106,7 @@ def world_params(
         key=random_keys(worlds),
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), goal, np.int32),
+        task=task,
     )
 
 
@@ -117,11 +121,13 @@ def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.
             memory=memory,
             balls=Balls(*(np.stack(values) for values in zip(*(start.balls for start in starts), strict=True))),
             is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
+            own=jax.tree.map(lambda *values: np.stack(values), *(start.own for start in starts)),
         ),
         touching=np.zeros((n_worlds, capacity, capacity), bool),
         collisions=zero,
         is_finished=np.zeros(n_worlds, bool),
         finished_at=zero,
+        progress=zero,
         fault=Fault(zero, zero, zero),
     )
     return _padded([start.poses for start in starts], capacity), state
@@ -159,20 +165,21 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
     return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
-def _start(config: SwarmConfig, world: World, cell: float) -> Start:
+def _start(config: SwarmConfig, world: World, cell: float, task: Task) -> Start:
     if world.start is not None:
-        _check_start(world.start, world.n_robots, config.arena.n_dust)
+        _check_start(world.start, world.n_robots, config.arena.n_dust if task == CLEANING else None)
         return world.start
     own = world.config or config
-    return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction, cell)
+    return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction, cell, task)
 
 
-def _check_start(start: Start, n_robots: int, n_dust: int) -> None:
-    """Raise a ConfigError unless a start has the shapes of its world."""
+def _check_start(start: Start, n_robots: int, n_dust: int | None) -> None:
+    """Raise a ConfigError unless a start has the shapes of its world, with as many balls if that is given."""
     shapes = {"poses": (n_robots, 3), "is_alive": (n_robots,)}
     for name, shape in shapes.items():
         found = np.shape(getattr(start, name))
         check(f"start.{name}", found, f"an array of shape {shape}", found == shape)
+    n_dust = len(start.balls.radius) if n_dust is None else n_dust
     for name, values in start.balls._asdict().items():
         found = np.shape(values)
         check(f"start.balls.{name}", found, f"an array of {n_dust} balls", found[:1] == (n_dust,))

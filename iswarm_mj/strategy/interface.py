@@ -1,5 +1,6 @@
 """What robots sense, remember and do in a control step. S = 4 is the number of their sides."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from jaxtyping import Bool, Float, Int
@@ -48,6 +49,8 @@ class Observation(NamedTuple):
     """The robot holds a ball."""
     grasp_failed: Bool[Array, "N"]
     """The robot tried to lift a ball in this step, and the ball stayed on the floor."""
+    sensed: Mapping[str, Array]
+    """(N, ...) what else the task lets robots sense, by the names of `tasks.protocol.Task.senses`."""
 
 
 class Command(NamedTuple):

@@ -1,4 +1,4 @@
-"""Strategies by name: of a class in a file, or of an entry point of an installed package."""
+"""Strategies and tasks by name: of a class in a file, or of an entry point of an installed package."""
 
 import difflib
 import importlib.util
@@ -7,23 +7,51 @@ from dataclasses import is_dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from iswarm_mj.strategy.explain import explained
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import check_file
 
-GROUP = "iswarm_mj.strategies"
-"""Group of entry points by which packages offer strategies: classes, or objects whose fields are the defaults."""
 LARGEST_FILE = 2**24
-"""Size up to which a strategy's file is read [bytes]."""
-_FORM = "FILE.py:CLASS, as walk.py:Walk"
+"""Size up to which a file of strategies or tasks is read [bytes]."""
+
+
+class Offer(NamedTuple):
+    """What users and packages offer."""
+
+    word: str
+    plural: str
+    group: str
+    """Of entry points: classes, or objects whose fields are the defaults."""
+    method: str
+    """That only such classes have."""
+    form: str
+    """In which a class in a file is named, with an example."""
+    protocol: str
+    """Module that says what it has to be."""
+
+
+STRATEGIES = Offer(
+    "strategy",
+    "strategies",
+    "iswarm_mj.strategies",
+    "act",
+    "FILE.py:CLASS, as walk.py:Walk",
+    "iswarm_mj.strategy.protocol",
+)
 
 
 def find_strategy(name: str) -> Any:
-    """Return a class of strategies, or an object whose values are defaults.
+    """Return a class of strategies, or an object whose values are defaults, see `find`."""
+    return find(STRATEGIES, name)
+
+
+def find(offer: Offer, name: str) -> Any:
+    """Return a class, or an object whose values are defaults.
 
     Args:
+        offer: what is looked for.
         name: `FILE.py:CLASS`, or the name of an entry point.
 
     Raises:
@@ -31,52 +59,54 @@ def find_strategy(name: str) -> Any:
     """
     path, colon, cls = name.rpartition(":")
     if colon:
-        return _of_file(Path(path), cls)
+        return _of_file(offer, Path(path), cls)
     if name.endswith(".py") or "/" in name:
-        return _of_file(Path(name), "")
-    installed = {point.name: point for point in entry_points(group=GROUP)}
+        return _of_file(offer, Path(name), "")
+    installed = {point.name: point for point in entry_points(group=offer.group)}
     if name not in installed:
         similar = difflib.get_close_matches(name, installed, n=1)
         remedy = f"perhaps you meant {similar[0]}" if similar else None
-        raise ConfigError("strategy", name, f"{_FORM}, or installed ({', '.join(sorted(installed)) or 'none'})", remedy)
-    with explained(f"strategy {name}"):
+        known = ", ".join(sorted(installed)) or "none"
+        raise ConfigError(offer.word, name, f"{offer.form}, or installed ({known})", remedy)
+    with explained(f"{offer.word} {name}"):
         return installed[name].load()
 
 
-def _of_file(path: Path, name: str) -> Any:
-    module = _imported(path)
+def _of_file(offer: Offer, path: Path, name: str) -> Any:
+    module = _imported(offer, path)
     classes = [
         key
         for key, value in vars(module).items()
-        if isinstance(value, type) and value.__module__ == module.__name__ and hasattr(value, "act")
+        if isinstance(value, type) and value.__module__ == module.__name__ and hasattr(value, offer.method)
     ]
     found = getattr(module, name, None) if name else None
     if found is None:
-        fact = f"{path} has no {name}" if name else f"strategy {path} names no class"
-        there = f"its strategies are {', '.join(classes)}" if classes else "it has no class with a method act"
+        fact = f"{path} has no {name}" if name else f"{offer.word} {path} names no class"
+        listed = f"its {offer.plural} are {', '.join(classes)}"
+        there = listed if classes else f"it has no class with a method {offer.method}"
         raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
     if not isinstance(found, type) and not is_dataclass(found):
-        raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see iswarm_mj.strategy.protocol")
+        raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.protocol}")
     return found
 
 
-def _imported(path: Path) -> ModuleType:
+def _imported(offer: Offer, path: Path) -> ModuleType:
     """Execute a file, which may import others beside it."""
     if not path.is_file():
-        raise UserError(f"strategy file {path} does not exist; give {_FORM}")
+        raise UserError(f"{offer.word} file {path} does not exist; give {offer.form}")
     try:
         check_file(path, LARGEST_FILE)
     except OSError as error:
-        raise UserError(f"strategy file {path} cannot be read ({error.strerror}); give {_FORM}") from None
+        raise UserError(f"{offer.word} file {path} cannot be read ({error.strerror}); give {offer.form}") from None
     path = path.resolve()
     name = f"iswarm_strategy_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise UserError(f"strategy file {path} is not Python; give {_FORM}")
+        raise UserError(f"{offer.word} file {path} is not Python; give {offer.form}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look for their types there
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
-    with explained(f"strategy file {path.name}"):
+    with explained(f"{offer.word} file {path.name}"):
         spec.loader.exec_module(module)
     return module

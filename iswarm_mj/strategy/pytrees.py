@@ -1,4 +1,4 @@
-"""Strategies as pytrees of JAX, made of plain dataclasses."""
+"""Strategies, and other objects of users, as pytrees of JAX, made of plain dataclasses."""
 
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -34,7 +34,17 @@ def check_methods(given: Any) -> None:
 
 
 def as_strategy(given: Any) -> Any:
-    """Return a strategy that JAX can handle: its class is made a pytree if it is none.
+    """Return a strategy that JAX can handle, see `as_pytree`.
+
+    Raises:
+        UserError: it lacks a method, is a class, or cannot be made a pytree.
+    """
+    check_methods(given)
+    return as_pytree(given, "strategy")
+
+
+def as_pytree(given: Any, what: str) -> Any:
+    """Return an object that JAX can handle: its class is made a pytree if it is none.
 
     Fields of dataclasses are arrays, which may differ from world to world, unless their type is bool, int, str, an
     enumeration, a path, a `Literal` or a tuple of these: such fields are compiled in, as are those with the metadata
@@ -42,14 +52,14 @@ def as_strategy(given: Any) -> Any:
 
     Args:
         given: by the user.
+        what: it is, as "strategy".
 
     Raises:
-        UserError: it lacks a method, is a class, or cannot be made a pytree.
+        UserError: it is a class, or cannot be made a pytree.
     """
-    check_methods(given)
     name = _name(given)
     if isinstance(given, type):
-        raise UserError(f"strategy is the class {name} itself; give an object of it, as {name}()")
+        raise UserError(f"{what} is the class {name} itself; give an object of it, as {name}()")
     if not jax.tree_util.all_leaves([given]):
         return given
     if not is_dataclass(given) and getattr(given, "__dict__", None):
@@ -71,18 +81,18 @@ def _register(cls: type) -> None:
     static = [f.name for f in own if _is_static_field(cls, f)]
     dynamic = [f.name for f in own if f.name not in static]
 
-    def flatten(strategy: Any) -> tuple[list[Any], tuple[Any, ...]]:
-        return [getattr(strategy, name) for name in dynamic], tuple(getattr(strategy, name) for name in static)
+    def flatten(given: Any) -> tuple[list[Any], tuple[Any, ...]]:
+        return [getattr(given, name) for name in dynamic], tuple(getattr(given, name) for name in static)
 
-    def with_keys(strategy: Any) -> tuple[list[Any], tuple[Any, ...]]:
-        children, rest = flatten(strategy)
+    def with_keys(given: Any) -> tuple[list[Any], tuple[Any, ...]]:
+        children, rest = flatten(given)
         return [(jax.tree_util.GetAttrKey(n), child) for n, child in zip(dynamic, children, strict=True)], rest
 
     def unflatten(rest: tuple[Any, ...], children: Any) -> Any:
-        strategy = object.__new__(cls)
+        made = object.__new__(cls)
         for name, value in (*zip(static, rest, strict=True), *zip(dynamic, children, strict=True)):
-            object.__setattr__(strategy, name, value)
-        return strategy
+            object.__setattr__(made, name, value)
+        return made
 
     jax.tree_util.register_pytree_with_keys(cls, with_keys, unflatten, flatten)
 

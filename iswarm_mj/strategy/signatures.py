@@ -14,8 +14,8 @@ from iswarm_mj.strategy.recorded import check_recorded
 from iswarm_mj.utils.errors import UserError
 
 
-def observation_shapes(n_robots: int, n_sides: int = 4) -> Observation:
-    """Shapes and types of what N robots with S sides sense."""
+def observation_shapes(n_robots: int, n_sides: int = 4, sensed: Any = None) -> Observation:
+    """Shapes and types of what N robots with S sides sense, and what else the task lets them sense."""
     here, sides = (n_robots,), (n_robots, n_sides)
     return Observation(
         is_heard=_flags(*sides),
@@ -31,24 +31,26 @@ def observation_shapes(n_robots: int, n_sides: int = 4) -> Observation:
         on_dump=_flags(*here),
         is_loaded=_flags(*here),
         grasp_failed=_flags(*here),
+        sensed=sensed or {},
     )
 
 
-def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4) -> None:
+def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sensed: Any = None) -> None:
     """Check a strategy whose arrays have a first axis of worlds, see `check_strategy`.
 
     Args:
         strategies: of all worlds.
         n_robots: N.
         n_sides: S.
+        sensed: shapes and types of what else the task lets robots sense, by its names.
 
     Raises:
         UserError: see `check_strategy`.
     """
-    check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0), n_sides)
+    check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0), n_sides, sensed)
 
 
-def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: int = 4) -> None:
+def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: int = 4, sensed: Any = None) -> None:
     """Check the shapes and types of what a strategy's methods return.
 
     Args:
@@ -56,6 +58,7 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: i
         n_robots: N.
         key: any random key.
         n_sides: S.
+        sensed: as for `check_strategies`.
 
     Raises:
         UserError: a method returns something else, raises an exception or cannot be compiled; what is to be recorded
@@ -73,19 +76,21 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: i
     with explained(f"{name}.init"):
         memory = jax.eval_shape(lambda own, key: own.init(n_robots, key), strategy, key)
     check_recorded(strategy, memory, n_robots)
-    _compare(f"{name}.say", shapes("say", memory, _flags(n_robots)), message)
-    _compare(f"{name}.picks", shapes("picks", memory), _flags(n_robots))
+    compare(f"{name}.say", shapes("say", memory, _flags(n_robots)), message)
+    compare(f"{name}.picks", shapes("picks", memory), _flags(n_robots))
+    observation = observation_shapes(n_robots, n_sides, sensed)
     if isinstance(strategy, RelayingStrategy):
-        listened = shapes("listen", memory, observation_shapes(n_robots, n_sides), key)
-        _compare(f"{name}.listen", listened, memory, "memory")
-    returned = shapes("act", memory, observation_shapes(n_robots, n_sides), key)
+        listened = shapes("listen", memory, observation, key)
+        compare(f"{name}.listen", listened, memory, "memory")
+    returned = shapes("act", memory, observation, key)
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
-    _compare(f"{name}.act", returned[0], memory, "memory")
-    _compare(f"{name}.act", returned[1], command, "command")
+    compare(f"{name}.act", returned[0], memory, "memory")
+    compare(f"{name}.act", returned[1], command, "command")
 
 
-def _compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
+def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
+    """Raise a UserError unless what a method returned has the structure, shapes and types of what it should."""
     same = " as it was given" if what == "memory" else ""
     if jax.tree.structure(given) != jax.tree.structure(wanted):
         raise UserError(

@@ -21,7 +21,7 @@ RD = ROBOT_DIAMETER / MM
 """One robot diameter in arena length units [mm]."""
 
 
-def mm_from_rd(length: float) -> float:
+def mm_from_rd(length: Any) -> Any:
     """Length in arena units [mm] from one in robot diameters [rd]."""
     return length * RD
 

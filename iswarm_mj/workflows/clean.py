@@ -118,7 +118,7 @@ def _record(run: Run, settings: RunSettings, places: Sequence[Path], hosts: Host
 
 def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
     """Take all steps, with a progress bar on a terminal."""
-    goal = run.goal * len(run.worlds)
+    goal = "" if run.goal is None else f" of {run.goal * len(run.worlds)}"
     hidden = not sys.stderr.isatty() or hosts.index > 0
     with tqdm(total=run.settings.steps, unit="step", disable=hidden) as bar:
         bar.set_postfix_str("compiling", refresh=True)
@@ -132,7 +132,7 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
             hosts.look()
             bar.update(run.step - before)
             if not hidden:
-                bar.set_postfix_str(f"delivered {int(run.delivered().sum())} of {goal}", refresh=False)
+                bar.set_postfix_str(f"progress {int(run.progress().sum())}{goal}", refresh=False)
         if hosts.count > 1:
             bar.set_postfix_str("waiting for the other processes", refresh=True)
 

@@ -13,7 +13,7 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.common import common
-from iswarm_mj.simulation.initial import Start, draw_radii, start_with
+from iswarm_mj.simulation.initial import Start, start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -21,6 +21,9 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.signatures import check_object
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
@@ -31,7 +34,7 @@ class Rollout(NamedTuple):
     """What came of B worlds, as NumPy arrays with the worlds first; see `metrics.Measures`."""
 
     delivered: np.ndarray
-    """(B,) balls at the dump at the end."""
+    """(B,) balls at the dump at the end; like what is picked and carried, of no meaning in tasks without a dump."""
     picked: np.ndarray
     """(B,) different balls that were picked up at least once."""
     collisions: np.ndarray
@@ -39,17 +42,19 @@ class Rollout(NamedTuple):
     mean_carriage_steps: np.ndarray
     """(B,) control steps for which a delivered ball was carried, on average; NaN where none was delivered."""
     is_finished: np.ndarray
-    """(B,) bool, the wanted number of balls was delivered; the world stood still from then on."""
+    """(B,) bool, the goal was reached, in cleaning all balls delivered; the world stood still from then on."""
     finished_at: np.ndarray
     """(B,) control step after which that was so; 0 where it was not."""
     steps: np.ndarray
     """(C,) control steps after which deliveries were counted."""
     delivered_after: np.ndarray
-    """(B, C) balls at the dump after these steps."""
+    """(B, C) progress of the task after these steps, in cleaning balls at the dump."""
     poses: np.ndarray | None
     """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds asked for, from the start on; None without any."""
     faults: list[SimulationFault]
     """Worlds that could not go on; their numbers count up to there."""
+    metrics: dict[str, np.ndarray]
+    """(B,) metrics of the task at the end, by their names; NaN for what is not known."""
 
 
 def rollout(
@@ -61,12 +66,13 @@ def rollout(
     steps: int,
     engine: EngineSettings | None = None,
     strategy_per_world: bool = False,
+    task: Task | Any = CLEANING,
     stop_at: int | None = None,
     every: int = 10,
     poses_of: Sequence[int] = (),
     record: str | Path | None = None,
 ) -> Rollout:
-    """Let a strategy clean the floor of B worlds.
+    """Let a strategy clean the floor of B worlds, or do another task in them.
 
     A key determines its world: where robots and balls are at the start, how large the balls are and how strongly they
     stick (NumPy's generator, seeded by the key's data), then the noise and the chances of the strategy (the key
@@ -84,7 +90,8 @@ def rollout(
         steps: control steps at most.
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
-        stop_at: a world is finished when this many balls are delivered; None for all.
+        task: what the robots are to do, see `tasks.protocol.Task`.
+        stop_at: a world is finished with this progress, in cleaning balls delivered; None for all there is to do.
         every: deliveries are counted after every so many control steps, and after the last.
         poses_of: W numbers of worlds whose poses after each step are kept.
         record: file for a recording of the first of these worlds, or of world 0 without any; open it with `rerun`.
@@ -93,6 +100,7 @@ def rollout(
         UserError: keys, robots, settings or a strategy that do not fit; or the recording cannot be written.
     """
     _check_keys(keys)
+    check_object(task)
     check("every", every, "a whole number between 1 and 10000", isinstance(every, int) and 1 <= every <= 10_000)
     n_worlds = len(keys)
     known = len(set(poses_of)) == len(poses_of) and all(world in range(n_worlds) for world in poses_of)
@@ -104,7 +112,7 @@ def rollout(
     engine = MjxSettings() if engine is None else engine
     engine = replace(engine, chunk=every) if isinstance(engine, PlanarSettings | MjxSettings) else engine
     worlds = [
-        World(genome, n_robots, index=index, start=_start(config, n_robots, data), key=key)
+        World(genome, n_robots, index=index, start=_start(config, n_robots, data, task), key=key)
         for index, (data, key) in enumerate(_each(keys))
     ]
     run = Run(
@@ -115,6 +123,7 @@ def rollout(
         worlds=worlds,
         strategy=None if is_genome else strategy,
         strategy_per_world=strategy_per_world,
+        task=task,
     )
     counted = np.minimum(np.arange(every, steps + every, every), steps)
     delivered, poses = np.zeros((len(keys), len(counted)), int), [run.start.poses]
@@ -126,7 +135,7 @@ def rollout(
                 poses += [] if taken is None else [taken.poses]
                 if recorder is not None and taken is not None:
                     recorder.add(taken)
-            delivered[:, column] = run.delivered()
+            delivered[:, column] = run.progress()
         if recorder is not None:
             recorder.save()
     return _rollout(run, counted, delivered, _hold_last(poses, 1 + steps) if poses_of else None)
@@ -141,6 +150,7 @@ def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> Vector
 
 def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
     measures = [run.measures(world) for world in range(len(run.worlds))]
+    metrics = [run.metrics(world) for world in range(len(run.worlds))]
     carriage = [m.mean_carriage_steps for m in measures]
     return Rollout(
         delivered=np.array([m.delivered for m in measures]),
@@ -153,6 +163,7 @@ def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarr
         delivered_after=delivered,
         poses=poses,
         faults=run.faults,
+        metrics={name: np.array([m[name] for m in metrics], float) for name in metrics[0]},
     )
 
 
@@ -170,9 +181,9 @@ def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:
         yield data, jax.random.wrap_key_data(data, impl=impl)
 
 
-def _start(config: SwarmConfig, n_robots: int, data: np.ndarray) -> Start:
+def _start(config: SwarmConfig, n_robots: int, data: np.ndarray, task: Task) -> Start:
     rng = np.random.default_rng(data)
-    return start_with(config, n_robots, draw_radii(config.arena, rng), rng)
+    return start_with(config, n_robots, rng, rng, task=task)
 
 
 def _check_keys(keys: jax.Array) -> None:

@@ -151,7 +151,7 @@ def test_through_whole_control_steps():
     """Sight, messages, noise and decisions included: the mean square of displacements, against differences."""
     n_robots = len(APART)
     strategy = Paced(paper_strategy(SMALL, PRESETS["type1"], n_robots), jnp.float32(1))
-    start = start_with(SMALL, n_robots, np.full(2, 2e-5), np.random.default_rng(0))._replace(poses=np.array(APART))
+    start = start_with(SMALL, n_robots, *[np.random.default_rng(0)] * 2)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
     many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)
     settings = RunSettings(n_robots, 3, record_worlds=())

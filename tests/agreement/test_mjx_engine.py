@@ -16,7 +16,7 @@ from iswarm_mj.engines.mjx.contacts import box_box, plane_box
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.motion import overlapping
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation.initial import place_robots
+from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
 
 ROBOT = read_robot()

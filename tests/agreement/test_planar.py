@@ -12,12 +12,12 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.simulation.initial import place_robots
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import place_robots
 
 CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 EDGE = 7.5 * 2 * np.sqrt(2)

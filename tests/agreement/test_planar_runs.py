@@ -11,10 +11,10 @@ import pytest
 from scipy.stats import ks_2samp
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.layout import robots_for
 
 pytestmark = pytest.mark.slow
 N_WORLDS, GOAL, EARLY, STEPS = 24, 66, 150, 800

@@ -14,9 +14,9 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.simulation.initial import place_robots
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import mm_from_rd
 
 ARENA = ArenaConfig(size=10, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=4)

@@ -8,7 +8,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.plane import read_plane
 from iswarm_mj.engines.robot_file import models_directory, read_robot
-from iswarm_mj.simulation.initial import cell_of, free_cells, place_robots
+from iswarm_mj.tasks.layout import cell_of, free_cells, place_robots
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import PAPER_SIDES
 from iswarm_mj.utils.units import RD

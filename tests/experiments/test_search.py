@@ -21,9 +21,9 @@ from iswarm_mj.experiments.runner.search import (
     summary,
 )
 from iswarm_mj.experiments.runner.search_table import Place
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
 from iswarm_mj.strategy.genome import Genome, load_genome
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import read_table
 

@@ -7,8 +7,8 @@ import pytest
 
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.simulation import initial as layout
 from iswarm_mj.simulation.initial import draw_start
+from iswarm_mj.tasks import layout
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -99,7 +99,7 @@ def test_seeds_and_worlds(small):
     """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
 
     def values(seed, world):
-        poses, balls, _ = draw_start(small, 30, seed, world)
+        poses, balls, *_ = draw_start(small, 30, seed, world)
         return [poses, balls.position, balls.work_tool_object, balls.work_object_substrate, balls.radius]
 
     first = values(3, 0)
@@ -117,7 +117,7 @@ def test_worlds_of_neighbouring_seeds_begin_differently(small):
 
 
 def test_nothing_is_held_at_the_start(small):
-    _, balls, is_alive = draw_start(small, 30, 0, 0)
+    _, balls, is_alive, _ = draw_start(small, 30, 0, 0)
     assert balls.position.shape == (24, 2)
     assert is_alive.shape == (30,) and is_alive.all()
     for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):

@@ -10,7 +10,7 @@ from scipy.stats import mannwhitneyu
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Motion, Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation.decide import Situation
+from iswarm_mj.simulation.decide import Decision, Situation
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.state import Fault
 from iswarm_mj.simulation.step import account, ball_centres, drive_phases, limited
@@ -227,7 +227,8 @@ class TestAccount:
         swarm = state.swarm._replace(balls=state.swarm.balls._replace(is_delivered=is_delivered))
         running = np.array([True, False, False])
         situation = Situation(poses=None, sight=None, step=np.int32(6), is_running=running)
-        return account(params, state, swarm, motion, is_refused, situation)
+        decision = Decision(swarm, None, None, None, None, progress=is_delivered.sum(axis=1))
+        return account(params, state, decision, motion, is_refused, situation)
 
     def test_only_worlds_that_run_count(self, small):
         new = self.after(small, delivered=2)

@@ -10,11 +10,11 @@ import pytest
 from helpers_runs import engine_of
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.tasks.layout import robots_for
 
 pytestmark = pytest.mark.slow
 SEEDS = range(6)

@@ -10,10 +10,10 @@ from helpers_mjx import TINY, N, compilations, mjx
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message
-from iswarm_mj.simulation.initial import draw_radii, place_robots
 from iswarm_mj.simulation.settings import MujocoSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import draw_radii, place_robots
 from iswarm_mj.utils.errors import FaultKind, UserError
 from iswarm_mj.utils.units import mm_from_rd
 from iswarm_mj.workflows.rollout import Rollout, _each, paper_strategy, rollout
@@ -118,7 +118,7 @@ class TestStraightOn:
         assert isinstance(theirs, Rollout)
         np.testing.assert_allclose(theirs.poses, straight_on.poses, atol=2e-5)
         for mine, yours in zip(straight_on._replace(poses=None), theirs._replace(poses=None), strict=True):
-            np.testing.assert_array_equal(mine, yours)
+            jax.tree.map(np.testing.assert_array_equal, mine, yours)
             assert getattr(mine, "dtype", None) == getattr(yours, "dtype", None)
         assert theirs.poses.dtype == straight_on.poses.dtype
 
@@ -184,7 +184,9 @@ class TestSwarm:
         again = papers(KEYS[::-1], poses_of=(0, 2))
         for name, mine, its in zip(Rollout._fields, swarm, again, strict=True):
             if name not in ("steps", "faults"):
-                np.testing.assert_array_equal(mine, its if name == "poses" else its[::-1])
+                its = its if name == "poses" else jax.tree.map(lambda a: a[::-1], its)
+                jax.tree.map(np.testing.assert_array_equal, mine, its)
+        np.testing.assert_array_equal(swarm.metrics["picked"], swarm.picked)
         assert len(set(map(tuple, swarm.delivered_after.tolist()))) > 1 or len(set(swarm.collisions)) > 1
 
     def test_mujoco_in_c_begins_alike(self, swarm):

@@ -5,11 +5,11 @@ from typing import Any, Literal
 
 from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
 from iswarm_mj.simulation.common import common
-from iswarm_mj.simulation.initial import free_cells
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
+from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.jax_setup import can_use_warp
 

@@ -21,8 +21,8 @@ from iswarm_mj.experiments.runner.optimisers import Method, optimiser
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.experiments.runner.search_table import Place, rows_of
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.evolution import Individual, Operators
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts

@@ -34,7 +34,7 @@ from iswarm_mj.experiments.analysis.statistics import RESAMPLES, difference, low
 from iswarm_mj.experiments.analysis.verdicts import all_of, enough, mostly, within
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.arrays import Array
 
 REPEATS = 12

@@ -18,7 +18,7 @@ from iswarm_mj.experiments.analysis.plots import Quantity, draw_bars
 from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.tasks.layout import robots_for
 
 REPEATS = 12
 """Runs of each setting (Fig. 15)."""

@@ -20,8 +20,8 @@ from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experimen
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.experiments.studies.density import DENSITIES
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.errors import ConfigError
 
 COMBINATIONS, REPEATS = 512, 1

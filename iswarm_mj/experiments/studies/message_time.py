@@ -12,7 +12,7 @@ from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experimen
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.experiments.studies import hop_count
-from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.tasks.layout import robots_for
 
 REPEATS = 12
 SETTINGS: dict[str, Values] = {

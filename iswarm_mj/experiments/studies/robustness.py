@@ -21,7 +21,7 @@ from iswarm_mj.experiments.analysis.statistics import compare, holm
 from iswarm_mj.experiments.analysis.verdicts import all_of, mostly
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.tasks.layout import robots_for
 
 REPEATS = 12
 FRACTIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)

@@ -13,7 +13,7 @@ from iswarm_mj.experiments.analysis.verdicts import all_of, mostly
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.experiments.runner.variation import varied
-from iswarm_mj.simulation.initial import robots_for
+from iswarm_mj.tasks.layout import robots_for
 
 REPEATS = 10
 DEFAULT = "default"

@@ -31,10 +31,10 @@ from iswarm_mj.experiments.runner.experiment import Entry, Experiment, Plan, run
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.output.plot_swarm import draw_swarm
 from iswarm_mj.output.recorded import load
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean
 

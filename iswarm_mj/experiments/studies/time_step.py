@@ -36,10 +36,10 @@ from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, comp
 from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, within
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.simulation.initial import robots_for
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.errors import ConfigError
 
 REPEATS = 24

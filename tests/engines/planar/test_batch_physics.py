@@ -8,10 +8,10 @@ from helpers_planar import both_engines, crowd, moved, placed, rounded, same_bit
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.base import Phase
-from iswarm_mj.simulation.initial import place_robots
 from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))

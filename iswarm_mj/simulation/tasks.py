@@ -1,0 +1,73 @@
+"""The task of a run, made of what the user gives."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.explain import explained
+from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.tasks.protocol import Task, Things
+from iswarm_mj.tasks.signatures import as_task, check_goal, check_task
+from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.robot import Robot
+
+ENDLESS = 2**31 - 1
+"""Progress that no task reaches."""
+
+
+class Job(NamedTuple):
+    """A task for the worlds of a run."""
+
+    task: Any
+    """With a first axis of B worlds."""
+    sensed: dict[str, Any]
+    """Shapes and types of what robots sense of it beside balls and dump."""
+
+
+def job_of(given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start], capacity: int) -> Job:
+    """Return a task that was checked, for B worlds.
+
+    Args:
+        given: by the user.
+        config: of the run.
+        robot: its geometry.
+        starts: of B worlds.
+        capacity: places for robots.
+
+    Raises:
+        UserError: see `tasks.signatures.check_task`.
+    """
+    if isinstance(given, Cleaning):
+        return Job(given, {})
+    task = as_task(given)
+    sensed = check_task(task, config, robot, Things(starts[0].balls, starts[0].own), capacity)
+    return Job(jax.tree.map(lambda a: jnp.broadcast_to(a, (len(starts), *a.shape)), task), sensed)
+
+
+def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | None:
+    """Return the progress of a task that finishes a world; None if it never is.
+
+    Raises:
+        UserError: the settings want more than there is to do, or the task says something else.
+    """
+    with explained(f"{type(task).__name__}.goal"):
+        most = task.goal(config, settings.n_robots)
+    check_goal(task, most)
+    if settings.stop_at is None:
+        return most
+    what = "the number of balls" if task == CLEANING else f"the goal of {type(task).__name__}"
+    if most is not None:
+        check("stop_at", settings.stop_at, f"between 1 and {what}, {most}", settings.stop_at <= most)
+    return settings.stop_at
+
+
+def metrics_of(task: Task, things: Things) -> dict[str, float | int | bool | None]:
+    """Return the metrics of a world (`Task.metrics`) as plain numbers; None for what is no number."""
+    found = {name: np.asarray(value).item() for name, value in task.metrics(things).items()}
+    return {name: value if np.isfinite(value) else None for name, value in found.items()}

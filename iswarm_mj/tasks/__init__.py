@@ -1,0 +1,1 @@
+"""What a swarm is to do: the protocol of a task, cleaning and other tasks."""

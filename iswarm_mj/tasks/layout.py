@@ -1,0 +1,106 @@
+"""Where robots and balls are when a world begins: cells of the arena, dust areas, how strongly each ball sticks."""
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.gripper.laws.detachment import scattered_work
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.units import RD
+
+
+@lru_cache(maxsize=16)
+def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
+    """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena."""
+    n = int(arena.size / cell)
+    centre = (np.arange(n) - (n - 1) / 2) * (cell * RD)
+    x, y = (a.ravel() for a in np.meshgrid(centre, centre, indexing="ij"))
+    outside = np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD
+    cells = np.column_stack([x, y])[outside]
+    cells.flags.writeable = False  # all callers share it
+    return cells
+
+
+def cell_of(robot: Robot) -> float:
+    """Width of the cells on which robots start, so that none touches another [rd]: 1, or more for large robots."""
+    diameter = 2 * robot.circumradius / RD
+    return diameter if diameter > 1 + 1e-9 else 1.0
+
+
+def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:
+    """Number of robots that covers a share `density` of the free cells; 0.118 gives 280, 0.132 gives 314.
+
+    Args:
+        arena: sizes of the arena and of the dump.
+        density: share of the cells, above 0 and at most 1.
+        name: what an error message calls the density.
+    """
+    if not 0.0 < density <= 1.0:
+        raise ConfigError(name, density, "above 0 and at most 1")
+    return max(1, round(density * len(free_cells(arena))))
+
+
+def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:
+    """Raise a ConfigError unless the arena has room for `n_robots` on cells of this width [rd]."""
+    room = len(free_cells(arena, cell))
+    if not 1 <= n_robots <= room:
+        constraint = f"between 1 and {room} in an arena of {arena.size:g} x {arena.size:g} rd"
+        remedy = "use fewer robots or a larger `arena.size`" if n_robots > room else None
+        raise ConfigError("n_robots", n_robots, constraint, remedy)
+
+
+def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator, cell: float = 1.0) -> np.ndarray:
+    """Start poses (N, 3) x, y [mm], yaw [rad]: on distinct free cells of this width [rd], at random headings."""
+    check_robots(arena, n_robots, cell)
+    cells = free_cells(arena, cell)
+    xy = cells[rng.choice(len(cells), n_robots, replace=False)]
+    return np.column_stack([xy, rng.uniform(-np.pi, np.pi, n_robots)])
+
+
+def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
+    """Positions (K, 2) [mm], spread evenly at random over the two dust areas, half in each."""
+    k = arena.n_dust
+    offset = rng.uniform(-0.5, 0.5, (k, 2)) * arena.dust_area_size
+    offset[:, 0] += np.where(np.arange(k) < k // 2, -1, 1) * arena.dust_area_offset
+    return offset * RD
+
+
+def draw_radii(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
+    """Radii (K,) of the balls, uniform between the limits [m]."""
+    return rng.uniform(arena.ball_radius_min, arena.ball_radius_max, arena.n_dust)
+
+
+def draw_works(gripper: GripperConfig, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Works of adhesion of n balls to tool and floor (n,), (n,), log-normal, at the air's humidity [J/m^2]."""
+    factor = float(humidity_factor(gripper.relative_humidity))
+    tool = scattered_work(gripper.work_tool_object, gripper.spread_tool_object, rng.standard_normal(n))
+    floor = scattered_work(gripper.work_object_substrate, gripper.spread_object_substrate, rng.standard_normal(n))
+    return factor * np.asarray(tool), factor * np.asarray(floor)
+
+
+def lying(
+    gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Float[np.ndarray, "K"], rng: np.random.Generator
+) -> Balls:
+    """Balls that lie on the floor; how strongly each sticks is drawn.
+
+    Args:
+        gripper: median works of adhesion and their spread.
+        position: of the balls [mm].
+        radius: of the balls [m].
+        rng: draws the works.
+    """
+    works = draw_works(gripper, len(radius), rng)
+    floats = (a.astype(np.float32) for a in (position, radius, *works))
+    no, zero = np.zeros(len(radius), bool), np.zeros(len(radius), np.int32)
+    return Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero)
+
+
+def no_balls() -> Balls:
+    """No balls at all, for tasks without."""
+    none, flags, numbers = np.zeros(0, np.float32), np.zeros(0, bool), np.zeros(0, np.int32)
+    return Balls(np.zeros((0, 2), np.float32), none, none, none, flags, flags, numbers, flags, numbers)

@@ -1,0 +1,158 @@
+"""Whether a task is one, and returns what a control step needs: shapes and types, found without running it."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.conditions import Conditions, conditions_of
+from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.pytrees import as_pytree
+from iswarm_mj.strategy.signatures import compare
+from iswarm_mj.tasks.protocol import Around, Sensed, Things
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import Robot
+
+_METHODS = ("lay_out", "goal", "advance", "progress", "reward", "metrics")
+_SCALARS = (jnp.float32, jnp.int32, jnp.bool_)
+
+
+def check_methods(given: Any) -> None:
+    """Check that a task, or a class of tasks, has the methods of `tasks.protocol.Task`.
+
+    Raises:
+        UserError: one is missing.
+    """
+    needed = (*_METHODS, "areas") if getattr(given, "drawn", None) else _METHODS
+    missing = [method for method in needed if not callable(getattr(given, method, None))]
+    if missing:
+        name = given.__name__ if isinstance(given, type) else type(given).__name__
+        raise UserError(
+            f"{name} has no method {' and no method '.join(missing)}; a task has {', '.join(needed)}, "
+            "see iswarm_mj.tasks.protocol.Task"
+        )
+
+
+def check_object(given: Any) -> None:
+    """Check that something is a task, and not a class of tasks.
+
+    Raises:
+        UserError: it is not.
+    """
+    check_methods(given)
+    if isinstance(given, type):
+        raise UserError(f"task is the class {given.__name__} itself; give an object of it, as {given.__name__}()")
+
+
+def as_task(given: Any) -> Any:
+    """Return a task that JAX can handle, with all its numbers as arrays.
+
+    Raises:
+        UserError: it cannot be made a pytree.
+    """
+    task = as_pytree(given, "task")
+    for leaf in jax.tree.leaves(task):
+        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
+            raise UserError(
+                f"task {type(given).__name__} holds a {type(leaf).__name__} where JAX expects an array; make what is "
+                'no array static, by field(metadata={"static": True})'
+            )
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), task)
+
+
+def check_start(task: Any, poses: Any, things: Any, n_robots: int) -> None:
+    """Check what `Task.lay_out` returned for N robots.
+
+    Raises:
+        UserError: the poses are not finite numbers (N, 3), or the things are none.
+    """
+    name = f"{type(task).__name__}.lay_out"
+    is_pose = isinstance(poses, np.ndarray) and poses.shape == (n_robots, 3) and poses.dtype.kind == "f"
+    if not is_pose or not np.isfinite(poses).all():
+        got = f"{poses.dtype}{list(poses.shape)}" if isinstance(poses, np.ndarray) else f"a {type(poses).__name__}"
+        got = "numbers that are not" if is_pose else got
+        raise UserError(f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})")
+    if not isinstance(things, Things) or not isinstance(things.balls, Balls):
+        raise UserError(f"{name} must return Things with Balls second, of none tasks.layout.no_balls()")
+
+
+def check_task(task: Any, config: SwarmConfig, robot: Robot, things: Things, n_robots: int) -> dict[str, Any]:
+    """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
+
+    Args:
+        task: as `as_task` returned it.
+        config: of the run.
+        robot: its geometry.
+        things: at the start of a world.
+        n_robots: N.
+
+    Raises:
+        UserError: a method returns something else, raises an exception or cannot be compiled.
+    """
+    name, here = type(task).__name__, (n_robots,)
+    flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
+    plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
+    world = (jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), flags, flags, flags)
+    conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
+    whole = jax.ShapeDtypeStruct((), jnp.int32)
+
+    def shapes(method: str, *arguments: Any) -> Any:
+        def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
+            around = Around(*world, conditions=conditions, config=config, robot=robot)
+            match method:
+                case "advance":
+                    given = (given[0], around, given[1])
+                case "reward":
+                    given = (*given, around)
+            return getattr(own, method)(*given)
+
+        with explained(f"{name}.{method}"):
+            return jax.eval_shape(call, task, world, conditions, *arguments)
+
+    before = jax.eval_shape(lambda given: given, things)
+    returned = shapes("advance", before, jax.random.key(0))
+    if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
+        raise UserError(f"{name}.advance must return (Things, Sensed) (got a {type(returned).__name__})")
+    after, sensed = returned
+    compare(f"{name}.advance", after, before, "things")
+    own = _declared(f"{name}.advance", "senses", task, dict(sensed.own))
+    for key, found in own.items():
+        if found.shape[:1] != here:
+            raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
+    compare(f"{name}.advance", sensed, Sensed(flags, plane, flags, flags, sensed.own), "sensed")
+    compare(f"{name}.progress", shapes("progress", before), whole)
+    compare(f"{name}.reward", shapes("reward", before, after), floats)
+    for key, found in _declared(f"{name}.metrics", "measured", task, shapes("metrics", before)).items():
+        if found.shape != () or found.dtype not in _SCALARS:
+            got = f"{found.dtype}{list(found.shape)}"
+            raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
+    if getattr(task, "drawn", None):
+        with explained(f"{name}.areas"):
+            drawn = jax.eval_shape(lambda own, things: own.areas(config, things), task, before)
+        for key, found in _declared(f"{name}.areas", "drawn", task, drawn).items():
+            if found.shape[1:] != (3,):
+                raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
+    return own
+
+
+def check_goal(task: Any, goal: Any) -> None:
+    """Check what `Task.goal` returned.
+
+    Raises:
+        UserError: it is neither a whole number above 0 nor None.
+    """
+    if goal is not None and (not isinstance(goal, int) or isinstance(goal, bool) or goal < 1):
+        raise UserError(f"{type(task).__name__}.goal must return a whole number above 0, or None (got {goal!r})")
+
+
+def _declared(method: str, attribute: str, task: Any, given: Any) -> dict[str, Any]:
+    """The arrays by their names, which must be those that the task declares."""
+    names = set(getattr(task, attribute, {}))
+    if not isinstance(given, dict) or set(given) != names:
+        got = ", ".join(sorted(given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
+        wanted = ", ".join(sorted(names)) or "nothing"
+        raise UserError(f"{method} must return by name what {attribute} declares, {wanted} (got {got})")
+    return given

@@ -1,0 +1,47 @@
+"""A task of a stranger: the robots are to be east of a line, which they sense by how far away it is."""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.tasks.layout import no_balls, place_robots
+from iswarm_mj.tasks.protocol import Look, Quantity, Things, only
+from iswarm_mj.utils.constraints import Within
+
+
+@dataclass(frozen=True)
+class Eastward:
+    """Robots are to be east of a line."""
+
+    line: Annotated[float, Within(-20, 20, "mm")] = 0.0
+    """Where it is [mm]."""
+
+    senses: ClassVar = {"gap": Quantity("distance of the line to the east", "mm", -100, 100)}
+    measured: ClassVar = {"share": Quantity("of the robots that are east of the line"), "steps": Quantity("taken")}
+    drawn: ClassVar = {"east": Look((10, 200, 30), "square")}
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        own = {"is_east": np.zeros(n_robots, bool), "steps": np.int32(0)}
+        return place_robots(config.arena, n_robots, rng, cell), Things(no_balls(), own)
+
+    def goal(self, config, n_robots):
+        return n_robots
+
+    def advance(self, things, around, key):
+        gap = self.line - around.poses[:, 0]
+        own = {"is_east": (gap < 0) & around.is_present, "steps": things.own["steps"] + 1}
+        return things._replace(own=own), only(len(gap), gap=gap)
+
+    def progress(self, things):
+        return things.own["is_east"].sum(dtype=jnp.int32)
+
+    def reward(self, before, after, around):
+        return after.own["is_east"].astype(jnp.float32)
+
+    def metrics(self, things):
+        return {"share": things.own["is_east"].mean(), "steps": things.own["steps"]}
+
+    def areas(self, config, things):
+        return {"east": jnp.stack([self.line + 5.0, jnp.float32(0.0), jnp.float32(5.0)])[None]}

@@ -1,0 +1,42 @@
+"""Cleaning as a task: what it counts and rewards."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from helpers_runs import N, first_step, records, run_of
+
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.sensors.conditions import conditions_of
+from iswarm_mj.simulation.initial import draw_start
+from iswarm_mj.tasks.cleaning import CLEANING, POINTS
+from iswarm_mj.tasks.protocol import Around, Things
+from iswarm_mj.tasks.signatures import check_task
+
+
+def test_it_is_a_task(small):
+    start = draw_start(small, N, 0, 0)
+    assert check_task(CLEANING, small, read_robot(), Things(start.balls), N) == {}
+
+
+def test_rewards_are_the_balls_part_of_the_fitness(small):
+    """20 points for each ball picked up, 20 more when it is delivered, to the robot that did it."""
+    run = run_of(small, stop_at=3)
+    there = jnp.ones(N, bool)
+    before, total = first_step(run.start), np.zeros(N)
+    for after in records(run):
+        around = Around(
+            jnp.asarray(after.poses[0]), there, there, there, conditions_of(run.config), run.config, run.robot
+        )
+        old, new = (Things(jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.balls)) for r in (before, after))
+        reward = np.asarray(CLEANING.reward(old, new, around))
+        at_work = np.flatnonzero(reward)
+        changed = np.asarray(
+            new.balls.was_picked ^ old.balls.was_picked | new.balls.is_delivered ^ old.balls.is_delivered
+        )
+        assert set(at_work) == set(np.asarray(new.balls.holder)[changed])
+        total, before = total + reward, after
+    measures = run.measures(0)
+    assert measures.delivered >= 3 and measures.picked > measures.delivered
+    assert total.sum() == POINTS * (measures.delivered + measures.picked)
+    assert run.metrics(0) == {"delivered": measures.delivered, "picked": measures.picked}
+    assert run.progress().tolist() == [measures.delivered]

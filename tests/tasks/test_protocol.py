@@ -1,0 +1,163 @@
+"""A task outside the package: it runs on every engine, and what is wrong with one is said in a sentence."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_tasks import Eastward
+
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Message
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.utils.errors import UserError
+
+ENGINES = [MujocoSettings(1), PlanarSettings(1), PlanarSettings(impl="warp", chunk=4)]
+N = 6
+
+
+class Homing:
+    """Robots that turn to the east and walk until they feel that they are beyond the line."""
+
+    recorded = ("gap",)
+
+    def init(self, n_robots, key):
+        return {"gap": jnp.zeros(n_robots), "yaw": jnp.full(n_robots, jnp.nan)}
+
+    def say(self, memory, is_loaded):
+        empty = VectorMemory.empty(len(is_loaded))
+        return Message(jnp.zeros(len(is_loaded), int), is_loaded, empty, empty)
+
+    def picks(self, memory):
+        return memory["gap"] > jnp.inf
+
+    def act(self, memory, seen, key):
+        gap = seen.sensed["gap"]
+        ahead = jnp.where((gap > 0) & (gap <= memory["gap"]), 1.2, 0.2)
+        turn = jnp.where(gap > memory["gap"], 0.5, 0.1)
+        return {"gap": gap, "yaw": memory["yaw"]}, Command(turn, ahead)
+
+
+def run_of(small, engine, task=None, **settings):
+    return Run(
+        small, None, RunSettings(N, 12, n_worlds=2, **settings), engine, strategy=Homing(), task=task or Eastward(2.0)
+    )
+
+
+def records(run):
+    found = []
+    while not run.is_over:
+        found.append(run.advance())
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
+
+
+@pytest.mark.parametrize("engine", ENGINES, ids=["mujoco", "planar", "warp"])
+def test_runs_on_every_engine(small, engine):
+    """Robots sense, and the task counts, where they were as each step began."""
+    run = run_of(small, engine, record_worlds=(0, 1))
+    start, record = run.start.poses[0], records(run)
+    before = np.concatenate([start[None], record.poses[:-1]])[..., 0]
+    np.testing.assert_allclose(record.swarm.memory["gap"], 2.0 - before, atol=1e-5)
+    is_east = before > 2.0
+    np.testing.assert_array_equal(record.swarm.own["is_east"], is_east)
+    assert is_east[-1].sum() not in (0, 2 * N)
+    for world in range(2):
+        assert run.progress()[world] == is_east[-1, world].sum()
+        assert run.metrics(world) == {"share": pytest.approx(is_east[-1, world].mean()), "steps": 12}
+
+
+def test_ends_at_its_goal(small):
+    """All robots are east of the western wall from the first step on, and of three of them that is enough here."""
+    for stop_at in (None, 3):
+        run = run_of(small, MujocoSettings(1), Eastward(-20.0), stop_at=stop_at)
+        records(run)
+        assert run.goal == (stop_at or N)
+        assert [run.measures(world).finished_at for world in range(2)] == [1, 1]
+
+
+def test_settings_change_no_program(small):
+    """Numbers of a task are arrays of a program; with another line the same one runs."""
+    from iswarm_mj.simulation.decide import decide_worlds
+
+    records(run_of(small, MujocoSettings(1), Eastward(1.0)))
+    before = decide_worlds._cache_size()
+    records(run_of(small, MujocoSettings(1), Eastward(3.0)))
+    assert decide_worlds._cache_size() == before
+
+
+def changed(**methods):
+    return type("Eastward", (Eastward,), methods)(0.0)
+
+
+WRONG = {
+    "no method": (changed(reward=None), r"Eastward has no method reward; a task has lay_out, goal, advance"),
+    "the class": (Eastward, r"task is the class Eastward itself; give an object of it, as Eastward\(\)"),
+    "poses": (
+        changed(lay_out=lambda self, c, n, *a: (np.zeros((n, 2)), Eastward.lay_out(self, c, n, *a)[1])),
+        r"Eastward.lay_out must return finite poses \(N, 3\) of the 6 robots first \(got float64\[6, 2\]\)",
+    ),
+    "poses that are not finite": (
+        changed(lay_out=lambda self, c, n, *a: (np.full((n, 3), np.nan), Eastward.lay_out(self, c, n, *a)[1])),
+        r"numbers that are not",
+    ),
+    "things": (
+        changed(lay_out=lambda self, c, n, *a: (Eastward.lay_out(self, c, n, *a)[0], None)),
+        r"Eastward.lay_out must return Things with Balls second, of none tasks.layout.no_balls\(\)",
+    ),
+    "goal": (changed(goal=lambda self, c, n: 0.5), r"Eastward.goal must return a whole number above 0, or None \(got"),
+    "state": (
+        changed(advance=lambda self, t, a, k: (t._replace(own=3), Eastward.advance(self, t, a, k)[1])),
+        r"Eastward.advance must return Things of 11 arrays as its things",
+    ),
+    "senses": (
+        changed(senses={"light": Quantity("of the sun")}),
+        r"Eastward.advance must return by name what senses declares, light \(got gap\)",
+    ),
+    "progress": (
+        changed(progress=lambda self, t: t.own["is_east"].mean()),
+        r"Eastward.progress must return int32\[\] as its result \(got float32\[\]\)",
+    ),
+    "shape of reward": (
+        changed(reward=lambda self, *a: jnp.float32(0)),
+        r"Eastward.reward must return float32\[6\] as its result \(got float32\[\]\)",
+    ),
+    "dtype of reward": (
+        changed(reward=lambda self, b, after, a: after.own["is_east"]),
+        r"Eastward.reward must return float32\[6\] as its result \(got bool\[6\]\)",
+    ),
+    "shape of metrics": (
+        changed(metrics=lambda self, t: {"share": t.own["is_east"], "steps": t.own["steps"]}),
+        r"Eastward.metrics must return share as a scalar float32, int32 or bool \(got bool\[6\]\)",
+    ),
+    "metrics": (
+        changed(metrics=lambda self, t: t.own["steps"]),
+        r"Eastward.metrics must return by name what measured declares, share, steps \(got a ",
+    ),
+    "areas": (
+        changed(areas=lambda self, c, t: {"east": jnp.zeros(3)}),
+        r"Eastward.areas must return east as numbers \(M, 3\) \(got shape \(3,\)\)",
+    ),
+    "control flow": (
+        changed(progress=lambda self, t: jnp.int32(1) if t.own["is_east"].any() else jnp.int32(0)),
+        r"Eastward.progress decides by values that are known only while the robots act",
+    ),
+}
+
+
+@pytest.mark.parametrize("task, sentence", WRONG.values(), ids=WRONG)
+def test_wrong_tasks_are_refused(small, task, sentence):
+    with pytest.raises(UserError, match=sentence):
+        run_of(small, MujocoSettings(1), task)
+
+
+def test_more_than_there_is_to_do(small):
+    with pytest.raises(UserError, match=r"stop_at must be between 1 and the goal of Eastward, 6 \(got 7\)"):
+        run_of(small, MujocoSettings(1), stop_at=7)
+
+
+def test_what_no_task_offers(small):
+    """Cleaning has no gap to sense."""
+    with pytest.raises(UserError, match=r"Homing.act raised KeyError: 'gap'"):
+        Run(small, None, RunSettings(N, 12), MujocoSettings(1), strategy=Homing())
