@@ -125,8 +125,9 @@ class OpticsConfig:
     independent_bit_errors: bool = False
     """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most."""
     parity_check: bool = added_later(True)
-    """Robots ignore messages with a wrong parity bit, so that a single wrong bit loses a message; otherwise they take
-    what arrives. The paper names an error of 10 % and does not say whether a robot notices it."""
+    """Robots ignore messages whose parity, or another check that their strategy declares, is wrong, so that a single
+    wrong bit loses a message; otherwise they take what arrives. The paper names an error of 10 % and does not say
+    whether a robot notices it."""
     p_communication_break: Annotated[float, Within(0, 1)] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5

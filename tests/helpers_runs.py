@@ -133,6 +133,10 @@ class Scripted:
     def init(self, n_robots, key):
         return CountingMemory(self.inner.init(n_robots, key), jnp.zeros(n_robots, jnp.int32))
 
+    @property
+    def payload(self):
+        return self.inner.payload
+
     def say(self, memory, is_loaded):
         return self.inner.say(memory.inner, is_loaded)
 

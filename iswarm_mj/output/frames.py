@@ -9,7 +9,9 @@ import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.said import IN_FILES, stored
 from iswarm_mj.output.trajectory import ARRAYS, Frames, Scene
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.recorded import array_name, part_of
 from iswarm_mj.utils.errors import UserError
@@ -19,8 +21,6 @@ from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 LYING, HELD, DELIVERED = 0, 1, 2
 _FROM_ARENA = {"m": MM, "m/s": MM}
 """Arena units in SI."""
-_STORED = {"mm": "m", "mm/s": "m/s"}
-"""Units of memories, and what they become in files."""
 
 
 def scene_of(
@@ -30,6 +30,7 @@ def scene_of(
     world: int,
     number: int,
     recorded: Mapping[str, str] | None = None,
+    payload: Payload | None = None,
 ) -> Scene:
     """What does not change in one world of a run.
 
@@ -40,6 +41,7 @@ def scene_of(
         world: which of the W worlds.
         number: of this world in its run.
         recorded: parts of the memory and their units, see `strategy.recorded`.
+        payload: what messages carry; nothing by default.
 
     Raises:
         UserError: a part has the name of another array of trajectories.
@@ -64,11 +66,11 @@ def scene_of(
         dust_areas=np.array(dust) * ROBOT_DIAMETER,
         control_period=config.drive.control_period,
         is_alive=start.swarm.is_alive[0, world],
-        message_range=config.strategy.message_range * ROBOT_DIAMETER,
+        payload=stored(payload or Payload()),
         world=number,
         n_leds=len(robot.leds),
         memory_names=tuple(map(array_name, recorded or {})),
-        memory_units=tuple(_STORED.get(unit, unit) for unit in (recorded or {}).values()),
+        memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in (recorded or {}).values()),
         memory_sizes=tuple(math.prod(np.shape(part_of(memory, name))[3:]) for name in recorded or {}),
     )
 
@@ -126,8 +128,8 @@ def _scouts(memory: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 def _stored(values: np.ndarray, unit: str) -> np.ndarray:
     """A part of the memory as it is stored: lengths in m, floats in single precision."""
-    if unit in _STORED:
-        return (values * MM).astype(np.float32)
+    if unit in IN_FILES:
+        return (values * IN_FILES[unit][1]).astype(np.float32)
     return values.astype(np.float32) if np.issubdtype(values.dtype, np.floating) else values
 
 

@@ -18,6 +18,7 @@ from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.remembered import hop_counts, is_known
 from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties, settings_document
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
+from iswarm_mj.output.said import payload_of, readable
 from iswarm_mj.output.trajectory import Frames, Scene
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.geometry import rotate
@@ -103,7 +104,7 @@ class Recording:
         Raises:
             UserError: the file cannot be written, or the environment disables recordings.
         """
-        self._path, self._scene = str(path), scene
+        self._path, self._scene, self._payload = str(path), scene, payload_of({"scene_payload": scene.payload})
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
         self._last_step = -1
         self._stream = rr.RecordingStream(application)
@@ -234,6 +235,7 @@ class Recording:
             columns,
             [n_robots] * n_frames,
             message=frames.message,
+            **readable(self._payload, self._scene.n_leds, frames.message),
             **hop_counts(self._scene, frames),
             turn_deg=np.rad2deg(frames.command[..., 0]),
             forward_mm=frames.command[..., 1] * np.float32(MILLIMETRES),

@@ -63,8 +63,8 @@ LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends prior
 
 **Lines**: grey from a robot to the one it hears, blue the trail of a loaded robot.
 
-**Selected**: a robot shows its number, its message of 32 bits, its hop counts (-1: no vector), its turn and its way;
-a line the numbers of receiver and sender, and whether the message was heard.
+**Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its
+turn and its way; a line the numbers of receiver and sender, and whether the message was heard.
 
 **Floor**: yellow the dump, light blue the dust. All lengths are in millimetres."""
 _SHEET = 0.02

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from iswarm_mj.config import N_LEDS, SwarmConfig
 from iswarm_mj.output.reading import REMEDY, read_about, read_result, read_trajectory
+from iswarm_mj.output.said import payload_of, stored
 from iswarm_mj.output.tables import TABLES, missing, table_of
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.metrics import Measures
@@ -212,9 +213,10 @@ def _measures(about: Mapping[str, Any], n_worlds: int) -> list[Measures]:
 
 def _scene(arrays: Mapping[str, np.ndarray], number: int, config: SwarmConfig) -> Scene:
     """Constants of a world; for what earlier versions did not write, the same from the configuration."""
+    range_ = config.strategy.message_range * ROBOT_DIAMETER
     usual: dict[str, Any] = {
         "is_alive": np.ones(arrays["pose"].shape[1], bool),
-        "message_range": config.strategy.message_range * ROBOT_DIAMETER,
+        "payload": stored(payload_of({"scene_message_range": range_, **arrays})),
         "world": number,
         "n_leds": N_LEDS,
     }

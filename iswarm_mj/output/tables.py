@@ -1,12 +1,15 @@
 """Tidy tables of a recorded world: one row a robot, ball, link or control step, units in the metadata of columns."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
-from iswarm_mj.sensors.messages import Message, unpack
+from iswarm_mj.config import N_LEDS
+from iswarm_mj.output.said import names_of, payload_of, said
+from iswarm_mj.sensors.messages import PRIORITY
 
 Arrays = Mapping[str, np.ndarray]
 """Of a trajectory, see `trajectory.Frames` and `Scene`; those of earlier versions lack some."""
@@ -49,21 +52,17 @@ def _sent(a: Arrays, values: np.ndarray) -> np.ndarray:
     return np.ma.masked_where(np.broadcast_to(~a["scene_is_alive"], values.shape), _in_step(a, values))
 
 
-def _said(part: Callable[[Message], np.ndarray]) -> Callable[[Arrays], np.ndarray]:
-    """Part of the messages that were sent."""
-    return lambda a: _sent(a, part(unpack(a["message"], float(a["scene_message_range"]), int(a["scene_n_leds"]))[0]))
+def said_columns(arrays: Arrays) -> list[Column]:
+    """Columns of what the robots' messages carried, by the payload that their strategy declared."""
+    payload = payload_of(arrays)
+    values = cache(lambda: said(payload, int(arrays.get("scene_n_leds", N_LEDS)), arrays["message"]))
 
+    def of(name: str) -> Callable[[Arrays], np.ndarray]:
+        if name == PRIORITY:
+            return lambda a: _in_step(a, a["has_priority"])
+        return lambda a: _sent(a, values()[name].values)
 
-def _said_vector(name: str) -> list[Column]:
-    def known(vector: str, part: Callable[[Message], np.ndarray]) -> Callable[[Arrays], np.ndarray]:
-        return _said(lambda message: np.ma.masked_where(~getattr(message, vector).known, part(message)))
-
-    where = f"of the vector to the {name} that the robot sent as the step began, in its own frame"
-    return [
-        Column(f"said_{name}_x", "m", f"ahead, {where}", known(name, lambda m: getattr(m, name).vector[..., 0])),
-        Column(f"said_{name}_y", "m", f"left, {where}", known(name, lambda m: getattr(m, name).vector[..., 1])),
-        Column(f"said_{name}_hop", "", f"hop count {where}", known(name, lambda m: getattr(m, name).hop)),
-    ]
+    return [Column(f"said_{name}", *about, of(name)) for name, about in names_of(payload).items()]
 
 
 def _memory(name: str) -> list[Column]:
@@ -113,9 +112,6 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("is_alive", "", "it moves; a dead robot only stands in the way", _by_robot("scene_is_alive")),
         *_memory("dust"),
         *_memory("dump"),
-        Column("said_priority", "", "the priority flag that it sent", lambda a: _in_step(a, a["has_priority"])),
-        *_said_vector("dust"),
-        *_said_vector("dump"),
         Column("message", "", "the 32 bits that its first LED sent", lambda a: _sent(a, a["message"])),
         Column("turn", "rad", "carried out in the step, anticlockwise", lambda a: _in_step(a, a["command"][..., 0])),
         Column(
@@ -173,14 +169,21 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("mean_speed", "m/s", "of the robots in the step", lambda a: a["mean_speed"]),
     ),
 }
-"""Columns of each table, after the number of the world."""
+"""Columns of each table, after the number of the world; before `message` come those of `said_columns`."""
 WORLD = pa.field("world", pa.int32(), metadata={"unit": "", "description": "number of the world"})
 
 
 def missing(name: str, arrays: Arrays) -> list[str]:
     """Columns of a table that lack an array, since an earlier version wrote the trajectory."""
     own = _remembers_otherwise(arrays)
-    return [c.name for c in TABLES[name] if c.name not in own and _values(c, arrays) is None]
+    return [c.name for c in _columns(name, arrays) if c.name not in own and _values(c, arrays) is None]
+
+
+def _columns(name: str, arrays: Arrays) -> list[Column]:
+    """Columns of a table, but for `memory_columns`."""
+    columns = list(TABLES[name])
+    place = next((i for i, column in enumerate(columns) if column.name == "message"), 0)
+    return columns[:place] + (said_columns(arrays) if place else []) + columns[place:]
 
 
 def memory_columns(name: str, arrays: Arrays) -> list[Column]:
@@ -217,7 +220,7 @@ def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
         arrays: of the trajectory.
         world: number of the world.
     """
-    columns = [*TABLES[name], *memory_columns(name, arrays)]
+    columns = [*_columns(name, arrays), *memory_columns(name, arrays)]
     found = [(column, values) for column in columns if (values := _values(column, arrays)) is not None]
     n_rows = found[0][1].size if found else 0
     parts = [pa.array(np.full(n_rows, world, np.int32))]

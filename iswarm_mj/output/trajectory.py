@@ -34,8 +34,8 @@ class Scene(NamedTuple):
     """Time between two frames [s]."""
     is_alive: Bool[np.ndarray, "N"]
     """The others are dead: they only stand in the way."""
-    message_range: float
-    """Longest vector that a message can carry [m]; with it `sensors.messages.unpack` reads the frames' messages."""
+    payload: str
+    """What messages carry, in JSON; with it and `n_leds`, `output.said` reads the frames' messages."""
     world: int
     """Number of the world in its run."""
     n_leds: int
@@ -75,10 +75,10 @@ class Frames:
     """x, y, and yaw, counted from the x axis and not wrapped."""
     is_loaded: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
     has_priority: Bool[np.ndarray, "T N"] = field(metadata=_stored(np.bool_))
-    """Whether the robot sends the priority flag."""
+    """Whether the robot sends the flag `priority`; nobody does where messages have none."""
     message: UInt32[np.ndarray, "T N"] = field(metadata=_stored(np.uint32))
     """The 32 bits that the robot's first LED sent as the step began; those of its other LEDs differ in number and
-    parity. No meaning in frame 0, where the world did not take the step, and for dead robots."""
+    check. No meaning in frame 0, where the world did not take the step, and for dead robots."""
     command: Float[np.ndarray, "T N 2"] = field(metadata=_stored(np.float32, "rad", "m"))
     """Turn and distance ahead that the drive carried out in the step, within its limits and with its errors."""
     ball_position: Float[np.ndarray, "T K 3"] = field(metadata=_stored(np.float32, "m"))
@@ -97,7 +97,7 @@ class Frames:
     link_distance: Float[np.ndarray, "T N S"] = field(metadata=_stored(np.float32, "m"))
     """Distance of the sender, as the receiver measured it."""
     link_heard: Bool[np.ndarray, "T N S"] = field(metadata=_stored(np.bool_))
-    """The sender's message arrived, and its parity is correct, if that is checked."""
+    """The sender's message arrived, and its check is right, if that is looked at."""
     delivered: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))
     """Balls delivered so far."""
     picked: Int[np.ndarray, "T"] = field(metadata=_stored(np.int32))

@@ -1,6 +1,6 @@
 """The channel between robots: everything that a robot learns from others passes through its 32-bit messages."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, UInt32
 
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.messages import Message, corrupt, pack, unpack
+from iswarm_mj.sensors.messages import Layout, Message, corrupt
 from iswarm_mj.utils.arrays import Array
 
 
@@ -17,10 +17,8 @@ class Channel(NamedTuple):
 
     noise: Conditions
     """Probabilities and errors (Table 1 of the paper)."""
-    max_range: float
-    """Length of the longest vector that a message can carry [mm]."""
-    n_leds: int = 4
-    """Of a robot."""
+    layout: Layout
+    """Of the messages' bits."""
 
 
 class Received(NamedTuple):
@@ -29,32 +27,35 @@ class Received(NamedTuple):
     message: Message
     """(N, S); meaningless where not `is_heard`."""
     is_heard: Bool[Array, "N S"]
-    """A message arrived, and its parity is correct, if that is checked."""
+    """A message arrived, and its check is right, if that is looked at."""
     distance: Float[Array, "N S"]
     """Measured distance of the sender [mm]."""
     bits: UInt32[Array, "N S"]
     """What each LED of each robot sent."""
 
 
-def exchange(channel: Channel, content: Message, links: Links, key: Array) -> Received:
+def exchange(channel: Channel, content: dict[str, Any], links: Links, key: Array) -> Received:
     """Send each robot's message to the robots that hear it.
 
     Args:
         channel: noise and encoding.
-        content: what each of N robots says (N,); `led` is replaced by the number of the LED that sends.
+        content: what each of N robots says (N,), by the names of the payload's fields.
         links: which sides (N, S) hear which LED of which robot, and the true distances.
         key: random key.
     """
     noise_key, bits_key = jax.random.split(key)
-    columns = jax.tree.map(lambda a: a[:, None], content)._replace(led=jnp.arange(channel.n_leds)[None])
-    sent = pack(columns, channel.max_range, channel.n_leds)
+    layout, n_leds = channel.layout, channel.layout.n_leds
+    columns = jax.tree.map(lambda a: a[:, None], content)
+    sent = layout.pack(Message(jnp.arange(n_leds)[None], columns))
+    if not content:  # all robots send the same
+        sent = jnp.broadcast_to(sent, (len(links.sender), n_leds))
     bits = sent[links.sender, links.led]
     draw = jax.random.uniform(bits_key, (*links.sender.shape, 4))
     damaged = corrupt(bits, draw[..., :3], channel.noise.error_in_communication, channel.noise.independent_bit_errors)
-    message, parity_holds = unpack(damaged, channel.max_range, channel.n_leds)
+    message, is_right = layout.unpack(damaged)
     arrives = links.valid & (draw[..., 3] >= channel.noise.p_communication_break)
-    is_heard = arrives & (parity_holds | ~jnp.asarray(channel.noise.parity_check))
-    if channel.n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
-        is_heard &= message.led < channel.n_leds
+    is_heard = arrives & (is_right | ~jnp.asarray(channel.noise.parity_check))
+    if n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
+        is_heard &= message.led < n_leds
     error = channel.noise.error_distance_measure * jax.random.normal(noise_key, links.distance.shape)
     return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0), sent)

@@ -17,7 +17,7 @@ class Conditions(NamedTuple):
     independent_bit_errors: Array
     """Bits flip independently."""
     parity_check: Array
-    """Messages with a wrong parity bit are ignored."""
+    """Messages whose check is wrong are ignored."""
     p_communication_break: Array
     """Probability that a message does not arrive."""
     drop_rate: Array

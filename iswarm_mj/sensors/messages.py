@@ -1,62 +1,29 @@
-"""The 32 bits of a light message (Valdastri et al. 2006, Table 1: 32 bit/message).
+"""The 32 bits of a light message (Valdastri et al. 2006, Table 1: 32 bit/message), by declaration.
 
-    bit   0-1    number of the LED that sends (0 front, 1 left, 2 back, 3 right)
-          2      priority flag
-          3-16   vector to dust:  bearing 5, range 5, hop count 4
-          17-30  vector to the dump, likewise
-          31     parity: makes the number of ones even
-
-Robots with five to eight LEDs need one bit more for their number, and take it from the range of the vector to the dump:
-
-    bit   0-2    number of the LED
-          3      priority flag
-          4-17   vector to dust:  bearing 5, range 5, hop count 4
-          18-30  vector to the dump:  bearing 5, range 4, hop count 4
-          31     parity
-
-The layout is a choice; the paper specifies the capacity, the LED's two bits, the flag, the two vectors and the hop
-count. Bearings count anticlockwise from the sender's front in 32 equal steps, ranges in 31 equal steps, or 15 with
-4 bits, up to the codec's `max_range`, to which longer vectors are shortened. A hop count of 15 means "no vector": a
-vector that came through more than 14 robots is not sent on, so that rumours die out.
+A message begins with the number of the LED that sends it, in two bits (0 front, 1 left, 2 back, 3 right), or three of
+robots with five to eight LEDs. Then come the fields of the strategy's `Payload`, one after the other, and in the
+highest bits a check. Bits between are 0. The layout of the paper's strategy is `strategy.vector_strategy.payload_for`.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.utils.arrays import Array, array_module
-
-BEARINGS = 32
-RANGE_BITS = 5
-MAX_HOP = 14
-NO_VECTOR = 15
+from iswarm_mj.sensors.checks import CHECKS, WORD, holds, with_check
+from iswarm_mj.sensors.fields import KINDS, Field, Flag, Vector, stated
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
 
 MAX_LEDS = 8
 """Of a robot whose messages tell their number."""
-
-
-class _Layout(NamedTuple):
-    """Where the parts of a message are."""
-
-    led_bits: int
-    dump_range_bits: int
-
-    @property
-    def dust(self) -> int:
-        """First bit of the vector to dust."""
-        return self.led_bits + 1
-
-    @property
-    def dump(self) -> int:
-        """First bit of the vector to the dump."""
-        return self.dust + 9 + RANGE_BITS
-
-
-def _layout(n_leds: int) -> _Layout:
-    return _Layout(2, RANGE_BITS) if n_leds <= 4 else _Layout(3, RANGE_BITS - 1)
+RESERVED = ("led", "message")
+"""Names that fields cannot have, since tables and recordings have them."""
+PRIORITY = "priority"
+"""Name of the flag of robots that recordings draw darker."""
 
 
 class Message(NamedTuple):
@@ -64,63 +31,127 @@ class Message(NamedTuple):
 
     led: Int[Array, "*N"]
     """int32, number of the LED that sent it."""
-    priority: Bool[Array, "*N"]
-    """Priority flag."""
-    dust: VectorMemory
-    """Vector to dust in the sender's frame [mm]."""
-    dump: VectorMemory
-    """Vector to the dump in the sender's frame [mm]."""
+    payload: dict[str, Any]
+    """Values of the fields, by their names."""
 
 
-def pack_vector(memory: VectorMemory, max_range: float, range_bits: int = RANGE_BITS) -> UInt32[Array, "*N"]:
-    """14 bits that encode a remembered vector: bearing, range and hop count; or 13, with 4 bits of range."""
-    ranges = 2**range_bits - 1
-    x, y = memory.vector[..., 0], memory.vector[..., 1]
-    bearing = jnp.round(jnp.arctan2(y, x) * (BEARINGS / (2 * jnp.pi))).astype(jnp.int32) % BEARINGS
-    distance = jnp.clip(jnp.round(jnp.hypot(x, y) * (ranges / max_range)), 0, ranges).astype(jnp.int32)
-    hop = jnp.where(memory.known & (memory.hop <= MAX_HOP), memory.hop, NO_VECTOR)
-    return (bearing | (distance << 5) | (hop << (5 + range_bits))).astype(jnp.uint32)
+@dataclass(frozen=True)
+class Payload:
+    """What a strategy's messages carry: fields by their names, and how receivers check them.
+
+    `Payload({"count": Integer(bits=4), "heat": Real(0, 1, bits=8)}, check="crc-8/smbus")`; without fields, messages
+    carry the number of the LED alone.
+    """
+
+    fields: Any = ()
+    """A mapping from names to `sensors.fields`, or pairs of both; kept as a tuple of pairs."""
+    check: str = "parity"
+    """One of `checks.CHECKS`."""
+
+    def __post_init__(self):
+        given = self.fields
+        pairs = given.items() if isinstance(given, Mapping) else given
+        own: list[Any] = list(pairs) if isinstance(pairs, Iterable) else [None]
+        if not all(isinstance(pair, tuple) and len(pair) == 2 for pair in own):
+            raise UserError(f"a payload is a dictionary of names and fields, as {_EXAMPLE} (got {given!r})")
+        object.__setattr__(self, "fields", tuple(own))
+        for name, field in own:
+            if not isinstance(name, str) or not name.isidentifier() or name in RESERVED:
+                raise UserError(
+                    f"a field of a payload cannot be called {name!r}; give it a name as of a variable, but not "
+                    + " or ".join(RESERVED)
+                )
+            if not isinstance(field, tuple(KINDS.values())):
+                raise UserError(
+                    f"field {name!r} of a payload is {field!r}; make it one of {', '.join(KINDS)} "
+                    f"(iswarm_mj.sensors.fields), as {_EXAMPLE}"
+                )
+            if name == PRIORITY and not isinstance(field, Flag):
+                raise UserError(f"field {name!r} of a payload is {field}; make it a Flag, or give it another name")
+        parts = [part for name, field in own for part in columns(name, field)]
+        twice = sorted({part for part in parts if parts.count(part) > 1})
+        if twice:
+            raise UserError(f"fields of a payload share the name {twice[0]!r}; rename one of them")
+        if self.check not in CHECKS:
+            raise UserError(f"check of a payload must be one of {', '.join(CHECKS)} (got {self.check!r})")
+        Layout(self, 4)
+
+    @property
+    def bits(self) -> int:
+        """Length of all fields."""
+        return sum(field.bits for _, field in self.fields)
+
+    def shapes(self, *shape: int) -> dict[str, Any]:
+        """Shapes and types of values."""
+        return {name: field.shapes(*shape) for name, field in self.fields}
+
+    def stated(self) -> dict[str, Any]:
+        """Return the declaration in JSON."""
+        return {"fields": [[name, stated(field)] for name, field in self.fields], "check": self.check}
+
+    @staticmethod
+    def restored(content: Mapping[str, Any]) -> "Payload":
+        """Return the declaration that `stated` gave."""
+        own = [(name, KINDS[values["kind"]](**_without_kind(values))) for name, values in content["fields"]]
+        return Payload(tuple(own), content["check"])
 
 
-def unpack_vector(bits: UInt32[Array, "*N"], max_range: float, range_bits: int = RANGE_BITS) -> VectorMemory:
-    """Vector that 14 bits encode, or 13; the inverse of `pack_vector` within half a quantum."""
-    xp = array_module(bits)
-    bits, ranges = bits.astype(np.int32), 2**range_bits - 1
-    angle = (bits & 31) * (2 * jnp.pi / BEARINGS)
-    distance = ((bits >> 5) & ranges) * (max_range / ranges)
-    hop = (bits >> (5 + range_bits)) & 15
-    known = hop != NO_VECTOR
-    vector = xp.stack([distance * xp.cos(angle), distance * xp.sin(angle)], axis=-1)
-    return VectorMemory(xp.where(known[..., None], vector, 0.0), xp.where(known, hop, 0), known)
+@dataclass(frozen=True)
+class Layout:
+    """A payload in the messages of robots with so many LEDs."""
+
+    payload: Payload
+    n_leds: int = 4
+
+    def __post_init__(self):
+        parts = {"the LED's number": self.led_bits, f"the check ({self.payload.check})": self.check_bits}
+        own = sum(parts.values())
+        if own + self.payload.bits > WORD:
+            fields = ", ".join(f"{name} {field.bits}" for name, field in self.payload.fields)
+            taken = " and ".join(f"{bits} for {part}" for part, bits in parts.items())
+            raise UserError(
+                f"a payload of {self.payload.bits} bits ({fields}) with {taken} is longer than a message of {WORD} "
+                f"bits; leave out or shorten fields by {own + self.payload.bits - WORD} bits"
+            )
+
+    @property
+    def led_bits(self) -> int:
+        """Bits of the LED's number."""
+        return 2 if self.n_leds <= 4 else 3
+
+    @property
+    def check_bits(self) -> int:
+        """Bits of the check."""
+        return CHECKS[self.payload.check].width
+
+    def pack(self, message: Message) -> UInt32[Array, "*N"]:
+        """32 bits that encode a message, including the check."""
+        bits, at = message.led.astype(jnp.uint32) & (2**self.led_bits - 1), self.led_bits
+        for name, field in self.payload.fields:
+            bits = bits | (field.encode(message.payload[name]) << at)
+            at += field.bits
+        return with_check(self.payload.check, bits)
+
+    def unpack(self, bits: UInt32[Array, "*N"]) -> tuple[Message, Bool[Array, "*N"]]:
+        """Message that 32 bits encode, and whether its check is right."""
+        values, at = {}, self.led_bits
+        for name, field in self.payload.fields:
+            values[name] = field.decode((bits >> at) & (2**field.bits - 1))
+            at += field.bits
+        led = (bits & (2**self.led_bits - 1)).astype(np.int32)
+        return Message(led, values), holds(self.payload.check, bits)
 
 
-def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
-    """Parity of 32 bits: 1 where the number of ones is odd."""
-    return array_module(bits).bitwise_count(bits).astype(np.uint32) & 1
+def columns(name: str, field: Field) -> list[str]:
+    """Names of a field's parts in tables."""
+    return [f"{name}_{part}" for part in ("x", "y", "hop")] if isinstance(field, Vector) else [name]
 
 
-def pack(message: Message, max_range: float, n_leds: int = 4) -> UInt32[Array, "*N"]:
-    """32 bits that encode a message of a robot with so many LEDs, including parity."""
-    layout = _layout(n_leds)
-    bits = (
-        (message.led.astype(jnp.uint32) & (2**layout.led_bits - 1))
-        | (message.priority.astype(jnp.uint32) << layout.led_bits)
-        | (pack_vector(message.dust, max_range) << layout.dust)
-        | (pack_vector(message.dump, max_range, layout.dump_range_bits) << layout.dump)
-    )
-    return bits | (parity(bits) << 31)
+_EXAMPLE = '{"count": Integer(bits=4), "heat": Real(0, 1, bits=8)}'
 
 
-def unpack(bits: UInt32[Array, "*N"], max_range: float, n_leds: int = 4) -> tuple[Message, Bool[Array, "*N"]]:
-    """Message that 32 bits encode, and whether their parity is correct."""
-    layout = _layout(n_leds)
-    message = Message(
-        led=(bits & (2**layout.led_bits - 1)).astype(np.int32),
-        priority=((bits >> layout.led_bits) & 1).astype(bool),
-        dust=unpack_vector((bits >> layout.dust) & 0x3FFF, max_range),
-        dump=unpack_vector((bits >> layout.dump) & 0x3FFF, max_range, layout.dump_range_bits),
-    )
-    return message, parity(bits) == 0
+def _without_kind(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name != "kind"}
 
 
 def corrupt(
@@ -128,7 +159,7 @@ def corrupt(
 ) -> UInt32[Array, "*N"]:
     """Messages after transmission over a noisy channel, a share `error` of them with at least one wrong bit.
 
-    Either exactly one bit of such a message is wrong, which the parity bit reveals. Or each bit flips independently,
+    Either exactly one bit of such a message is wrong, which parity reveals. Or each bit flips independently,
     at a bit error rate e with 1 - (1 - e)^32 = `error`: then some messages, 5 % of the wrong ones at an error of 10 %,
     have two wrong bits, which parity does not reveal. Three or more wrong bits count as two.
 

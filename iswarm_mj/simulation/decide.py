@@ -1,7 +1,7 @@
 """What the robots of one world decide in a control step: communicate, advance the task, observe, act. Pure JAX."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,9 +14,10 @@ from iswarm_mj.sensors.channel import Channel, Received, exchange
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
-from iswarm_mj.sensors.messages import Message
+from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.payloads import layout_of, said
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
@@ -44,9 +45,9 @@ class Spoken(NamedTuple):
     """What robots sent as the step began, and what became of it."""
 
     message: UInt32[Array, "*B N"]
-    """The 32 bits that a robot's first LED sent; those of the other LEDs differ in number and parity."""
+    """The 32 bits that a robot's first LED sent; those of the other LEDs differ in number and check."""
     is_heard: Bool[Array, "*B N S"]
-    """A message arrived on this side, and its parity is correct, if that is checked."""
+    """A message arrived on this side, and its check is right, if that is looked at."""
     measured_distance: Float[Array, "*B N S"]
     """Of the sender of a link [mm]."""
 
@@ -58,7 +59,7 @@ class Decision(NamedTuple):
     command: Command
     """As the strategy gave it, with the errors of the actuators; zero for the dead."""
     has_priority: Bool[Array, "*B N"]
-    """The robot sends the priority flag as the step begins."""
+    """The robot sends the flag `priority` as the step begins; never where the payload has none."""
     links: Links
     """Of each side (*B, N, S), the sender whose message it receives unless noise spoils it."""
     spoken: Spoken
@@ -90,20 +91,19 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
         sight = Sight(
             understood(optics, sight.links, first_slot, robot.sides), sight.sees_wall & sides_on(optics, robot.sides)
         )
-    channel = Channel(params.conditions, mm_from_rd(config.strategy.message_range), len(robot.sides))
+    channel = Channel(params.conditions, layout_of(strategy, len(robot.sides)))
 
-    def transmit(message: Message) -> Received:
+    def transmit(payload: dict[str, Any]) -> Received:
         """Messages as received, with the same noise at whatever time within this step they are sent."""
-        message = message._replace(priority=message.priority & is_alive)
-        return exchange(channel, message, sight.links, channel_key)
+        return exchange(channel, payload, sight.links, channel_key)
 
-    said = strategy.say(swarm.memory, loaded(swarm.balls, n_robots))
-    received = transmit(said)
+    payload = said(strategy, swarm.memory, loaded(swarm.balls, n_robots))
+    received = transmit(payload)
     picks = strategy.picks(swarm.memory) & is_alive
     around = Around(poses, params.is_present, is_alive, picks, params.conditions, config, robot)
     things, sensed = params.task.advance(swarm.things, around, task_key)
     observation = _observe(sight, received, sensed, loaded(things.balls, n_robots))
-    if config.strategy.update_order == "sequential":
+    if config.strategy.update_order == "sequential" and payload:
         relaying = _relaying(strategy)
 
         def relay(observation: Observation) -> Message:
@@ -118,8 +118,9 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     decided = SwarmState(memory, things.balls, is_alive, things.own)
     kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
+    flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.things)
-    return Decision(kept, command, said.priority & is_alive, sight.links, spoken, progress)
+    return Decision(kept, command, flag, sight.links, spoken, progress)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
@@ -150,9 +151,7 @@ def _observe(sight: Sight, received: Received, sensed: Sensed, is_loaded: Array)
         bearing=sight.links.bearing,
         distance=received.distance,
         led=message.led,
-        priority=message.priority,
-        dust=message.dust,
-        dump=message.dump,
+        payload=message.payload,
         sees_wall=sight.sees_wall,
         at_dust=sensed.at_dust,
         ball_vector=sensed.ball_vector,

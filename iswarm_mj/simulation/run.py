@@ -19,10 +19,11 @@ from iswarm_mj.simulation.strategies import of_all_worlds, stated
 from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of, metrics_of
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.payloads import payload_of
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.recorded import declared
 from iswarm_mj.strategy.signatures import check_strategies
-from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 from iswarm_mj.tasks.protocol import Task, Things
@@ -31,6 +32,7 @@ from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.units import mm_from_rd
 
 STEPS = 800
 """Control steps of a run at most, unless its settings say otherwise."""
@@ -54,6 +56,7 @@ class Run:
         task: as given.
         goal: progress of the task that finishes a world, in cleaning balls delivered; None if it never is.
         recorded: parts of the strategy's memory that recordings show, and their units.
+        payload: what the robots' messages carry.
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
         watch: where the time goes.
@@ -123,6 +126,9 @@ class Run:
             own = of_all_worlds(strategy, config, self.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, capacity, n_leds, job.sensed)
         self.recorded = declared(VectorStrategy if own is None else own)
+        self.payload = (
+            payload_for(mm_from_rd(config.strategy.message_range), n_leds) if own is None else payload_of(own)
+        )
         self.watch = Stopwatch()
         goal = ENDLESS if self.goal is None else self.goal
         plan = Plan(config, settings, self.engine, self.worlds, self.starts, own, robot_file, goal, job.task)

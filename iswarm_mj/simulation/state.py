@@ -89,12 +89,12 @@ class StepRecord(NamedTuple):
     links: Links
     """By which the robots heard each other in this step; none at the start."""
     has_priority: Bool[Array, "*T N"]
-    """The robot sent the priority flag as the step began."""
+    """The robot sent the flag `priority` as the step began; nobody does where messages have none."""
     message: UInt32[Array, "*T N"]
     """The 32 bits (`sensors.messages`) that the robot's first LED sent as the step began; no meaning at the start,
     where the world did not take this step, and for dead robots."""
     is_heard: Bool[Array, "*T N S"]
-    """The message of a link arrived, and its parity is correct, if that is checked."""
+    """The message of a link arrived, and its check is right, if that is looked at."""
     measured_distance: Float[Array, "*T N S"]
     """Of the sender, as the receiver measured it [mm]; no meaning where the link is not valid."""
     command: Command

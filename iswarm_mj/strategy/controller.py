@@ -129,8 +129,8 @@ def learn(
         return adopt(own.where(~forgets), offers.where(observation.is_heard), rules.use_hop_count, tie_break)
 
     return memory._replace(
-        dust=arrived(listen(memory.dust, observation.dust, draws.dust_tie), observation.at_dust),
-        dump=arrived(listen(memory.dump, observation.dump, draws.dump_tie), observation.on_dump),
+        dust=arrived(listen(memory.dust, observation.payload["dust"], draws.dust_tie), observation.at_dust),
+        dump=arrived(listen(memory.dump, observation.payload["dump"], draws.dump_tie), observation.on_dump),
     )
 
 
@@ -177,7 +177,7 @@ def avoid(
 ) -> Float[Array, "N 2"]:
     """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
-    loaded, priority = observation.is_loaded, observation.priority
+    loaded, priority = observation.is_loaded, observation.payload["priority"]
     threshold, reach = (find(rules, loaded, priority) for find in (avoidance_distance, repulsion_range))
     heeded = observation.is_heard & is_avoided(rules, observation.led, sides)
     weight = jnp.where(priority, rules.priority_factor, 1.0) * heeded

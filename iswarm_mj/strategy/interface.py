@@ -1,7 +1,7 @@
 """What robots sense, remember and do in a control step. S = 4 is the number of their sides."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxtyping import Bool, Float, Int
 
@@ -24,19 +24,16 @@ class Observation(NamedTuple):
     """All that N robots sense in one control step."""
 
     is_heard: Bool[Array, "N S"]
-    """A message arrived on this side, and its parity is correct."""
+    """A message arrived on this side, and its check is right; elsewhere what it says has no meaning."""
     bearing: Float[Array, "N S"]
     """Direction that it came from, in the robot's frame [rad]."""
     distance: Float[Array, "N S"]
     """Measured distance of its sender [mm]."""
     led: Int[Array, "N S"]
     """int32, LED number in the message."""
-    priority: Bool[Array, "N S"]
-    """Priority flag in the message."""
-    dust: VectorMemory
-    """(N, S) vectors to dust in the messages, in their senders' frames."""
-    dump: VectorMemory
-    """(N, S) vectors to the dump in the messages, likewise."""
+    payload: dict[str, Any]
+    """(N, S) what the messages carry, by the names of the payload's fields (`sensors.messages.Payload`); vectors are in
+    their senders' frames."""
     sees_wall: Bool[Array, "N S"]
     """A wall reflects the light of this side's LED."""
     at_dust: Bool[Array, "N"]

@@ -1,10 +1,11 @@
 """What a strategy is: the rules by which robots speak and move, given what they sense."""
 
+from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import Bool
 
-from iswarm_mj.sensors.messages import Message
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
 
@@ -15,6 +16,10 @@ class Strategy(Protocol):
 
     A strategy is a pytree (`jax.tree_util.register_dataclass`): its arrays may differ from world to world, and its
     static fields are compiled in. Its memory is a pytree of arrays whose first axis is that of the robots.
+
+    What its messages carry it declares by an attribute `payload`, a dictionary of names and `sensors.fields` or a
+    `Payload`, and says by a method `say`, see `SpeakingStrategy`. Without both, messages carry the number of the LED
+    that sends alone.
     """
 
     def init(self, n_robots: int, key: Array) -> Any:
@@ -23,15 +28,6 @@ class Strategy(Protocol):
         Args:
             n_robots: N.
             key: random key of the world.
-        """
-        ...
-
-    def say(self, memory: Any, is_loaded: Bool[Array, "N"]) -> Message:
-        """Return what each robot says to all sides (N,); `led` is replaced by the number of the LED that sends.
-
-        Args:
-            memory: from the step before.
-            is_loaded: the robot holds a ball.
         """
         ...
 
@@ -54,7 +50,26 @@ class Strategy(Protocol):
 
 
 @runtime_checkable
-class RelayingStrategy(Strategy, Protocol):
+class SpeakingStrategy(Strategy, Protocol):
+    """A strategy whose messages carry something."""
+
+    @property
+    def payload(self) -> Payload | Mapping[str, Any]:
+        """Fields of the messages."""
+        ...
+
+    def say(self, memory: Any, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
+        """Return what each robot says to all sides: arrays (N,) by the names of the payload's fields, of their types.
+
+        Args:
+            memory: from the step before.
+            is_loaded: the robot holds a ball.
+        """
+        ...
+
+
+@runtime_checkable
+class RelayingStrategy(SpeakingStrategy, Protocol):
     """A strategy whose robots can pass on what they have just heard, which sequential updates need."""
 
     def listen(self, memory: Any, observation: Observation, key: Array) -> Any:

@@ -12,7 +12,7 @@ import jax
 from iswarm_mj.utils.errors import UserError
 
 _STATIC = (bool, int, str, bytes, NoneType)
-_METHODS = ("init", "say", "picks", "act")
+_METHODS = ("init", "picks", "act")
 
 
 def check_methods(given: Any) -> None:
@@ -25,11 +25,17 @@ def check_methods(given: Any) -> None:
     """
     if hasattr(given, "for_world"):
         return
-    missing = [method for method in _METHODS if not callable(getattr(given, method, None))]
+    names = ("say", *_METHODS) if "payload" in dir(given) else _METHODS
+    missing = [method for method in names if not callable(getattr(given, method, None))]
     if missing:
         raise UserError(
-            f"{_name(given)} has no method {' and no method '.join(missing)}; a strategy has {', '.join(_METHODS)}, "
+            f"{_name(given)} has no method {' and no method '.join(missing)}; a strategy has {', '.join(names)}, "
             "see iswarm_mj.strategy.protocol.Strategy"
+        )
+    if hasattr(given, "say") and "payload" not in dir(given):
+        raise UserError(
+            f"{_name(given)} has a method say, but no attribute payload; declare what it says, as "
+            'payload = {"count": Integer(bits=4)} with iswarm_mj.sensors.fields'
         )
 
 
@@ -98,7 +104,7 @@ def _register(cls: type) -> None:
 
 
 def _is_static_field(cls: type, field: Any) -> bool:
-    if field.name == "recorded":
+    if field.name in ("recorded", "payload"):
         return True
     if "static" in field.metadata:
         return bool(field.metadata["static"])

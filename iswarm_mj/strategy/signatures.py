@@ -5,26 +5,27 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Message
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.recorded import check_recorded
 from iswarm_mj.utils.errors import UserError
 
 
-def observation_shapes(n_robots: int, n_sides: int = 4, sensed: Any = None) -> Observation:
-    """Shapes and types of what N robots with S sides sense, and what else the task lets them sense."""
+def observation_shapes(
+    n_robots: int, n_sides: int = 4, sensed: Any = None, payload: Payload | None = None
+) -> Observation:
+    """Shapes and types of what N robots with S sides sense, with what else the task lets them sense and what their
+    messages carry, which is nothing by default."""
     here, sides = (n_robots,), (n_robots, n_sides)
     return Observation(
         is_heard=_flags(*sides),
         bearing=_floats(*sides),
         distance=_floats(*sides),
         led=_integers(*sides),
-        priority=_flags(*sides),
-        dust=_vectors(*sides),
-        dump=_vectors(*sides),
+        payload=(payload or Payload()).shapes(*sides),
         sees_wall=_flags(*sides),
         at_dust=_flags(*here),
         ball_vector=_floats(*here, 2),
@@ -64,9 +65,11 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: i
         UserError: a method returns something else, raises an exception or cannot be compiled; what is to be recorded
             is not there.
     """
-    message = Message(_integers(n_robots), _flags(n_robots), _vectors(n_robots), _vectors(n_robots))
-    command = Command(_floats(n_robots), _floats(n_robots))
     name = type(strategy).__name__
+    with explained(f"{name}.payload"):
+        payload = layout_of(strategy, n_sides).payload
+    observation = observation_shapes(n_robots, n_sides, sensed, payload)
+    command = Command(_floats(n_robots), _floats(n_robots))
 
     def shapes(method: str, *arguments: Any) -> Any:
         with explained(f"{name}.{method}"):
@@ -76,9 +79,9 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: i
     with explained(f"{name}.init"):
         memory = jax.eval_shape(lambda own, key: own.init(n_robots, key), strategy, key)
     check_recorded(strategy, memory, n_robots)
-    compare(f"{name}.say", shapes("say", memory, _flags(n_robots)), message)
+    if payload.fields:
+        _check_said(name, shapes("say", memory, _flags(n_robots)), payload.shapes(n_robots))
     compare(f"{name}.picks", shapes("picks", memory), _flags(n_robots))
-    observation = observation_shapes(n_robots, n_sides, sensed)
     if isinstance(strategy, RelayingStrategy):
         listened = shapes("listen", memory, observation, key)
         compare(f"{name}.listen", listened, memory, "memory")
@@ -87,6 +90,16 @@ def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: i
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
     compare(f"{name}.act", returned[0], memory, "memory")
     compare(f"{name}.act", returned[1], command, "command")
+
+
+def _check_said(name: str, given: Any, wanted: dict[str, Any]) -> None:
+    if not isinstance(given, dict) or set(given) != set(wanted):
+        got = ", ".join(map(str, given)) if isinstance(given, dict) else f"a {type(given).__name__}"
+        raise UserError(
+            f"{name}.say must return a dictionary with the payload's fields {', '.join(wanted)} (got {got or 'none'})"
+        )
+    for field, its in wanted.items():
+        compare(f"{name}.say", given[field], its, f"field {field}")
 
 
 def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
@@ -109,10 +122,6 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
 def _named(tree: Any) -> str:
     is_array = isinstance(tree, jax.ShapeDtypeStruct)
     return "an array" if is_array else f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"
-
-
-def _vectors(*shape: int) -> Any:
-    return VectorMemory(_floats(*shape, 2), _integers(*shape), _flags(*shape))
 
 
 def _floats(*shape: int) -> Any:

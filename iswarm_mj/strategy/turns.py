@@ -57,7 +57,7 @@ def heard_in_turn(
 
 
 def _messages(observation: Observation) -> Message:
-    return Message(observation.led, observation.priority, observation.dust, observation.dump)
+    return Message(observation.led, observation.payload)
 
 
 def _with(observation: Observation, messages: Message) -> Observation:

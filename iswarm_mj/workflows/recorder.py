@@ -40,7 +40,7 @@ class Recorder:
 
         self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
         number = run.worlds[run.settings.record_worlds[index]].index
-        self._scene = scene_of(run.config, run.robot, run.start, index, number, self._recorded)
+        self._scene = scene_of(run.config, run.robot, run.start, index, number, self._recorded, run.payload)
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]

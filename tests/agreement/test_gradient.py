@@ -135,6 +135,10 @@ class Paced:
     def init(self, n_robots, key):
         return self.papers.init(n_robots, key)
 
+    @property
+    def payload(self):
+        return self.papers.payload
+
     def say(self, memory, is_loaded):
         return self.papers.say(memory, is_loaded)
 

@@ -22,8 +22,6 @@ from typing import Annotated
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.constraints import Within
 
@@ -35,9 +33,6 @@ class Walk:
 
     def init(self, n_robots, key):
         return {"turned": jnp.zeros(n_robots)}
-    def say(self, memory, is_loaded):
-        nothing = VectorMemory.empty(len(is_loaded))
-        return Message(jnp.zeros(len(is_loaded), int), is_loaded, nothing, nothing)
     def picks(self, memory):
         return memory["turned"] < jnp.inf
     def act(self, memory, seen, key):

@@ -13,7 +13,9 @@ from rerun.chunk import RrdReader
 
 from iswarm_mj.output import rerun_swarm as record
 from iswarm_mj.output.rerun_swarm import Recording
+from iswarm_mj.output.said import stored
 from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 PERIOD = 0.4
@@ -30,7 +32,7 @@ def make_scene(n_robots=40, n_balls=12):
         dust_areas=np.array([[-45e-3, 20e-3, -20e-3, 45e-3], [22e-3, -45e-3, 45e-3, -22e-3]]),
         control_period=PERIOD,
         is_alive=np.ones(n_robots, bool),
-        message_range=0.14,
+        payload=stored(payload_for(140.0)),
         world=0,
         n_leds=4,
         memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),

@@ -16,6 +16,7 @@ from iswarm_mj import PRESETS, MujocoSettings, PlanarSettings, Run
 from iswarm_mj.output.tables import TABLES
 from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean
 
 ENGINES = {
@@ -109,7 +110,7 @@ class TestEveryEngine:
     def test_robots_say_what_they_remembered(self, done):
         """The vectors of the step before, in 32 directions and 31 distances, with hop counts up to 14."""
         saved = done[2]
-        quantum = saved.scene.message_range / 31
+        quantum = saved.config.strategy.message_range * ROBOT_DIAMETER / 31
         for world in (0, 2):
             table, shape = of_world(saved.robots, world), (26, N)
             for name in ("dust", "dump"):
@@ -258,7 +259,7 @@ def test_a_run_without_a_recording(copy):
 
 
 NEW = ("message", "command", "dust_hop", "dump_hop", "ball_holder", "is_running", "link_led", "link_bearing")
-NEW += ("link_distance", "link_heard", "scene_is_alive", "scene_message_range", "scene_world", "scene_n_leds", ABOUT)
+NEW += ("link_distance", "link_heard", "scene_is_alive", "scene_payload", "scene_world", "scene_n_leds", ABOUT)
 NEW += ("scene_memory_names", "scene_memory_units", "scene_memory_sizes")
 """Arrays that the first versions did not write."""
 

@@ -9,9 +9,11 @@ from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.messages import Message, pack, unpack
+from iswarm_mj.sensors.messages import Layout, Message
+from iswarm_mj.strategy.vector_strategy import payload_for
 
 MAX_RANGE = 138.6
+LAYOUT = Layout(payload_for(MAX_RANGE))
 CLEAN = OpticsConfig(error_distance_measure=0.0, error_in_communication=0.0, p_communication_break=0.0)
 N = 25_000  # robots, so 1e5 messages
 
@@ -29,7 +31,7 @@ def contents(n, seed=0):
     def memory():
         return remember(rng.uniform(-90, 90, (n, 2)), rng.integers(0, 17, n), rng.random(n) < 0.8)
 
-    return Message(jnp.zeros(n, jnp.int32), jnp.asarray(rng.random(n) < 0.5), memory(), memory())
+    return {"priority": jnp.asarray(rng.random(n) < 0.5), "dust": memory(), "dump": memory()}
 
 
 def wires(n, seed=0):
@@ -43,7 +45,7 @@ def send(optics, content, wiring, seed=0):
     sender, led, valid, distance = (jnp.asarray(a) for a in wiring)
     links = Links(sender=sender, valid=valid, led=led, bearing=jnp.zeros_like(distance), distance=distance)
     noise = conditions_of(SwarmConfig(optics=optics))
-    return exchange(Channel(noise, MAX_RANGE), content, links, jax.random.key(seed))
+    return exchange(Channel(noise, LAYOUT), content, links, jax.random.key(seed))
 
 
 def test_without_noise_everything_arrives_as_packed():
@@ -51,12 +53,12 @@ def test_without_noise_everything_arrives_as_packed():
     message, arrived, measured, bits = send(CLEAN, content, (sender, led, valid, distance))
     np.testing.assert_array_equal(arrived, valid)
     np.testing.assert_allclose(measured, distance, rtol=1e-6)
-    spoken = jax.tree.map(lambda a: a[sender], content)._replace(led=jnp.asarray(led))
-    expected, _ = unpack(pack(spoken, MAX_RANGE), MAX_RANGE)
+    spoken = Message(jnp.asarray(led), jax.tree.map(lambda a: a[sender], content))
+    expected, _ = LAYOUT.unpack(LAYOUT.pack(spoken))
     jax.tree.map(np.testing.assert_array_equal, message, expected)
-    np.testing.assert_array_equal(bits[sender, led], pack(spoken, MAX_RANGE))
+    np.testing.assert_array_equal(bits[sender, led], LAYOUT.pack(spoken))
     np.testing.assert_array_equal(message.led, led)
-    np.testing.assert_array_equal(message.priority, np.asarray(content.priority)[sender])
+    np.testing.assert_array_equal(message.payload["priority"], np.asarray(content["priority"])[sender])
 
 
 def lost(optics, seed=1):
@@ -87,7 +89,8 @@ def test_two_wrong_bits_pass_for_a_message():
     everyone = (np.zeros((N, 4), int), np.zeros((N, 4), int), np.ones((N, 4), bool), np.full((N, 4), 5.0))
     content = contents(2)
     message, arrived, *_ = send(optics, content, everyone)
-    spoken = unpack(pack(jax.tree.map(lambda a: a[0], content), MAX_RANGE), MAX_RANGE)[0]
+    first = jax.tree.map(lambda a: a[0], content)
+    spoken = LAYOUT.unpack(LAYOUT.pack(Message(jnp.int32(0), first)))[0]
     wrong = jax.tree.map(lambda got, said: np.asarray(got != said).reshape(N, 4, -1).any(axis=2), message, spoken)
     rate = 1 - (1 - error) ** (1 / 32)
     one_wrong = 32 * rate * (1 - rate) ** 31
@@ -130,7 +133,7 @@ def test_a_receiver_learns_nothing_but_the_32_bits():
             length = (steps[i] + nudge * rng.uniform(-0.45, 0.45, n)) * (MAX_RANGE / 31)
             return remember(turned(np.stack([length, np.zeros(n)], -1), angle), hop[i])
 
-        return Message(jnp.asarray(rng.integers(0, 4, n)), jnp.ones(n, bool), memory(0), memory(1))
+        return {"priority": jnp.ones(n, bool), "dust": memory(0), "dump": memory(1)}
 
     got = send(OpticsConfig(), content(0), wires(n)), send(OpticsConfig(), content(1), wires(n))
     jax.tree.map(np.testing.assert_array_equal, *got)

@@ -1,6 +1,7 @@
 """The 32 bits: layout, round trip, parity and noise."""
 
 from itertools import combinations
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,11 @@ from helpers_sensing import remember, turned, wrapped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.sensors.messages import Message, corrupt, pack, pack_vector, parity, unpack, unpack_vector
+from iswarm_mj.sensors.checks import parity
+from iswarm_mj.sensors.fields import Vector
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Layout, Message, corrupt
+from iswarm_mj.strategy.vector_strategy import payload_for
 
 MAX_RANGE = 138.6
 QUANTUM = MAX_RANGE / 31
@@ -18,8 +23,8 @@ BEARING = 2 * np.pi / 32
 vectors = st.tuples(st.floats(-np.pi, np.pi), st.floats(0, MAX_RANGE), st.integers(0, 14))
 PATTERNS = np.array([0, 1, 0xFFFFFFFF, 0x80000000, 0xDEADBEEF, 0x12345678], np.uint32)
 
-pack_here = jax.jit(lambda message: pack(message, MAX_RANGE))
-unpack_here = jax.jit(lambda bits: unpack(bits, MAX_RANGE))
+LAYOUT, VECTOR = Layout(payload_for(MAX_RANGE)), Vector(MAX_RANGE)
+pack_here, unpack_here = jax.jit(LAYOUT.pack), jax.jit(LAYOUT.unpack)
 
 
 def vector(bearing, steps):
@@ -29,7 +34,7 @@ def vector(bearing, steps):
 
 def message(led=0, priority=False, dust=None, dump=None):
     nothing = remember(np.zeros(2), known=False)
-    return Message(jnp.int32(led), jnp.array(priority), dust or nothing, dump or nothing)
+    return Message(jnp.int32(led), {"priority": jnp.array(priority), "dust": dust or nothing, "dump": dump or nothing})
 
 
 @pytest.mark.parametrize(
@@ -50,9 +55,30 @@ def message(led=0, priority=False, dust=None, dump=None):
     ],
 )
 def test_hand_worked_messages_have_the_documented_layout(content, bits):
-    packed = pack(content, MAX_RANGE)
+    packed = LAYOUT.pack(content)
     assert packed.dtype == jnp.uint32
     assert f"{int(packed):032b}" == f"{bits:032b}"
+
+
+@pytest.mark.parametrize("n_leds", [4, 6])
+def test_bits_are_those_of_the_codec_that_knew_no_other_payload(n_leds):
+    """Its messages, and what it read of them where some had a wrong bit, for robots of four and of six LEDs."""
+    with np.load(Path(__file__).parents[1] / "data" / "messages.npz") as file:
+        kept = dict(file)
+
+    def content(kind):
+        def of(name):
+            return jnp.asarray(kept[f"{kind}{n_leds}_{name}"])
+
+        vectors = {name: VectorMemory(*(of(f"{name}_{p}") for p in VectorMemory._fields)) for name in ("dust", "dump")}
+        return Message(of("led"), {"priority": of("priority"), **vectors})
+
+    layout = Layout(payload_for(138.6, n_leds), n_leds)
+    np.testing.assert_array_equal(layout.pack(content("sent")), kept[f"bits{n_leds}"])
+    got, is_right = layout.unpack(jnp.asarray(kept[f"noisy{n_leds}"]))
+    np.testing.assert_array_equal(is_right, kept[f"ok{n_leds}"])
+    assert 0.1 < 1 - np.mean(is_right) < 0.5
+    jax.tree.map(np.testing.assert_array_equal, got, content("got"))
 
 
 @settings(max_examples=60, deadline=None)
@@ -61,8 +87,8 @@ def test_round_trip_keeps_everything_within_half_a_quantum(led, priority, conten
     sent = [remember(turned(np.array([length, 0.0]), angle), hop=hop) for angle, length, hop in content]
     received, parity_holds = unpack_here(pack_here(message(led, priority, *sent)))
     assert parity_holds
-    assert (int(received.led), bool(received.priority)) == (led, priority)
-    for memory, (angle, length, hop) in zip((received.dust, received.dump), content, strict=True):
+    assert (int(received.led), bool(received.payload["priority"])) == (led, priority)
+    for memory, (angle, length, hop) in zip((received.payload["dust"], received.payload["dump"]), content, strict=True):
         x, y = np.asarray(memory.vector)
         assert bool(memory.known) and int(memory.hop) == hop
         assert abs(np.hypot(x, y) - length) <= MAX_RANGE / 62 * (1 + 1e-4)
@@ -73,19 +99,19 @@ def test_round_trip_keeps_everything_within_half_a_quantum(led, priority, conten
 def test_every_code_of_a_vector_comes_back():
     bearing, steps, hop = (a.ravel() for a in np.meshgrid(np.arange(32), np.arange(1, 32), np.arange(15)))
     codes = bearing | steps << 5 | hop << 10
-    memory = unpack_vector(jnp.asarray(codes, jnp.uint32), MAX_RANGE)
+    memory = VECTOR.decode(jnp.asarray(codes, jnp.uint32))
     np.testing.assert_allclose(memory.vector, vector(bearing, steps), atol=1e-3)
-    np.testing.assert_array_equal(pack_vector(memory, MAX_RANGE), codes)
+    np.testing.assert_array_equal(VECTOR.encode(memory), codes)
 
 
 def test_too_long_a_vector_ends_at_the_codecs_range():
-    memory = unpack_vector(pack_vector(remember(np.array([0.0, 5 * MAX_RANGE])), MAX_RANGE), MAX_RANGE)
+    memory = VECTOR.decode(VECTOR.encode(remember(np.array([0.0, 5 * MAX_RANGE]))))
     np.testing.assert_allclose(memory.vector, [0.0, MAX_RANGE], atol=1e-3)
 
 
 def test_unknown_and_well_travelled_vectors_are_not_sent():
     sent = remember(np.tile([3.0, 4.0], (18, 1)), hop=np.arange(18), known=np.arange(18) != 7)
-    memory = unpack_vector(pack_vector(sent, MAX_RANGE), MAX_RANGE)
+    memory = VECTOR.decode(VECTOR.encode(sent))
     is_sent = (np.arange(18) <= 14) & (np.arange(18) != 7)
     np.testing.assert_array_equal(memory.known, is_sent)
     np.testing.assert_array_equal(memory.hop, np.where(is_sent, np.arange(18), 0))
@@ -97,7 +123,7 @@ def test_parity_is_that_of_the_number_of_ones():
 
 
 def test_one_wrong_bit_is_found_and_two_are_not():
-    bits = int(pack(message(3, True, remember(vector(8, 30), hop=5)), MAX_RANGE))
+    bits = int(LAYOUT.pack(message(3, True, remember(vector(8, 30), hop=5))))
     single = np.array([bits ^ 1 << i for i in range(32)], np.uint32)
     double = np.array([bits ^ 1 << i ^ 1 << j for i, j in combinations(range(32), 2)], np.uint32)
     assert not np.asarray(unpack_here(jnp.asarray(single))[1]).any()

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from helpers_rrd import read
 
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -28,10 +26,6 @@ class Still:
 
     def init(self, n_robots, key):
         return {"home": jnp.tile(jnp.array([3.0, 4.0]), (n_robots, 1))}
-
-    def say(self, memory, is_loaded):
-        nothing = VectorMemory.empty(len(is_loaded))
-        return Message(jnp.zeros(len(is_loaded), int), is_loaded, nothing, nothing)
 
     def picks(self, memory):
         return memory["home"][:, 0] > 0
@@ -116,7 +110,7 @@ class TestRuns:
             (Still, r"is the class Still itself; give an object of it, as Still\(\)"),
             (Attributes(), r"Attributes has attributes \(stride\) but is not a dataclass; write @dataclass"),
             (Listed(["a"]), "Listed.names is compiled in and must not change, but is a list; use a tuple"),
-            (3.0, "float has no method init and no method say"),
+            (3.0, "float has no method init and no method picks"),
         ):
             with pytest.raises(UserError, match=words):
                 Run(small, strategy=strategy, settings=RunSettings(2, 1), engine=HERE)

@@ -58,7 +58,7 @@ def pushed(distance, heard=True, priority=False, loaded=False, side=0, led=0, st
     seen = seen._replace(
         is_heard=seen.is_heard.at[0, side].set(heard),
         distance=seen.distance.at[0, side].set(distance),
-        priority=seen.priority.at[0, side].set(priority),
+        payload=seen.payload | {"priority": seen.payload["priority"].at[0, side].set(priority)},
         led=seen.led.at[0, side].set(led),
         is_loaded=jnp.array([loaded]),
     )

@@ -236,7 +236,7 @@ def hears(n, side, vector, hop):
     seen = senses_nothing(n)
     return seen._replace(
         is_heard=seen.is_heard.at[:, side].set(True),
-        dust=remember(np.broadcast_to(vector, (n, 4, 2)), hop),
+        payload=seen.payload | {"dust": remember(np.broadcast_to(vector, (n, 4, 2)), hop)},
     )
 
 
@@ -325,9 +325,7 @@ def crowded(n, rng):
         is_heard=some(0.7, 4),
         distance=jnp.asarray(rng.uniform(2, 9.9, (n, 4)), jnp.float32),
         led=jnp.asarray(rng.integers(0, 4, (n, 4))),
-        priority=some(0.3, 4),
-        dust=memory(4),
-        dump=memory(4),
+        payload={"priority": some(0.3, 4), "dust": memory(4), "dump": memory(4)},
         sees_wall=some(0.2, 4),
         at_dust=some(0.3),
         ball_vector=jnp.asarray(rng.uniform(-1.5, 1.5, (n, 2)), jnp.float32),

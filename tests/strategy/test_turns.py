@@ -17,6 +17,7 @@ from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
+from iswarm_mj.sensors.messages import Layout
 from iswarm_mj.simulation import decide
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, RunSettings
@@ -27,7 +28,7 @@ from iswarm_mj.strategy.interface import Observation, RobotMemory
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.signatures import observation_shapes
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
-from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.utils.errors import UserError
 
 NO_NOISE = OpticsConfig(error_distance_measure=0, error_in_communication=0, p_communication_break=0)
@@ -132,15 +133,13 @@ def swarm_that_hears(n_seed):
     was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
 
     message, is_heard, distance, *_ = transmit(strategy, links, key, memory, was_loaded)
-    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n))
+    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n, payload=strategy.payload))
     seen = nothing._replace(
         is_heard=is_heard,
         bearing=links.bearing,
         distance=distance,
         led=message.led,
-        priority=message.priority,
-        dust=message.dust,
-        dump=message.dump,
+        payload=message.payload,
         is_loaded=is_loaded,
         at_dust=jnp.asarray(rng.random(n) < 0.1),
         on_dump=jnp.asarray(rng.random(n) < 0.1),
@@ -151,7 +150,7 @@ def swarm_that_hears(n_seed):
 @jax.jit
 def transmit(strategy, links, key, memory, loaded):
     """What arrives of all that robots say."""
-    return exchange(Channel(CONDITIONS, 138.6), strategy.say(memory, loaded), links, key)
+    return exchange(Channel(CONDITIONS, Layout(payload_for(138.6))), strategy.say(memory, loaded), links, key)
 
 
 @jax.jit
@@ -198,8 +197,11 @@ def test_all_at_once_is_one_by_one(seed):
             if mine.shape[:2] == where.shape:  # what is not heard means nothing
                 mine, its = np.asarray(mine)[where], np.asarray(its)[where]
             np.testing.assert_array_equal(mine, its, err_msg=name)
-    news = (np.asarray(at_once.dump.hop != seen.dump.hop) & np.asarray(seen.is_heard)).sum()
-    assert news > 10 and (np.asarray(at_once.priority != seen.priority) & np.asarray(seen.is_heard)).any()
+    news = (np.asarray(at_once.payload["dump"].hop != seen.payload["dump"].hop) & np.asarray(seen.is_heard)).sum()
+    assert (
+        news > 10
+        and (np.asarray(at_once.payload["priority"] != seen.payload["priority"]) & np.asarray(seen.is_heard)).any()
+    )
 
 
 def test_what_robots_remember_is_what_they_told_the_others():
@@ -274,7 +276,7 @@ class TestRuns:
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
     able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE)
-    deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "say", "picks", "act")})
+    deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")})
     state = SwarmState(deaf.init(2, None), lay((0.0, 60.0)), jnp.ones(2, bool))
     poses = place((0, 0, 0), (8, 0, 0))
     arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from helpers_tasks import Eastward
 
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.interface import Command
@@ -25,10 +23,6 @@ class Homing:
 
     def init(self, n_robots, key):
         return {"gap": jnp.zeros(n_robots), "yaw": jnp.full(n_robots, jnp.nan)}
-
-    def say(self, memory, is_loaded):
-        empty = VectorMemory.empty(len(is_loaded))
-        return Message(jnp.zeros(len(is_loaded), int), is_loaded, empty, empty)
 
     def picks(self, memory):
         return memory["gap"] > jnp.inf

@@ -12,7 +12,7 @@ from helpers_sensing import remember, senses_nothing
 from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.robot_file import models_directory, read_robot
-from iswarm_mj.sensors.messages import Message, pack, unpack
+from iswarm_mj.sensors.messages import Layout, Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.avoidance import is_avoided, listening_sides
@@ -20,6 +20,7 @@ from iswarm_mj.strategy.controller import approach, avoid
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import heard
 from iswarm_mj.utils.errors import ConfigError
 
@@ -77,13 +78,14 @@ def test_messages_carry_the_number_of_each_led(n_leds):
     """Five and more need three bits, which halves the resolution of the range to the dump."""
     led = jnp.arange(n_leds, dtype=jnp.int32)
     dust, dump = (remember(jnp.tile(jnp.array(v), (n_leds, 1)), 3) for v in ([60.0, 25.0], [-40.0, 70.0]))
-    sent = Message(led, led % 2 == 0, dust, dump)
-    got, parity_holds = unpack(pack(sent, 140.0, n_leds), 140.0, n_leds)
+    sent = {"priority": led % 2 == 0, "dust": dust, "dump": dump}
+    layout = Layout(payload_for(140.0, n_leds), n_leds)
+    got, parity_holds = layout.unpack(layout.pack(Message(led, sent)))
     assert parity_holds.all()
     np.testing.assert_array_equal(got.led, led)
-    np.testing.assert_array_equal(got.priority, sent.priority)
+    np.testing.assert_array_equal(got.payload["priority"], sent["priority"])
     for name, ranges in (("dust", 31), ("dump", 31 if n_leds <= 4 else 15)):
-        here, there = getattr(got, name), getattr(sent, name)
+        here, there = got.payload[name], sent[name]
         np.testing.assert_array_equal(here.hop, there.hop)
         lengths = [np.linalg.norm(np.asarray(memory.vector), axis=-1) for memory in (here, there)]
         assert np.abs(lengths[0] - lengths[1]).max() <= 140 / ranges / 2 + 1e-3

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from helpers_mjx import TINY, N, compilations, mjx
 
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.settings import MujocoSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
@@ -36,10 +34,6 @@ class Straight:
 
     def init(self, n_robots, key):
         return jnp.zeros(n_robots, jnp.int32)
-
-    def say(self, memory, is_loaded):
-        empty = VectorMemory.empty(len(memory))
-        return Message(jnp.zeros_like(memory), jnp.zeros_like(is_loaded), empty, empty)
 
     def picks(self, memory):
         return memory < 0
@@ -232,7 +226,7 @@ def test_strategies_that_are_no_arrays_of_worlds(strategy, words):
         ({"act": lambda s, m, seen, key: (m, Command(m * 0.1, jnp.zeros(())))}, r"forward of its .*got float32\[\]"),
         ({"act": lambda s, m, seen, key: Command(m * 0.1, m * 0.1)._asdict()}, "act must .*got a dict"),
         ({"picks": lambda s, m: m}, r"picks must return bool\[2\] as its result \(got int32"),
-        ({"say": lambda s, m, is_loaded: m}, "say must return Message .*got an array"),
+        ({"say": lambda s, m, is_loaded: m}, "has a method say, but no attribute payload; declare"),
     ],
 )
 def test_what_methods_return_is_checked(methods, words):

@@ -1,0 +1,115 @@
+"""Kinds of fields: round trips within half a step, clipping at the ends of ranges, and what cannot be encoded."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import remember, wrapped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iswarm_mj.sensors.fields import KINDS, Bearing, Flag, Integer, Real, Vector, stated
+from iswarm_mj.utils.errors import UserError
+
+FIELDS = (Flag(), Integer(4), Integer(3, low=-5), Integer(31), Real(-2, 7, bits=6), Bearing(3), Vector(50.0, 3, 4, 2))
+
+
+def there_and_back(field, values):
+    codes = field.encode(values)
+    assert codes.dtype == jnp.uint32 and (np.asarray(codes) < 2**field.bits).all()
+    return field.decode(codes)
+
+
+@pytest.mark.parametrize("field", FIELDS, ids=str)
+def test_values_keep_their_shapes_and_types_by_jax_and_numpy(field):
+    codes = np.array([[0, 1], [2**field.bits - 1, 2 ** (field.bits - 1)]], np.uint32)
+    for codes_of in (jnp.asarray(codes), codes):
+        values = field.decode(codes_of)
+        want, have = jax.tree.leaves(field.shapes(2, 2)), jax.tree.leaves(values)
+        assert [a.shape for a in want] == [a.shape for a in have]
+        assert [a.dtype.kind for a in want] == [a.dtype.kind for a in have]
+
+
+@pytest.mark.parametrize("field", [f for f in FIELDS if not isinstance(f, Vector)], ids=str)
+def test_every_code_comes_back(field):
+    codes = np.unique(np.linspace(0, 2**field.bits - 1, 300).astype(np.uint32))
+    np.testing.assert_array_equal(field.encode(field.decode(jnp.asarray(codes))), codes)
+
+
+def test_codes_of_flags_and_whole_numbers():
+    np.testing.assert_array_equal(Flag().encode(jnp.array([False, True])), [0, 1])
+    np.testing.assert_array_equal(Integer(3, low=-5).encode(jnp.arange(-7, 5)), [0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 7, 7])
+    np.testing.assert_array_equal(Integer(31).encode(jnp.array([-(2**31), 2**31 - 1])), [0, 2**31 - 1])
+    lowest = Integer(2, low=-(2**31))
+    np.testing.assert_array_equal(there_and_back(lowest, jnp.array([-(2**31), 0])), [-(2**31), -(2**31) + 3])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-1e3, 1e3), st.floats(1e-2, 1e3), st.integers(1, 12), st.floats(0, 1))
+def test_numbers_come_back_within_half_a_step(low, width, bits, share):
+    field = Real(low, low + width, bits)
+    value = low + share * width
+    got = float(there_and_back(field, jnp.float32(value)))
+    assert abs(got - value) <= field.quantum / 2 + 1e-4 * (1 + abs(value))
+
+
+def test_numbers_outside_a_range_are_clipped():
+    field = Real(-1, 3, bits=2)
+    values = jnp.array([-jnp.inf, -5, -1, 0.2, 3, 99, jnp.inf, jnp.nan])
+    np.testing.assert_allclose(there_and_back(field, values), [-1, -1, -1, 1 / 3, 3, 3, 3, -1], atol=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-50, 50), st.integers(1, 8))
+def test_bearings_come_back_within_half_a_step_whatever_their_turns(angle, bits):
+    got = float(there_and_back(Bearing(bits), jnp.float32(angle)))
+    assert abs(wrapped(got - angle)) <= np.pi / 2**bits + 1e-4
+    assert -np.pi - 1e-6 <= got <= np.pi + 1e-6
+
+
+def test_bearings_that_are_none_are_ahead():
+    np.testing.assert_array_equal(there_and_back(Bearing(4), jnp.array([jnp.nan, jnp.inf, -jnp.inf])), [0, 0, 0])
+
+
+def test_vectors_that_are_none_are_not_sent():
+    field = Vector(50.0, 3, 4, 2)
+    sent = remember(np.array([[jnp.nan, 1.0], [3.0, 4.0], [3.0, 4.0], [3.0, 4.0]]), hop=np.array([0, -1, 3, 2]))
+    got = there_and_back(field, sent)
+    np.testing.assert_array_equal(got.known, [False, False, False, True])
+    np.testing.assert_array_equal(got.hop, [0, 0, 0, 2])
+
+
+@pytest.mark.parametrize("field", FIELDS, ids=str)
+def test_declarations_survive_json(field):
+    content = stated(field)
+    kind = content.pop("kind")
+    assert KINDS[kind](**content) == field
+
+
+@pytest.mark.parametrize(
+    "kind, arguments, words",
+    [
+        (Integer, {"bits": 0}, r"Integer\(bits=0, low=0\) cannot be encoded; make bits a whole number from 1 to 31"),
+        (Integer, {"bits": 32}, "from 1 to 31"),
+        (Integer, {"bits": 2.5}, "make bits a whole number"),
+        (Integer, {"bits": True}, "make bits a whole number"),
+        (Integer, {"bits": 4, "low": 2**31 - 3}, "has values that int32 has not"),
+        (Integer, {"bits": 4, "low": 0.5}, "make low a whole number"),
+        (Real, {"low": 1, "high": 1, "bits": 4}, "has an empty range; give a low below the high"),
+        (Real, {"low": 2, "high": 1, "bits": 4}, "has an empty range"),
+        (Real, {"low": float("nan"), "high": 1, "bits": 4}, "make low a finite number"),
+        (Real, {"low": 0, "high": 1e39, "bits": 4}, "make high a finite number of Python in single precision"),
+        (Real, {"low": 0, "high": jnp.float32(3), "bits": 4}, "make high a finite number of Python"),
+        (Real, {"low": 0, "high": "far", "bits": 4}, "make high a finite number"),
+        (Real, {"low": 0, "high": 1, "bits": 25}, "make bits a whole number from 1 to 24"),
+        (Real, {"low": 1e6, "high": 1e6 + 1, "bits": 8}, "steps that single precision cannot tell apart; use fewer"),
+        (Real, {"low": 0, "high": 1, "bits": 4, "unit": 3}, "has a unit that is no word"),
+        (Bearing, {"bits": 0}, "make bits a whole number from 1 to 16"),
+        (Vector, {"max_range": 0.0}, "has no range; make max_range positive"),
+        (Vector, {"max_range": float("inf")}, "make max_range a finite number"),
+        (Vector, {"max_range": 5.0, "hop_bits": 0}, "make hop_bits a whole number"),
+    ],
+)
+def test_what_cannot_be_encoded(kind, arguments, words):
+    with pytest.raises(UserError, match=words):
+        kind(**arguments)

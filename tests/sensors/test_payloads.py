@@ -1,0 +1,109 @@
+"""Declarations of messages: one field after the other in 32 bits, and what does not fit there."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.conditions import conditions_of
+from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.sensors.messages import Layout, Message, Payload
+from iswarm_mj.utils.errors import UserError
+
+HEAT = Payload({"count": Integer(bits=4), "heat": Real(0, 1, bits=8)})
+
+
+def test_fields_stand_one_after_the_other():
+    """Parity, 17 zeros, heat, count, LED; worked by hand."""
+    content = {"count": jnp.int32(9), "heat": jnp.float32(0.2)}
+    bits = Layout(HEAT).pack(Message(jnp.int32(2), content))
+    assert f"{int(bits):032b}" == "1" + 17 * "0" + f"{51:08b}" + "1001" + "10"
+    bits = Layout(HEAT, 5).pack(Message(jnp.int32(4), content | {"count": jnp.int32(8)}))
+    assert f"{int(bits):032b}" == "0" + 16 * "0" + f"{51:08b}" + "1000" + "100"
+
+
+def test_another_check_stands_in_the_highest_bits():
+    payload = Payload(HEAT.fields, check="crc-16/xmodem")
+    bits = Layout(payload).pack(Message(jnp.int32(1), {"count": jnp.int32(0), "heat": jnp.float32(0)}))
+    assert int(bits) & 0xFFFF == 1 and int(bits) >> 16 == 0x1021  # the polynomial is the remainder of x^16
+
+
+def test_without_fields_messages_tell_the_led():
+    layout = Layout(Payload())
+    message, is_right = layout.unpack(layout.pack(Message(jnp.arange(4), {})))
+    np.testing.assert_array_equal(message.led, range(4))
+    assert message.payload == {} and is_right.all()
+
+
+def sent(payload, content, n_leds=4, error=0.0):
+    """What each of two robots, which hear each other by all sides, receives."""
+    n = 2
+    noise = conditions_of(SwarmConfig(optics=OpticsConfig(error_in_communication=error, p_communication_break=0.0)))
+    led = jnp.broadcast_to(jnp.arange(n_leds), (n, n_leds))
+    sender = jnp.broadcast_to(jnp.array([[1], [0]]), (n, n_leds))
+    distance = jnp.full((n, n_leds), 5.0)
+    links = Links(sender, jnp.ones((n, n_leds), bool), led, distance, distance)
+    return exchange(Channel(noise, Layout(payload, n_leds)), content, links, jax.random.key(0))
+
+
+def test_what_is_said_is_heard_within_half_a_step():
+    got = sent(HEAT, {"count": jnp.array([3, 40]), "heat": jnp.array([0.5, -1.0])})
+    assert got.is_heard.all()
+    np.testing.assert_array_equal(got.message.payload["count"], [[15] * 4, [3] * 4])
+    np.testing.assert_allclose(got.message.payload["heat"], [[0.0] * 4, [0.5] * 4], atol=1 / 255 / 2)
+
+
+@pytest.mark.parametrize("n_leds", [2, 4, 6])
+def test_robots_without_payload_are_heard(n_leds):
+    got = sent(Payload(), {}, n_leds)
+    assert got.is_heard.all() and got.bits.shape == (2, n_leds)
+    np.testing.assert_array_equal(got.message.led, [range(n_leds)] * 2)
+
+
+def test_every_damaged_message_is_found_out():
+    for check in ("parity", "crc-8/smbus"):
+        heard = [sent(Payload(HEAT.fields, check), {"count": jnp.zeros(2, int), "heat": jnp.zeros(2)}, error=0.9)]
+        assert np.mean(heard[0].is_heard) < 0.6
+
+
+def test_declarations_survive_json():
+    fields = {"flag": Flag(), "v": Vector(30.0, 3, 3, 2), "b": Bearing(3), "r": Real(-1, 1, 4, unit="mm")}
+    payload = Payload(fields, check="crc-3/gsm")
+    assert Payload.restored(payload.stated()) == payload
+
+
+@pytest.mark.parametrize(
+    "fields, check, words",
+    [
+        (
+            {"a": Integer(20), "b": Real(0, 1, bits=12)},
+            "parity",
+            r"32 bits \(a 20, b 12\) with 2 for the LED's number and 1 for the check \(parity\) is longer than a "
+            "message of 32 bits; leave out or shorten fields by 3 bits",
+        ),
+        ({"a": Integer(20)}, "crc-16/xmodem", "shorten fields by 6 bits"),
+        ({"led": Flag()}, "parity", "cannot be called 'led'; give it a name as of a variable, but not led or message"),
+        ({"a b": Flag()}, "parity", "cannot be called 'a b'"),
+        ({3: Flag()}, "parity", "cannot be called 3"),
+        ({"priority": Integer(3)}, "parity", "make it a Flag, or give it another name"),
+        ([("a", Flag()), ("a", Integer(3))], "parity", "share the name 'a'; rename one"),
+        ({"v": Vector(9.0, 3, 3, 3), "v_x": Flag()}, "parity", "share the name 'v_x'"),
+        ({"a": 4}, "parity", "field 'a' of a payload is 4; make it one of Flag, Integer, Real, Bearing, Vector"),
+        ({"a": Flag}, "parity", "make it one of Flag"),
+        (Flag(), "parity", "a payload is a dictionary of names and fields"),
+        ("ab", "parity", "a payload is a dictionary of names and fields"),
+        ({"a": Flag()}, "crc-32", r"must be one of parity, crc-3/gsm, .* \(got 'crc-32'\)"),
+    ],
+)
+def test_refused(fields, check, words):
+    with pytest.raises(UserError, match=words):
+        Payload(fields, check)
+
+
+def test_another_bit_for_the_leds_may_be_one_too_many():
+    payload = Payload({"a": Integer(29)})
+    with pytest.raises(UserError, match=r"29 bits .* with 3 for the LED's number .* by 1 bits"):
+        Layout(payload, 5)
