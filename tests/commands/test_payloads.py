@@ -1,4 +1,4 @@
-"""A strategy with messages of its own in a file outside the package: on every engine, recorded, loaded; its mistakes."""
+"""A strategy with messages of its own in a file outside the package: every engine carries them; its mistakes."""
 
 import re
 from pathlib import Path
