@@ -70,6 +70,7 @@ def bench_trace() -> Trace:
         adhesion_plate=force[:, 1],
         electrostatic=force[:, 2],
         on_plate_potential=table[:, 18] < 0.5,
+        ball_voltage=np.where(table[:, 18] < 0.5, 0.0, table[:, 2]),
         contact_tool=table[:, 19] * 1e-9,
         contact_plate=table[:, 20] * 1e-9,
         radius=RADIUS,

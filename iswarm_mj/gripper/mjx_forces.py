@@ -3,8 +3,8 @@
     spec = mujoco.MjSpec.from_file("models/bench.xml")
     forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
     mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl)
-    potential = ON_PROBE
-    dx, potential = step(forces, mx, dx, potential)      # in jit, scan, vmap
+    state = first_state(forces)
+    dx, state = step(forces, mx, dx, state)      # in jit, scan, vmap
 
 MJX has no plugins and drops their forces, so here they enter as `qfrc_applied`. `GripperForces` is a pytree whose
 arrays can be replaced and batched by `vmap`, and so can the radii in the model (`resize`), and the voltages and the
@@ -22,10 +22,12 @@ from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
+from iswarm_mj.gripper.laws.capacitance import capacitance
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.laws.restitution import plastic_restitution, sticking_speed, with_adhesion, yield_speed
 from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
-from iswarm_mj.gripper.units import NN, UM
+from iswarm_mj.gripper.units import CLEARANCE, MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
@@ -51,8 +53,11 @@ class GripperForces:
         work: work of adhesion at 10 % RH of each pair of surfaces [nN/um].
         humidity: relative humidity [%].
         hamaker: Hamaker constant [nN um].
+        restitution, yield_pressure, modulus: of impacts between each pair [1, nN/um^2, nN/um^2].
         contact_gap: effective gap of a touching tool [um].
         off_voltage: voltage up to which the supply counts as off [V].
+        leak, contact, plate_contact: resistances of the tool's contact, whole and broken, and of the plate's [TOhm].
+        oxide, breakdown: thickness [um], and field that breaks it [V/um].
         pairs: P pairs of geoms, ball and surface, in the order of the plugin instances.
         ball, probe, plate: geoms.
         voltage: actuator.
@@ -63,8 +68,16 @@ class GripperForces:
     work: Float[Array, "P"]
     humidity: Float[Array, "P"]
     hamaker: Float[Array, "P"]
+    restitution: Float[Array, "P"]
+    yield_pressure: Float[Array, "P"]
+    modulus: Float[Array, "P"]
     contact_gap: Float[Array, ""]
     off_voltage: Float[Array, ""]
+    leak: Float[Array, ""]
+    contact: Float[Array, ""]
+    plate_contact: Float[Array, ""]
+    oxide: Float[Array, ""]
+    breakdown: Float[Array, ""]
     pairs: tuple[tuple[int, int], ...] = field(metadata={"static": True})
     ball: int = field(metadata={"static": True})
     probe: int = field(metadata={"static": True})
@@ -72,6 +85,12 @@ class GripperForces:
     voltage: int = field(metadata={"static": True})
     plane: tuple[bool, ...] = field(metadata={"static": True})
     joints: tuple[tuple[Joint, ...], ...] = field(metadata={"static": True})
+
+
+OF_PAIRS = ("work", "humidity", "hamaker", "restitution", "yield_pressure", "modulus")
+"""Numbers of `GripperForces` that each pair of surfaces has, attributes of the adhesion plugin."""
+OF_BALL = ("contact_gap", "off_voltage", "leak", "contact", "plate_contact", "oxide", "breakdown")
+"""Those that the ball has, attributes of the electrostatic plugin."""
 
 
 def gripper_forces(model: mujoco.MjModel) -> GripperForces:
@@ -91,8 +110,8 @@ def gripper_forces(model: mujoco.MjModel) -> GripperForces:
         raise UserError(f"The model has {len(electrostatic)} plugin instances of {ELECTROSTATIC}; give it exactly one.")
     one = electrostatic[0]
     return GripperForces(
-        *(jnp.array([pair[name] for pair in adhesion]) for name in ("work", "humidity", "hamaker")),
-        *(jnp.asarray(one[name]) for name in ("contact_gap", "off_voltage")),
+        *(jnp.array([pair[name] for pair in adhesion]) for name in OF_PAIRS),
+        *(jnp.asarray(one[name]) for name in OF_BALL),
         pairs=tuple((int(pair["ball"]), int(pair["surface"])) for pair in adhesion),
         **{name: int(one[name]) for name in ("ball", "probe", "plate", "voltage")},
         plane=tuple(bool(kind == mujoco.mjtGeom.mjGEOM_PLANE) for kind in model.geom_type),
@@ -148,6 +167,27 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
     )
 
 
+class State(NamedTuple):
+    """What a ball keeps from one step to the next; see the docstring of `plugin`."""
+
+    potential: Float[Array, ""]
+    """`ON_PLATE` or `ON_PROBE`; in a circuit the nearer of the two."""
+    charge: Float[Array, ""]
+    """In a circuit [fC]."""
+    broken: Float[Array, ""]
+    """1 if the oxide of the present contact broke down."""
+    before: Float[Array, "P"]
+    """Gaps one step earlier [um]."""
+    rebound: Float[Array, "P"]
+    """1 while an impact throws the ball back."""
+
+
+def first_state(forces: GripperForces) -> State:
+    """State of a ball after a reset."""
+    zeros = jnp.zeros_like(forces.work)
+    return State(jnp.asarray(ON_PROBE), jnp.zeros_like(zeros[0]), jnp.zeros_like(zeros[0]), zeros, zeros)
+
+
 class Force(NamedTuple):
     """The forces at one moment."""
 
@@ -159,52 +199,120 @@ class Force(NamedTuple):
     """Positive towards the probe, negative towards the plate [nN]."""
     gaps: Float[Array, "P"]
     """Between the pairs [um]."""
-    potential: Float[Array, ""]
-    """`ON_PLATE` or `ON_PROBE`, after this step."""
+    ball_voltage: Float[Array, ""]
+    """Of the ball against the plate [V]."""
+    state: State
+    """After this step."""
 
 
-def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, potential: Array) -> Force:
+def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> Force:
     """Forces at the positions `data.qpos` and the voltage in `data.ctrl`.
 
     Args:
         forces: attributes and ids.
         model: of MJX, with the radii in its geoms.
         data: of MJX.
-        potential: `ON_PLATE` or `ON_PROBE`, as the last call returned it.
+        state: as the last call returned it.
     """
     data = mjx.kinematics(model, data)
     total = jnp.zeros_like(data.qvel)
-    adhesion, gaps = [], []
+    mass = model.body_mass[forces.joints[forces.ball][0].body]
+    adhesion, gaps, rebounds = [], [], []
     for i, (ball, surface) in enumerate(forces.pairs):
         gap, normal = _gap(forces, model, data, ball, surface)
         radius = model.geom_size[ball, 0]
+        hits = (gap <= 0) & (state.before[i] > 0)
+        speed = jnp.where(hits, (state.before[i] - gap) / model.opt.timestep, 1.0)
+        ratio = jnp.where(hits, _rebound_ratio(forces, i, speed, mass, radius), 0.0)
+        push = jnp.where(ratio > 0, mass * (1 + ratio) * speed / model.opt.timestep, 0.0)
+        rebounds_now = (ratio > 0) | (state.rebound[i] > 0)
         force = _adhesion(forces.work[i], forces.humidity[i], forces.hamaker[i], radius, gap)
-        total += _attraction(forces, model, data, (ball, surface), gap, force * normal)
-        adhesion, gaps = [*adhesion, force], [*gaps, gap]
+        force = jnp.where(rebounds_now, 0.0, force)
+        total += _attraction(forces, model, data, (ball, surface), gap, (force - push) * normal)
+        goes_on = (ratio > 0) | ((state.rebound[i] > 0) & (gap <= CLEARANCE) & (gap > state.before[i]))
+        adhesion, gaps, rebounds = [*adhesion, force], [*gaps, gap], [*rebounds, goes_on.astype(gap.dtype)]
     probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
     plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
-    release = (potential > 0.5) & (plate_gap > 0)
     voltage = data.ctrl[forces.voltage]
-    radius, probe_radius = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0]
-    gap = jnp.maximum(jnp.where(release, plate_gap, probe_gap), forces.contact_gap)
-    lengths = (gap * UM, radius * UM, probe_radius * UM)
-    up = jnp.where(release, 0.0, pick_force(voltage, *lengths) / NN)
-    down = jnp.where(release, release_force(voltage, *lengths) / NN, 0.0)
+    radius, probe_radius = model.geom_size[forces.ball, 0] * UM, model.geom_size[forces.probe, 0] * UM
+    above, below = (jnp.maximum(gap, forces.contact_gap) * UM for gap in (probe_gap, plate_gap))
+    capacities = [
+        capacitance(task, gap * UM, radius, probe_radius, forces.contact_gap * UM) / 1e-15
+        for task, gap in (("pick", probe_gap), ("release", plate_gap))
+    ]
+    circuit = _Circuit(capacities[0], capacities[1], voltage, forces.leak > 0)
+    release = (state.potential > 0.5) & (plate_gap > 0)
+    switched = jnp.where(release, voltage, 0.0)
+    mine = jnp.where(circuit.is_on, circuit.ball_voltage(state.charge), switched)
+    up = pick_force(voltage - mine, above, radius, probe_radius) / NN
+    down = release_force(mine, below, radius, probe_radius) / NN
     total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
     total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
-    equalises = (probe_gap <= forces.contact_gap) & (jnp.abs(voltage) <= forces.off_voltage)
-    potential = jnp.where(plate_gap <= 0, ON_PLATE, jnp.where(equalises, ON_PROBE, potential))
-    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), potential)
+    kept = state._replace(before=jnp.stack(gaps), rebound=jnp.stack(rebounds))
+    new = _next_potential(forces, circuit, kept, mine, (probe_gap, plate_gap), model.opt.timestep)
+    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, new)
 
 
-def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, potential: Array) -> tuple[mjx.Data, Array]:
+class _Circuit(NamedTuple):
+    """Capacitances of the ball to probe and plate [fF], the probe's voltage, and whether the circuit decides."""
+
+    above: Array
+    below: Array
+    voltage: Array
+    is_on: Array
+
+    def ball_voltage(self, charge: Array) -> Array:
+        """Voltage of a ball with this charge [V]."""
+        return (charge + self.above * self.voltage) / (self.above + self.below)
+
+
+def _next_potential(
+    forces: GripperForces, circuit: _Circuit, state: State, mine: Array, gaps: tuple[Array, Array], time: Array
+) -> State:
+    """State after a step of a ball with this voltage at these gaps to probe and plate."""
+    probe_gap, plate_gap = gaps
+    across = circuit.voltage - mine
+    breaks = (probe_gap <= 0) & (jnp.abs(across) >= forces.oxide * forces.breakdown)
+    broken = jnp.where(breaks, 1.0, jnp.where(probe_gap > forces.contact_gap, 0.0, state.broken))
+    leak = jnp.where(circuit.is_on, forces.leak, 1.0)
+    to_probe = jnp.where(probe_gap <= 0, 1 / jnp.where(broken > 0, forces.contact, leak), 0.0)
+    to_plate = jnp.where(plate_gap <= 0, 1 / forces.plate_contact, 0.0)
+    conductance = to_probe + to_plate
+    conducts = circuit.is_on & (conductance > 0)
+    end = circuit.voltage * to_probe / jnp.where(conducts, conductance, 1.0)
+    relaxed = end + (mine - end) * jnp.exp(-conductance * time / (circuit.above + circuit.below))
+    charge = jnp.where(conducts, circuit.below * relaxed - circuit.above * (circuit.voltage - relaxed), state.charge)
+    equalises = (probe_gap <= forces.contact_gap) & (jnp.abs(circuit.voltage) <= forces.off_voltage)
+    switched = jnp.where(plate_gap <= 0, ON_PLATE, jnp.where(equalises, ON_PROBE, state.potential))
+    nearer = jnp.where(jnp.abs(mine) > jnp.abs(across), ON_PROBE, ON_PLATE)
+    return state._replace(
+        potential=jnp.where(circuit.is_on, nearer, switched),
+        charge=charge,
+        broken=jnp.where(circuit.is_on, broken, state.broken),
+    )
+
+
+def _rebound_ratio(forces: GripperForces, i: int, speed: Array, mass: Array, radius: Array) -> Array:
+    """Speed after an impact of the i-th pair over that before [um/ms], 0 if the ball stays."""
+    pressure, modulus = (number[i] * (NN / UM**2) for number in (forces.yield_pressure, forces.modulus))
+    work = forces.work[i] * humidity_factor(forces.humidity[i]) * (NN / UM)
+    speed, density = speed * (UM / MS), mass / (4 / 3 * math.pi * radius**3) * 1e9
+    has_modulus = modulus > 0
+    safe = jnp.where(has_modulus, modulus, 1.0)
+    yields_at = yield_speed(pressure, safe, density)
+    ratio = jnp.where((pressure > 0) & has_modulus, plastic_restitution(speed, yields_at), forces.restitution[i])
+    kept = jnp.where(has_modulus, sticking_speed(work, radius * UM, safe, density), 0.0)
+    return jnp.where(ratio > 0, with_adhesion(ratio, speed, kept), 0.0)
+
+
+def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, State]:
     """One physics step with the gripper's forces; arguments as for `gripper_force`.
 
     Returns:
-        The data, and the ball's potential, `ON_PLATE` or `ON_PROBE`.
+        The data, and the state for the next step.
     """
-    force = gripper_force(forces, model, data, potential)
-    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.potential
+    force = gripper_force(forces, model, data, state)
+    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.state
 
 
 def _adhesion(work: Array, humidity: Array, hamaker: Array, radius: Array, gap: Array) -> Array:

@@ -18,6 +18,18 @@ potential until, with the tool in contact, the voltage falls to `off_voltage` or
 probe's, as does a ball that hangs at the probe after a reset. The law is that of a ball on the probe's axis; off the
 axis, gap and direction are those of the closest points. Valid within the range of `probe_table`, clamped beyond.
 
+With `leak` above 0 the potential is instead that of a circuit: the ball carries a charge Q and has the voltage
+u = (Q + C_t V) / (C_t + C_p), with the capacitances to probe and plate (`laws.capacitance`); the probe pulls it with
+the law of picking at V - u, the plate with that of releasing at u (what the two fields do together is left out, see
+`tests/gripper/test_capacitance.py`). While it touches the plate, Q relaxes through `plate_contact`; while it touches the
+probe, through the oxide's `leak`, and through `contact` after the oxide broke down, which it does where V - u across
+its thickness `oxide` exceeds the field `breakdown`. A new touch meets whole oxide.
+
+An impact, a contact that begins, is over within a step: the surface gives the ball the impulse m (1 + e) v, by
+`restitution`, or by plastic yield if `yield_pressure` is above 0, less what adhesion keeps if `modulus` is
+(`laws.restitution`); where that leaves e = 0 the ball stays, caught by the critically damped contact. A ball that
+rebounds does not adhere until it has left, since e holds that loss.
+
 The voltage is the control of an actuator of zero gain, since all engines and the viewer have controls: a column of
 `control` in `mujoco.rollout`, a column of `ctrl` in `mujoco.batch` and MJX, a slider in the viewer.
 
@@ -32,7 +44,7 @@ import numpy as np
 
 from iswarm_mj.gripper.native.abi import register
 from iswarm_mj.gripper.native.attributes import ACTUATOR, GEOM, NUMBER
-from iswarm_mj.gripper.native.callbacks import adhesion_compute, electrostatic_callbacks, life_cycle
+from iswarm_mj.gripper.native.callbacks import adhesion_callbacks, electrostatic_callbacks, life_cycle
 from iswarm_mj.gripper.native.fields import CYLINDER, PLANE, SPHERE
 from iswarm_mj.utils.errors import UserError
 
@@ -64,6 +76,9 @@ ATTRIBUTES = {
         Attribute("work", "the work of adhesion at 10 % RH, a number of at least 0 [nN/um]", NUMBER),
         Attribute("humidity", "the relative humidity, a number from 0 to 100 [%]", NUMBER, 0, 100, 10),
         Attribute("hamaker", "the Hamaker constant, a number of at least 0 [nN um]", NUMBER, default=0),
+        Attribute("restitution", "the restitution without adhesion, a number from 0 to 1", NUMBER, 0, 1, 0),
+        Attribute("yield_pressure", "the yield pressure, a number of at least 0 [nN/um^2]", NUMBER, default=0),
+        Attribute("modulus", "the reduced modulus, a number of at least 0 [nN/um^2]", NUMBER, default=0),
     ),
     ELECTROSTATIC: (
         _BALL,
@@ -72,18 +87,31 @@ ATTRIBUTES = {
         Attribute("voltage", "the name of an actuator, whose control is the voltage [V]", ACTUATOR),
         Attribute("contact_gap", "the effective gap D_eff of a touching tool, a number from 1e-3 [um]", NUMBER, 1e-3),
         Attribute("off_voltage", "the voltage taken as off, a number of at least 0 [V]", NUMBER, default=1),
+        Attribute(
+            "leak", "the resistance of a touching tool's oxide, a number of at least 0 [TOhm]", NUMBER, default=0
+        ),
+        Attribute("contact", "the resistance after breakdown, a number above 0 [TOhm]", NUMBER, 1e-15, default=1e-9),
+        Attribute("plate_contact", "the plate's resistance, a number above 0 [TOhm]", NUMBER, 1e-15, default=1e-9),
+        Attribute("oxide", "the thickness of the tool's oxide, a number of at least 0 [um]", NUMBER, default=0.07),
+        Attribute("breakdown", "the field that breaks it, a number of at least 0 [V/um]", NUMBER, default=1000),
     ),
 }
 """Attributes of each plugin, in the order of its state."""
 
 COMPUTED = {
-    ADHESION: {"gap": 0.0, "force": 0.0},
-    ELECTROSTATIC: {"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
+    ADHESION: {"gap": 0.0, "force": 0.0, "before": 0.0, "rebound": 0.0, "impact_speed": 0.0, "impulse": 0.0},
+    ELECTROSTATIC: {
+        **{"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
+        **{"charge": 0.0, "ball_voltage": 0.0, "broken": 0.0},
+    },
 }
 """Results that follow the attributes in the state, and their values after a reset.
 
 gap, probe_gap, plate_gap [um]; force [nN], positive towards the surface, or towards the probe and negative towards the
-plate; potential 0 for the plate's and 1 for the probe's.
+plate; potential 0 for the plate's and 1 for the probe's, or the nearer of the two in a circuit; charge [fC] and voltage
+of the ball against the plate [V] in a circuit; broken: 1 if the oxide of the present contact broke down. Of impacts:
+before, the gap one step earlier [um]; rebound, 0 no, 1 going on, 2 begins in this step; speed [um/ms] and impulse
+[nN ms] of the last one.
 """
 
 
@@ -127,7 +155,7 @@ def _register(plugin: str) -> int:
     attributes = ATTRIBUTES[plugin]
     table = np.array([attribute[2:] for attribute in attributes], float)
     callbacks = life_cycle(_texts(plugin), table, np.array(list(COMPUTED[plugin].values())))
-    callbacks |= {"compute": adhesion_compute()} if plugin == ADHESION else electrostatic_callbacks()
+    callbacks |= adhesion_callbacks() if plugin == ADHESION else electrostatic_callbacks()
     return register(plugin, [attribute.name for attribute in attributes], callbacks)
 
 

@@ -15,6 +15,7 @@ from iswarm_mj.gripper.laws.detachment import release_voltage
 from iswarm_mj.gripper.mjx_forces import (
     ON_PLATE,
     ON_PROBE,
+    first_state,
     gripper_force,
     gripper_forces,
     mjx_compatible,
@@ -67,6 +68,11 @@ def in_mjx(dx, data):
     return dx.replace(qpos=jnp.asarray(data.qpos), qvel=jnp.asarray(data.qvel), ctrl=jnp.asarray(data.ctrl))
 
 
+def ball(forces, potential):
+    """State of a ball that has the potential of one electrode."""
+    return first_state(forces)._replace(potential=jnp.asarray(potential, jnp.float32))
+
+
 def state(model, data, instance, field):
     return data.plugin_state[plugin.state_index(model, instance, field)]
 
@@ -88,12 +94,12 @@ def test_forces_equal_the_plugins_at_random_states(world):
         random_state(random, model, data)
         potential = state(model, data, "electrostatic", "potential")
         mujoco.mj_forward(model, data)
-        force = evaluate(forces, mx, in_mjx(dx, data), potential)
+        force = evaluate(forces, mx, in_mjx(dx, data), ball(forces, potential))
         largest = np.abs(data.qfrc_passive).max()
         np.testing.assert_allclose(force.generalized, data.qfrc_passive, atol=1e-4 * largest)
         assert force.electrostatic == pytest.approx(state(model, data, "electrostatic", "force"), rel=1e-4, abs=1e-6)
         mujoco.mj_step(model, data)
-        assert force.potential == state(model, data, "electrostatic", "potential")
+        assert force.state.potential == state(model, data, "electrostatic", "potential")
 
 
 def test_the_supply_is_off_at_little_voltage_of_either_sign(world):
@@ -107,9 +113,51 @@ def test_the_supply_is_off_at_little_voltage_of_either_sign(world):
         data.joint("probe_z").qpos = 2 * radius - 45 + 2 - 0.1
         data.actuator("voltage").ctrl = voltage
         data.plugin_state[plugin.state_index(model, "electrostatic", "potential")] = ON_PLATE
-        assert evaluate(forces, mx, in_mjx(dx, data), ON_PLATE).potential == potential
+        assert evaluate(forces, mx, in_mjx(dx, data), ball(forces, ON_PLATE)).state.potential == potential
         mujoco.mj_step(model, data)
         assert state(model, data, "electrostatic", "potential") == potential
+
+
+CIRCUIT = {"leak": 0.06, "contact": 1e-9, "plate_contact": 1e-9, "oxide": 0.03, "breakdown": 1000.0}
+IMPACTS = {"yield_pressure": 64e3, "modulus": 45.5e6}
+
+
+def test_circuit_and_impacts_are_the_plugins(world):
+    """A ball between plate and tool, thrown at either, at voltages below and above the breakdown."""
+    model, forces, mx, dx = world
+    data, random, evaluate = mujoco.MjData(model), np.random.default_rng(7), jax.jit(gripper_force)
+    changed = {name: jnp.float32(value) for name, value in CIRCUIT.items()}
+    changed |= {name: jnp.full(2, value, jnp.float32) for name, value in IMPACTS.items()}
+    mine, seen = dataclasses.replace(forces, **changed), set()
+    surfaces = ("adhesion_plate", "adhesion_probe")
+    for _ in range(150):
+        random_state(random, model, data)
+        for name, value in CIRCUIT.items():
+            data.plugin_state[plugin.state_index(model, "electrostatic", name)] = value
+        data.plugin_state[plugin.state_index(model, "electrostatic", "charge")] = charge = random.normal(0, 150)
+        before, rebound = random.uniform(-0.1, 0.2, 2), random.integers(0, 2, 2)
+        for k, instance in enumerate(surfaces):
+            for name, value in {**IMPACTS, "before": before[k], "rebound": rebound[k]}.items():
+                data.plugin_state[plugin.state_index(model, instance, name)] = value
+        kept = ball(mine, 0.0)._replace(
+            charge=jnp.float32(charge),
+            before=jnp.asarray(before, jnp.float32),
+            rebound=jnp.asarray(rebound, jnp.float32),
+        )
+        data.qvel[:] = 0
+        mujoco.mj_forward(model, data)
+        force = evaluate(mine, mx, in_mjx(dx, data), kept)
+        largest = np.abs(data.qfrc_passive).max()
+        np.testing.assert_allclose(force.generalized, data.qfrc_passive, atol=1e-4 * largest)
+        assert force.ball_voltage == pytest.approx(state(model, data, "electrostatic", "ball_voltage"), abs=1e-3)
+        mujoco.mj_step(model, data)
+        for name in ("charge", "broken", "potential"):
+            theirs = state(model, data, "electrostatic", name)
+            assert getattr(force.state, name) == pytest.approx(theirs, rel=1e-3, abs=0.05), name
+        rebounds = [float(state(model, data, instance, "rebound") > 0) for instance in surfaces]
+        np.testing.assert_array_equal(force.state.rebound, rebounds)
+        seen |= {("broken", float(force.state.broken)), ("rebound", max(rebounds))}
+    assert seen == {("broken", 0.0), ("broken", 1.0), ("rebound", 0.0), ("rebound", 1.0)}
 
 
 def test_everything_can_be_batched(world):
@@ -133,7 +181,7 @@ def test_everything_can_be_batched(world):
     def evaluate(radius, work, humidity, qpos, ctrl, potential):
         mine = dataclasses.replace(forces, work=work, humidity=jnp.full(2, humidity))
         sized = resize(forces, mx, radius)
-        return gripper_force(mine, sized, dx.replace(qpos=qpos, ctrl=ctrl), potential).generalized
+        return gripper_force(mine, sized, dx.replace(qpos=qpos, ctrl=ctrl), ball(mine, potential)).generalized
 
     result = evaluate(*(jnp.asarray(np.array(column)) for column in zip(*batch, strict=True)))
     for ours, plugins in zip(result, datas, strict=True):
@@ -156,7 +204,9 @@ def test_the_force_can_be_differentiated(world):
     _, forces, mx, dx = world
 
     def lift(voltage):
-        return gripper_force(forces, mx, dx.replace(ctrl=dx.ctrl.at[2].set(voltage)), ON_PLATE).electrostatic
+        return gripper_force(
+            forces, mx, dx.replace(ctrl=dx.ctrl.at[2].set(voltage)), ball(forces, ON_PLATE)
+        ).electrostatic
 
     force, slope = jax.jit(jax.value_and_grad(lift))(20.0)
     assert float(slope) == pytest.approx(float(2 * force / 20), rel=1e-4)
@@ -167,7 +217,7 @@ def fall(forces, mx, dx, voltage, n_steps):
 
     def run(volt):
         start = dx.replace(qpos=dx.qpos.at[2].set(25 + 2e-4), ctrl=dx.ctrl.at[2].set(volt))
-        hang = jax.lax.fori_loop(0, n_steps, lambda _, c: step(forces, mx, *c), (start, jnp.float32(ON_PROBE)))
+        hang = jax.lax.fori_loop(0, n_steps, lambda _, c: step(forces, mx, *c), (start, ball(forces, ON_PROBE)))
         return hang[0].qpos[2] - 20
 
     return jax.jit(jax.vmap(run))(voltage)

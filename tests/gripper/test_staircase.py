@@ -19,7 +19,7 @@ class Benches:
         self.lifted = np.broadcast_to(voltage, self.lifting.shape) >= self.lifting
         nothing = np.full(len(self.lifting), np.nan)
         gap = np.where(self.lifted, 1e-6, 0.0)
-        return Watch(nothing, nothing, nothing, nothing, nothing, gap, nothing, np.ones(len(gap), bool))
+        return Watch(nothing, nothing, nothing, nothing, -gap, gap, nothing, np.ones(len(gap), bool))
 
     def save(self):
         return None

@@ -12,11 +12,19 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx, put_model
+from iswarm_mj.gripper import mjx_forces
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.mjx_forces import ON_PROBE, GripperForces, gripper_force, gripper_forces, mjx_compatible, resize
+from iswarm_mj.gripper.mjx_forces import (
+    GripperForces,
+    first_state,
+    gripper_force,
+    gripper_forces,
+    mjx_compatible,
+    resize,
+)
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 
@@ -38,13 +46,13 @@ class Physics(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of a bench between two moves; see MuJoCo for the fields, and `GripperForces` for the potential."""
+    """State of a bench between two moves; see MuJoCo for the fields."""
 
     qpos: Array
     qvel: Array
     qacc_warmstart: Array
     ctrl: Array
-    potential: Array
+    ball: mjx_forces.State
 
 
 class Parameters(NamedTuple):
@@ -52,10 +60,8 @@ class Parameters(NamedTuple):
 
     radius: Array
     probe_radius: Array
-    work: Array
-    """(P,) works of adhesion of the pairs of surfaces."""
-    humidity: Array
-    contact_gap: Array
+    forces: dict[str, Array]
+    """Attributes of `GripperForces`, by name."""
 
 
 class _Contacts(NamedTuple):
@@ -83,22 +89,16 @@ class MjxBench:
         self._where, forces = layout(model), gripper_forces(model)
         capacity: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self._physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
-        column = {name: np.array([getattr(trial, name) for trial in trials]) for name in Trial._fields}
-        works = {forces.plate: "work_object_substrate", forces.probe: "work_tool_object"}
-        work = np.stack([column[works[surface]] for _, surface in forces.pairs], axis=1)
-        parameters = Parameters(
-            column["radius"] / UM,
-            column["probe_radius"] / UM,
-            work * UM / NN,
-            np.repeat(column["relative_humidity"][:, None], work.shape[1], axis=1),
-            column["contact_gap"] / UM,
-        )
-        self._parameters = _single(parameters)
+        column = {name: np.array([getattr(trial, name) for trial in trials]) for name in ("radius", "probe_radius")}
+        numbers = _attributes(forces, trials)
+        self._parameters = _single(Parameters(column["radius"] / UM, column["probe_radius"] / UM, numbers))
         starts = [start(model, trial, start_gap) for trial in trials]
         qpos, self._touch = np.array([qpos for qpos, _ in starts]), np.array([touch for _, touch in starts])
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
+        ball = jax.tree.map(lambda a: np.repeat(np.asarray(a)[None], count, axis=0), first_state(forces))
         ctrl[:, self._where.tip] = qpos[:, self._where.slide]
-        self._state = _single(State(qpos, still, still, ctrl, np.full(count, ON_PROBE)))
+        ctrl[:, self._where.aside_servo] = qpos[:, self._where.aside]
+        self._state = _single(State(qpos, still, still, ctrl, ball))
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`; benches that are not active move as well."""
@@ -133,8 +133,23 @@ class MjxBench:
         self._state = state
 
 
+def _attributes(forces: GripperForces, trials: Sequence[Trial]) -> dict[str, np.ndarray]:
+    """Numbers of `GripperForces` in which trials differ, (B, P) or (B,), by their names."""
+    of_tool, of_plate = ("work_tool_object", "probe_modulus"), ("work_object_substrate", "plate_modulus")
+    rows: list[dict[str, Any]] = []
+    for trial in trials:
+        pairs = []
+        for _, surface in forces.pairs:
+            work, modulus = of_tool if surface == forces.probe else of_plate
+            own = {"work": getattr(trial, work) * UM / NN, "humidity": trial.relative_humidity}
+            pairs.append(own | trial.contacts.adhesion(getattr(trial.contacts, modulus)))
+        one = {name: [pair[name] for pair in pairs] for name in pairs[0]}
+        rows.append(one | {"contact_gap": trial.contact_gap / UM} | trial.contacts.electrostatic())
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
 def _single(arrays):
-    return type(arrays)(*(jnp.asarray(array, jnp.float32) for array in arrays))
+    return jax.tree.map(lambda array: jnp.asarray(array, jnp.float32), arrays)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -145,30 +160,28 @@ def _advance(
 
     def move(parameters: Parameters, state: State, end: Array) -> tuple[State, _Contacts]:
         forces, model, data = physics
-        mine = dataclasses.replace(
-            forces, work=parameters.work, humidity=parameters.humidity, contact_gap=parameters.contact_gap
-        )
+        mine = dataclasses.replace(forces, **parameters.forces)
         sized = resize(mine, model, parameters.radius)
         sized = sized.replace(geom_size=sized.geom_size.at[forces.probe, 0].set(parameters.probe_radius))
         surfaces = [surface for _, surface in forces.pairs]
         order = jnp.array([surfaces.index(forces.probe), surfaces.index(forces.plate)])
         begin = data.replace(qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.qacc_warmstart, ctrl=state.ctrl)
 
-        def step(k: Array, carry: tuple[Any, Array, _Contacts]) -> tuple[Any, Array, _Contacts]:
-            now, potential, contacts = carry
+        def step(k: Array, carry: tuple[Any, Any, _Contacts]) -> tuple[Any, Any, _Contacts]:
+            now, ball, contacts = carry
             share = (k + 1) / n_steps
             tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]
             ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
             ctrl = ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
             now = now.replace(ctrl=ctrl)
-            force = gripper_force(mine, sized, now, potential)
+            force = gripper_force(mine, sized, now, ball)
             contacts = _updated(contacts, k, force.gaps[order], -now.qvel[where.ball + 2])
-            return mjx.step(sized, now.replace(qfrc_applied=force.generalized)), force.potential, contacts
+            return mjx.step(sized, now.replace(qfrc_applied=force.generalized)), force.state, contacts
 
         nothing = jnp.full(2, jnp.nan)
         contacts = _Contacts(jnp.full(2, -1), jnp.array(-1), jnp.array(jnp.nan), nothing, nothing)
-        now, potential, contacts = jax.lax.fori_loop(0, n_steps, step, (begin, state.potential, contacts))
-        return State(now.qpos, now.qvel, now.qacc_warmstart, now.ctrl, potential), contacts
+        now, ball, contacts = jax.lax.fori_loop(0, n_steps, step, (begin, state.ball, contacts))
+        return State(now.qpos, now.qvel, now.qacc_warmstart, now.ctrl, ball), contacts
 
     return jax.vmap(move)(parameters, state, target)
 

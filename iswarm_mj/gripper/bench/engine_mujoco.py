@@ -44,6 +44,7 @@ class MujocoBench:
                 state[i, index] = value
         self._ctrl[:] = 0
         self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
+        self._ctrl[:, self._where.aside_servo] = qpos[:, self._where.aside]
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""

@@ -23,6 +23,7 @@ _PLUGIN_FIELDS = (
     ("adhesion_plate", "force"),
     ("electrostatic", "force"),
     ("electrostatic", "potential"),
+    ("electrostatic", "ball_voltage"),
 )
 """Instances of plugins and fields of their states that a sample holds."""
 
@@ -40,7 +41,7 @@ class _Samples(NamedTuple):
     fall: Any
     """Downward speed of the ball."""
     plugins: Any
-    """(6,) the `_PLUGIN_FIELDS`."""
+    """(7,) the `_PLUGIN_FIELDS`."""
     contacts: Any
     """(2,) normal forces of the contacts with tool and plate."""
 
@@ -56,6 +57,7 @@ class TraceBench:
         for index, value in plugin_values(self._model, trial).items():
             self._data.plugin_state[index] = value
         self._data.ctrl[self._where.tip] = self._data.qpos[self._where.slide]
+        self._data.ctrl[self._where.aside_servo] = self._data.qpos[self._where.aside]
         self._fields = [plugin.state_index(self._model, *names) for names in _PLUGIN_FIELDS]
         self._ball, self._plate = self._model.geom("ball").id, self._model.geom("plate").id
         self.steps = 0
@@ -152,6 +154,7 @@ class TraceBench:
             adhesion_plate=forces[:, 1],
             electrostatic=forces[:, 2],
             on_plate_potential=samples.plugins[:, 5] < 0.5,
+            ball_voltage=samples.plugins[:, 6],
             contact_tool=samples.contacts[:, 0] * NN,
             contact_plate=samples.contacts[:, 1] * NN,
             radius=float(self._model.geom_size[self._ball, 0]) * UM,

@@ -46,6 +46,10 @@ class Layout(NamedTuple):
     """The probe's height in qpos."""
     tip: int
     """The height's servo in ctrl."""
+    aside: int
+    """The tool's shift along x in qpos."""
+    aside_servo: int
+    """In ctrl."""
     voltage: int
     """In ctrl."""
     tip_height: float
@@ -58,6 +62,8 @@ def layout(model: mujoco.MjModel) -> Layout:
         int(model.joint("ball").qposadr[0]),
         int(model.joint("probe_z").qposadr[0]),
         model.actuator("probe_z").id,
+        int(model.joint("probe_x").qposadr[0]),
+        model.actuator("probe_x").id,
         model.actuator("voltage").id,
         float(model.body("probe").pos[2]),
     )
@@ -75,7 +81,15 @@ def plugin_values(model: mujoco.MjModel, trial: Trial) -> dict[int, float]:
     works = {"adhesion_plate": trial.work_object_substrate, "adhesion_probe": trial.work_tool_object}
     values = {plugin.state_index(model, name, "work"): work * UM / NN for name, work in works.items()}
     values |= {plugin.state_index(model, name, "humidity"): trial.relative_humidity for name in works}
-    return values | {plugin.state_index(model, "electrostatic", "contact_gap"): trial.contact_gap / UM}
+    contacts, named = trial.contacts, {"electrostatic": {"contact_gap": trial.contact_gap / UM}}
+    named["electrostatic"] |= contacts.electrostatic()
+    named["adhesion_plate"] = contacts.adhesion(contacts.plate_modulus)
+    named["adhesion_probe"] = contacts.adhesion(contacts.probe_modulus)
+    return values | {
+        plugin.state_index(model, instance, name): value
+        for instance, numbers in named.items()
+        for name, value in numbers.items()
+    }
 
 
 def start(model: mujoco.MjModel, trial: Trial, start_gap: float) -> tuple[np.ndarray, float]:
@@ -85,6 +99,7 @@ def start(model: mujoco.MjModel, trial: Trial, start_gap: float) -> tuple[np.nda
     qpos[where.ball + 2] = radius - SINK
     touch = 2 * radius
     qpos[where.slide] = touch + start_gap / UM - where.tip_height
+    qpos[where.aside] = trial.misalignment / UM
     return qpos, touch
 
 

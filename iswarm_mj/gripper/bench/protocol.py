@@ -6,7 +6,7 @@ the criterion of a lift are choices: slow enough that half the speed changes no 
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, validate
@@ -26,7 +26,7 @@ class Protocol:
     press: Annotated[float, Within(1e-9, 1e-6, "m")] = 25e-9
     """Depth below first touch to which the tool is driven; the ball sinks by less, so that the tool touches it [m]."""
     dwell: Duration = 0.05e-3
-    """At rest after the approach, and before the release ramp [s]."""
+    """At rest after the approach [s]."""
     rise_time: Duration = 0.05e-3
     """Time in which the voltage of a rung rises, with the tool in contact [s]."""
     peel: Annotated[float, Within(1e-9, 5e-6, "m")] = 10e-9
@@ -41,22 +41,32 @@ class Protocol:
     """Time in which the voltage falls to zero with the ball lifted [s]."""
     away: Annotated[float, Within(1e-9, 0.4e-6, "m")] = 0.2e-6
     """Distance from plate or tool beyond which a ball counts as lifted or released [m]."""
+    hold_time: Duration = 3e-3
+    """Time for which a lifted ball hangs before the release ramp, so that its charge relaxes [s]."""
     step_voltage: Annotated[float, Within(2e-3, 200.0, "V")] = 0.25
     """Between two rungs of the staircase [V]."""
     grasp_limit: Voltage = 80.0
     """Highest rung [V]."""
-    ramp_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 40e3
-    """Rate of the voltage in the release ramp and without contact [V/s]."""
+    ramp_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 2.5e3
+    """Rate of the voltage in the release ramp, which the ball's follows after a relaxation time [V/s]."""
+    no_contact_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 40e3
+    """Rate of the voltage in attempts without contact [V/s]."""
     release_limit: Voltage = 120.0
     """End of the release ramp [V]."""
+    after_release: Literal["cut", "held"] = "cut"
+    """What the voltage does once a ball has left the tool: it is cut, or held. The paper does not say."""
+    cut_delay: Annotated[float, Within(0, 0.1, "s")] = 0.0
+    """Time from the moment when the ball is seen to have left, beyond `away`, until the voltage begins to fall [s]."""
+    cut_time: Duration = 0.05e-3
+    """Time in which it falls to zero [s]."""
     no_contact_limit: Voltage = 50.0
     """End of the ramp without contact [V]."""
     watch_time: Annotated[float, Within(1e-6, 1e-3, "s")] = 0.01e-3
     """Interval at which a ramp is checked, hence its longest overrun after the ball left [s]."""
-    flight_limit: Duration = 2e-3
-    """Time of flight after which a ball counts as lost [s]."""
+    flight_limit: Duration = 20e-3
+    """Time after which a ball that does not come to rest counts as lost [s]."""
     rest_time: Duration = 0.2e-3
-    """Time for which a landed ball is observed [s]."""
+    """Time for which a ball must rest where it landed [s]."""
 
     def __post_init__(self):
         validate(self, "protocol")

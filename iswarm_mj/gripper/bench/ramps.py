@@ -29,6 +29,8 @@ class Release(NamedTuple):
     """Whether it came to rest on the plate and stayed there."""
     faulty: Bool[np.ndarray, "B"]
     """Whether the state became infinite or nan."""
+    hung: Bool[np.ndarray, "B"]
+    """Whether it hung at the tool as the ramp began; otherwise it had fallen."""
 
 
 class Attempt(NamedTuple):
@@ -49,35 +51,37 @@ def release(bench: Bench, protocol: Protocol, held: Mask, gap: float) -> Release
         held: (B,) benches whose ball hangs; the others are left out.
         gap: between ball and plate [m].
     """
-    ramp = _Ramp(bench, protocol, held, protocol.release_limit, gap)
+    ramp = _Ramp(bench, protocol, held, (protocol.ramp_rate, protocol.release_limit), gap)
     left_at, landed_at = np.full(len(held), np.inf), np.full(len(held), np.inf)
     voltage, speed = np.full(len(held), np.nan), np.full(len(held), np.nan)
-    stays = np.zeros(len(held), bool)
+    stays, moved_at, freed_at = np.zeros(len(held), bool), np.zeros(len(held)), np.full(len(held), np.inf)
     while ramp.active.any():
         left = np.isfinite(left_at)
         phase = "rest" if np.isfinite(landed_at)[held].all() else "flight" if left[held].all() else "ramp"
-        watch = ramp.step(phase, left)
+        watch = ramp.step(phase, left, freed_at)
         last = ramp.began + watch.last_tool
         ramp.note_contact(~left & np.isfinite(last), last)
         new = ramp.active & ~left & (watch.gap_tool > protocol.away)
         left_at, voltage = np.where(new, ramp.last, left_at), np.where(new, ramp.last_voltage, voltage)
+        freed_at = np.where(new, ramp.now, freed_at)
         down = ramp.active & np.isfinite(left_at) & ~np.isfinite(landed_at) & np.isfinite(watch.first_plate)
         landed_at = np.where(down, ramp.began + watch.first_plate, landed_at)
         speed = np.where(down, watch.landing_speed, speed)
         rests = (watch.gap_plate <= 0) & (watch.gap_tool > 0) & (watch.speed < RESTING_SPEED)
-        stays = np.where(ramp.active, rests, stays)
-        over = (ramp.now > landed_at + protocol.rest_time) | (ramp.now > left_at + protocol.flight_limit)
+        stays, moved_at = np.where(ramp.active, rests, stays), np.where(rests, moved_at, ramp.now)
+        is_still = rests & (ramp.now > moved_at + protocol.rest_time) & ramp.is_settled(freed_at)
+        over = is_still | (ramp.now > left_at + protocol.flight_limit)
         ramp.finish(over | (np.isinf(left_at) & ramp.at_limit))
     landed = np.isfinite(landed_at)
     flight = np.full(len(held), np.nan)
     np.subtract(landed_at, left_at, out=flight, where=landed)
-    return Release(voltage, flight, speed, stays & landed, ramp.faulty)
+    return Release(voltage, flight, speed, stays & landed, ramp.faulty, held)
 
 
 def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:
     """Stop the tool at a gap before the ball [m] and ramp the voltage, on `count` new benches."""
     bench.move("approach", protocol.approach_time, gap, 0.0)
-    ramp = _Ramp(bench, protocol, np.ones(count, bool), protocol.no_contact_limit, gap)
+    ramp = _Ramp(bench, protocol, np.ones(count, bool), (protocol.no_contact_rate, protocol.no_contact_limit), gap)
     voltage = np.full(count, np.nan)
     while ramp.active.any():
         gone = np.isfinite(voltage)
@@ -99,26 +103,39 @@ class _Ramp:
         last, last_voltage: (B,) time of the last contact [s], and the voltage then [V].
     """
 
-    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, limit: float, tip: float):
-        self._bench, self._protocol, self._limit, self._tip = bench, protocol, limit, tip
+    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, rise: tuple[float, float], tip: float):
+        """Prepare a ramp on `active` benches: rate [V/s] and limit [V] of the voltage, height of the tool [m]."""
+        self._bench, self._protocol, self._tip = bench, protocol, tip
+        self._rate, self._limit = rise
         self._period = max(1, round(protocol.watch_time / bench.timestep)) * bench.timestep
         self.active = active.copy()
         self.faulty = np.zeros(len(active), bool)
         self.began = self.now = 0.0
         self.last, self.last_voltage = np.zeros(len(active)), np.zeros(len(active))
-        self._before = self._voltage = np.zeros(len(active))
+        self._before = self._voltage = self._highest = np.zeros(len(active))
         self._intervals_at_limit = np.zeros(len(active), int)
 
-    def step(self, phase: str, stopped: Mask) -> Watch:
-        """Go on for one interval; where `stopped`, the voltage stays as it is."""
+    def step(self, phase: str, stopped: Mask, freed_at: Float[np.ndarray, "B"] | float = np.inf) -> Watch:
+        """Go on for one interval; where `stopped`, the voltage stays, or falls some time after `freed_at` [s]."""
         self._before = self._voltage
-        rise = self._protocol.ramp_rate * self._period
-        self._voltage = np.where(stopped, self._voltage, np.minimum(self._voltage + rise, self._limit))
+        rise = self._rate * self._period
+        self._highest = np.where(stopped, self._highest, np.minimum(self._voltage + rise, self._limit))
+        self._voltage = self._highest * self._share(self.now + self._period - freed_at)
         self._intervals_at_limit = np.where(self._before >= self._limit, self._intervals_at_limit + 1, 0)
         self.began, self.now = self.now, self.now + self._period
         watch = self._bench.move(phase, self._period, self._tip, self._voltage, self.active)
         self.faulty |= self.active & ~watch.finite
         return watch
+
+    def _share(self, since: Float[np.ndarray, "B"] | float) -> Float[np.ndarray, "B"] | float:
+        """Share of the highest voltage that is left some time after a ball was freed [s]; negative: before."""
+        if self._protocol.after_release == "held":
+            return 1.0
+        return np.clip(1 - (since - self._protocol.cut_delay) / self._protocol.cut_time, 0.0, 1.0)
+
+    def is_settled(self, freed_at: Float[np.ndarray, "B"]) -> Mask:
+        """(B,) whether the voltage of a ball that was freed changes no more."""
+        return np.isfinite(freed_at) & (self._share(self.now - freed_at) == self._share(np.inf))
 
     def note_contact(self, touched: Mask, when: Float[np.ndarray, "B"]) -> None:
         """Record time and voltage of the last contact where there was one in this interval."""

@@ -127,8 +127,8 @@ def _run(make: BenchMaker, trials: Sequence[Trial], protocol: Protocol, gaps: Ga
     releases = {}
     for gap in gaps.release:
         bench.restore(lifted)
-        hang(bench, protocol, gap, held)
-        releases[gap] = release(bench, protocol, held, gap)
+        hung = hang(bench, protocol, gap, held)
+        releases[gap] = release(bench, protocol, held & hung, gap)
     return Outcomes(grasp, releases, attempts, bench.timestep, bench.steps)
 
 

@@ -48,7 +48,7 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
         middle = (low + high) // 2
         bench.restore(start)
         watch = rung(bench, protocol, middle * protocol.step_voltage, is_open)
-        lifted = watch.gap_plate > protocol.away
+        lifted = hangs(watch, protocol)
         faulty |= is_open & ~watch.finite
         high, low = np.where(is_open & lifted, middle, high), np.where(is_open & ~lifted, middle, low)
     bench.restore(start)
@@ -57,8 +57,22 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
     return Grasp(np.where(high <= top, voltage, np.nan), faulty)
 
 
-def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = None) -> None:
-    """Switch off the voltage on a lifted ball and bring it to a gap above the plate [m]."""
+def hangs(watch: Watch, protocol: Protocol) -> Mask:
+    """(B,) whether the ball hangs at the tool, off the plate; a ball that flies to and fro between them does not."""
+    return (watch.gap_plate > protocol.away) & (watch.gap_tool < TOUCH)
+
+
+TOUCH = 5e-9
+"""Gap up to which a ball counts as hanging; it hangs at a depth of less than a nanometre [m]."""
+
+
+def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:
+    """Switch off the voltage on a lifted ball and bring it to a gap above the plate [m].
+
+    Returns:
+        (B,) whether it still hangs; its charge may have left it meanwhile, and with it what held it.
+    """
     bench.move("off", protocol.off_time, protocol.lift, 0.0, active)
     bench.move("carry", protocol.carry_time(gap - protocol.lift), gap, 0.0, active)
-    bench.move("hold", protocol.dwell, gap, 0.0, active)
+    watch = bench.move("hold", protocol.hold_time, gap, 0.0, active)
+    return hangs(watch, protocol)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.laws.detachment import (
     CONTACT_GAP,
     PROBE_RADIUS,
@@ -30,6 +31,10 @@ class Trial(NamedTuple):
     """Effective electrical gap of a touching tool [m]."""
     probe_radius: float = PROBE_RADIUS
     """[m]"""
+    misalignment: float = 0.0
+    """Of the tool's axis beside the ball [m]."""
+    contacts: Contacts = Contacts()
+    """Conduction and impacts."""
 
 
 def draw(seed: int, radius: float, relative_humidity: float, repeat: int) -> Trial:

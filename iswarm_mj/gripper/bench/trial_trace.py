@@ -39,6 +39,8 @@ class Trace(NamedTuple):
     """Normal force between ball and plate, at least 0 [N]."""
     on_plate_potential: Bool[np.ndarray, "T"]
     """Whether the ball has the plate's potential; otherwise it has the probe's."""
+    ball_voltage: Float[np.ndarray, "T"]
+    """Of the ball against the plate [V]."""
     radius: float
     """Of the ball [m]."""
     probe_radius: float

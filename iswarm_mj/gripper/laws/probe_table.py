@@ -38,9 +38,14 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
         f, a pure number.
     """
     xp = array_module(gap_ratio, probe_ratio)
+    return interpolated(xp, spline_coefficients(task), gap_ratio, probe_ratio)
+
+
+def interpolated(xp, spline: np.ndarray, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
+    """Positive quantity of the table's two ratios, whose logarithm has these `coefficients_of`; limits as above."""
     row, row_weights = _locate(xp, "gap over sphere radius", gap_ratio, GAP_EXPONENTS)
     column, column_weights = _locate(xp, "probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
-    coefficients = xp.asarray(spline_coefficients(task), dtype=row_weights.dtype)
+    coefficients = xp.asarray(spline, dtype=row_weights.dtype)
     patch = coefficients[row[..., :, None], column[..., None, :]]
     return xp.exp(xp.sum(patch * row_weights[..., :, None] * column_weights[..., None, :], axis=(-2, -1)))
 
@@ -69,7 +74,12 @@ def spline_coefficients(task: str) -> np.ndarray:
     text = files("iswarm_mj.gripper.laws").joinpath(FILE).read_text(encoding="utf-8")
     column = {"release": 2, "pick": 3}[task]
     factor = np.loadtxt(text.splitlines(), delimiter=",", comments="#", usecols=column)
-    table = np.log(factor.reshape(len(GAP_EXPONENTS), len(PROBE_EXPONENTS)))
+    return coefficients_of(factor.reshape(len(GAP_EXPONENTS), len(PROBE_EXPONENTS)))
+
+
+def coefficients_of(values: np.ndarray) -> np.ndarray:
+    """Coefficients of the bicubic spline through the logarithm of positive values at the table's places."""
+    table = np.log(values)
     return np.linalg.solve(_spline_matrix(table.shape[0]), np.pad(table, 1)) @ (
         np.linalg.inv(_spline_matrix(table.shape[1])).T
     )

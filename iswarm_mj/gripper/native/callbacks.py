@@ -15,14 +15,16 @@ import numba
 import numpy as np
 from numba import types
 
-from iswarm_mj.gripper.laws import adhesion, electrostatics
+from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.native import attraction, attributes, fields, spline
+from iswarm_mj.gripper.native import attraction, attributes, circuit, fields, impact, spline
 from iswarm_mj.gripper.native.attraction import attract, gap_to
 from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
+from iswarm_mj.gripper.native.circuit import ball_voltage, relaxed
 from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
+from iswarm_mj.gripper.native.impact import rebound_ratio
 from iswarm_mj.gripper.native.spline import probe_factor, spline_tables
-from iswarm_mj.gripper.units import NN, UM
+from iswarm_mj.gripper.units import CLEARANCE, NN, UM
 
 _dmt = compiled(adhesion.dmt_pull_off)
 _van_der_waals = compiled(adhesion.van_der_waals_force)
@@ -40,7 +42,7 @@ def _offsets() -> np.ndarray:
 
     Numba caches compiled code on disk, and the arrays that a callback encloses are part of the key.
     """
-    modules = (adhesion, electrostatics, attraction, attributes, fields, spline)
+    modules = (adhesion, electrostatics, restitution, attraction, attributes, circuit, fields, impact, spline)
     text = "".join([mujoco.__version__, *(inspect.getsource(module) for module in modules)])
     return np.append(pointer_offsets(), zlib.crc32(text.encode()))
 
@@ -92,11 +94,12 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
     return {"nstate": nstate, "init": init, "reset": reset}
 
 
-def adhesion_compute() -> Any:
-    """Callback of the pull-off force, 2 pi R W h(RH) in contact and van der Waals attraction out of it.
+def adhesion_callbacks() -> dict[str, Any]:
+    """Callbacks of impacts and of adhesion, 2 pi R W h(RH) in contact and van der Waals attraction out of it.
 
-    The state is ball, surface, work, humidity, hamaker, gap, force. Out of contact the distance z of the surfaces is
-    the gap plus z0 = sqrt(A / (12 pi W)), at which A R / (6 z^2) is the pull-off force.
+    The state is ball, surface, work, humidity, hamaker, restitution, yield_pressure, modulus; gap, force, before,
+    rebound, impact_speed, impulse. Out of contact the distance z of the surfaces is the gap plus
+    z0 = sqrt(A / (12 pi W)), at which A R / (6 z^2) is the pull-off force.
     """
     offsets, factors = _offsets(), np.asarray(humidity_factor(np.arange(101.0)))
 
@@ -117,18 +120,43 @@ def adhesion_compute() -> Any:
             force = _dmt(radius, work)
         elif hamaker > 0 and work > 0:
             force = _van_der_waals(hamaker, radius, gap * UM + math.sqrt(hamaker / (12 * math.pi * work)))
-        f.plugin_state[s + 5] = gap
-        f.plugin_state[s + 6] = force / NN
-        if force > 0:
-            attract(f, ball, surface, gap, nx, ny, nz, force / NN)
+        force /= NN
+        before, push = f.plugin_state[s + 10], 0.0
+        if gap <= 0 and before > 0:
+            mass, speed = f.body_mass[f.geom_bodyid[ball]], (before - gap) / f.timestep
+            fixed, pressure, modulus = f.plugin_state[s + 5], f.plugin_state[s + 6], f.plugin_state[s + 7]
+            ratio = rebound_ratio(speed, mass, radius, work, fixed, pressure, modulus)
+            if ratio > 0:
+                push = mass * (1 + ratio) * speed / f.timestep
+                f.plugin_state[s + 11] = 2.0
+            f.plugin_state[s + 12] = speed
+            f.plugin_state[s + 13] = mass * (1 + ratio) * speed
+        if f.plugin_state[s + 11] > 0:
+            force = 0.0
+        f.plugin_state[s + 8] = gap
+        f.plugin_state[s + 9] = force
+        if force != push:
+            attract(f, ball, surface, gap, nx, ny, nz, force - push)
 
-    return compute
+    @_callback(_advance)
+    def advance(m, d, instance):
+        f = read_fields(m, d, offsets)
+        s = f.plugin_stateadr[instance]
+        gap, before = f.plugin_state[s + 8], f.plugin_state[s + 10]
+        if f.plugin_state[s + 11] > 1:
+            f.plugin_state[s + 11] = 1.0
+        elif gap > CLEARANCE or gap <= before:
+            f.plugin_state[s + 11] = 0.0
+        f.plugin_state[s + 10] = gap
+
+    return {"compute": compute, "advance": advance}
 
 
 def electrostatic_callbacks() -> dict[str, Any]:
-    """Callbacks of the force of a voltage on the ball, and of the electrode that gives the ball its potential.
+    """Callbacks of the force of a voltage on the ball, and of the potential of the ball.
 
-    The state is ball, probe, plate, voltage, contact_gap, off_voltage, potential, probe_gap, plate_gap, force.
+    The state is ball, probe, plate, voltage, contact_gap, off_voltage, leak, contact, plate_contact, oxide, breakdown;
+    potential, probe_gap, plate_gap, force, charge, ball_voltage, broken.
     """
     offsets, (splines, axes) = _offsets(), spline_tables()
 
@@ -140,29 +168,54 @@ def electrostatic_callbacks() -> dict[str, Any]:
         voltage = f.ctrl[int(f.plugin_state[s + 3])]
         probe_gap, px, py, pz = gap_to(f, ball, probe)
         plate_gap, nx, ny, nz = gap_to(f, ball, plate)
-        release = f.plugin_state[s + 6] > 0.5 and plate_gap > 0
-        force = 0.0
-        if voltage != 0:
-            radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
-            gap = max(plate_gap if release else probe_gap, f.plugin_state[s + 4])
-            shape = probe_factor(int(release), gap / radius, probe_radius / radius, splines, axes)
-            force = shape * _asymptotic(voltage, gap * UM, radius * UM) / NN
-            if release:
-                attract(f, ball, plate, plate_gap, nx, ny, nz, force)
-            else:
-                attract(f, ball, probe, probe_gap, px, py, pz, force)
-        f.plugin_state[s + 7] = probe_gap
-        f.plugin_state[s + 8] = plate_gap
-        f.plugin_state[s + 9] = -force if release else force
+        least, leak = f.plugin_state[s + 4], f.plugin_state[s + 6]
+        radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
+        above, below = max(probe_gap, least), max(plate_gap, least)
+        release = f.plugin_state[s + 11] > 0.5 and plate_gap > 0
+        up_voltage, down_voltage = (0.0, voltage) if release else (voltage, 0.0)
+        if leak > 0:
+            sizes = (probe_gap, plate_gap, least, probe_radius)
+            down_voltage = ball_voltage(f.plugin_state[s + 15], voltage, radius, sizes, splines, axes)
+            up_voltage = voltage - down_voltage
+        f.plugin_state[s + 16] = down_voltage
+        up = down = 0.0
+        if up_voltage != 0:
+            shape = probe_factor(0, above / radius, probe_radius / radius, splines, axes)
+            up = shape * _asymptotic(up_voltage, above * UM, radius * UM) / NN
+            attract(f, ball, probe, probe_gap, px, py, pz, up)
+        if down_voltage != 0:
+            shape = probe_factor(1, below / radius, probe_radius / radius, splines, axes)
+            down = shape * _asymptotic(down_voltage, below * UM, radius * UM) / NN
+            attract(f, ball, plate, plate_gap, nx, ny, nz, down)
+        f.plugin_state[s + 12] = probe_gap
+        f.plugin_state[s + 13] = plate_gap
+        f.plugin_state[s + 14] = up - down
 
     @_callback(_advance)
     def advance(m, d, instance):
         f = read_fields(m, d, offsets)
         s = f.plugin_stateadr[instance]
-        touches = f.plugin_state[s + 7] <= f.plugin_state[s + 4]
-        if f.plugin_state[s + 8] <= 0:
-            f.plugin_state[s + 6] = 0.0
-        elif touches and abs(f.ctrl[int(f.plugin_state[s + 3])]) <= f.plugin_state[s + 5]:
-            f.plugin_state[s + 6] = 1.0
+        voltage = f.ctrl[int(f.plugin_state[s + 3])]
+        probe_gap, plate_gap, least = f.plugin_state[s + 12], f.plugin_state[s + 13], f.plugin_state[s + 4]
+        if f.plugin_state[s + 6] > 0:
+            ball, probe = int(f.plugin_state[s]), int(f.plugin_state[s + 1])
+            radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
+            sizes = (probe_gap, plate_gap, least, probe_radius)
+            across = voltage - f.plugin_state[s + 16]
+            if probe_gap <= 0 and abs(across) >= f.plugin_state[s + 9] * f.plugin_state[s + 10]:
+                f.plugin_state[s + 17] = 1.0
+            elif probe_gap > least:
+                f.plugin_state[s + 17] = 0.0
+            resistance = f.plugin_state[s + 7] if f.plugin_state[s + 17] > 0 else f.plugin_state[s + 6]
+            above = 1 / resistance if probe_gap <= 0 else 0.0
+            below = 1 / f.plugin_state[s + 8] if plate_gap <= 0 else 0.0
+            if above + below > 0:
+                now = (f.plugin_state[s + 16], voltage, radius, sizes)
+                f.plugin_state[s + 15] = relaxed(now, above, below, f.timestep, splines, axes)
+            f.plugin_state[s + 11] = 1.0 if abs(f.plugin_state[s + 16]) > abs(across) else 0.0
+        elif plate_gap <= 0:
+            f.plugin_state[s + 11] = 0.0
+        elif probe_gap <= least and abs(voltage) <= f.plugin_state[s + 5]:
+            f.plugin_state[s + 11] = 1.0
 
     return {"compute": compute, "advance": advance}

@@ -42,12 +42,19 @@ class Fields(NamedTuple):
     subtree_com: Any
     cdof: Any
     qfrc_passive: Any
+    body_mass: Any
+    timestep: Any
+    """[ms], a number."""
 
 
 def pointer_offsets() -> np.ndarray:
-    """Offsets (16,) of the `Fields` from the start of mjModel or mjData, counted in pointers."""
+    """Offsets (18,) of the `Fields` from the start of mjModel or mjData, counted in pointers."""
     return np.concatenate(
-        [pointer_indices("mjModel", Fields._fields[:9]), pointer_indices("mjData", Fields._fields[9:])]
+        [
+            pointer_indices("mjModel", Fields._fields[:9]),
+            pointer_indices("mjData", Fields._fields[9:16]),
+            pointer_indices("mjModel", ["body_mass", "opt"]),  # the options begin with the time step
+        ]
     )
 
 
@@ -64,6 +71,16 @@ def _pointer_to(item: Any) -> Any:
 
 doubles, ints, characters = (_pointer_to(item) for item in (types.float64, types.int32, types.uint8))
 """Casts from an address to a pointer."""
+
+
+@intrinsic
+def _as_double(_typing, _bits):
+    """The double with the bits of an int64."""
+
+    def generate(context, builder, signature, args):
+        return builder.bitcast(args[0], context.get_value_type(signature.return_type))
+
+    return types.float64(types.int64), generate
 
 
 @compiled
@@ -86,4 +103,6 @@ def read_fields(m, d, offsets):
         doubles(d[offsets[13]]),
         doubles(d[offsets[14]]),
         doubles(d[offsets[15]]),
+        doubles(m[offsets[16]]),
+        _as_double(m[offsets[17]]),  # pyright: ignore[reportCallIssue]
     )

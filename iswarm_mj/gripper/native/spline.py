@@ -5,12 +5,17 @@ import math
 import numpy as np
 
 from iswarm_mj.gripper.laws import probe_table
+from iswarm_mj.gripper.laws.capacitance import capacitance_spline
 from iswarm_mj.gripper.native.fields import compiled
 
 
 def spline_tables() -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (2, rows + 2, columns + 2) of the splines to pick and to release, and their two axes (2, 3)."""
-    splines = np.stack([probe_table.spline_coefficients(task) for task in ("pick", "release")])
+    """Coefficients (4, rows + 2, columns + 2) of the splines, and their two axes (2, 3).
+
+    Of the forces to pick and to release, then of the capacitances to probe and plate.
+    """
+    tasks = ("pick", "release")
+    splines = np.stack([f(task) for f in (probe_table.spline_coefficients, capacitance_spline) for task in tasks])
     exponents = (probe_table.GAP_EXPONENTS, probe_table.PROBE_EXPONENTS)
     return splines, np.array([[e[0], e[1] - e[0], len(e)] for e in exponents])
 
@@ -33,7 +38,10 @@ def _weights(t):
 
 @compiled
 def probe_factor(task, gap_ratio, probe_ratio, splines, axes):
-    """Shape factor of `probe_table.probe_factor`, clamped to the table's edge; `task` is 0 to pick, 1 to release."""
+    """Shape factor of `probe_table.probe_factor`, clamped to the table's edge; `task` is 0 to pick, 1 to release.
+
+    With 2 and 3, the capacitance to probe and plate over 4 pi eps0 R.
+    """
     row, t = _locate(gap_ratio, axes[0])
     column, u = _locate(probe_ratio, axes[1])
     across, total = _weights(u), 0.0

@@ -1,0 +1,86 @@
+"""Adhesion of real surfaces: roughness lowers the pull-off, a preload that flattens asperities raises it.
+
+The calibrated works of adhesion are those of the surfaces as they were, rough ones. To ask what smooth surfaces and a
+stated roughness would give, set the works to those of smooth surfaces and the roughness to what is to be tried.
+"""
+
+import math
+from typing import NamedTuple
+
+from iswarm_mj.utils.arrays import Quantity, array_module
+
+SEPARATION = 0.3e-9
+"""H_0, distance of surfaces in contact [m]."""
+
+
+class Surface(NamedTuple):
+    """What a contact is like, beyond its work of adhesion. SI units; the defaults change nothing."""
+
+    roughness: float = 0.0
+    """Root mean square of the height [m]."""
+    spacing: float = 1e-6
+    """Distance of the asperities from peak to peak [m]; a choice."""
+    preload: float = 0.0
+    """Force that pressed the contact together before [N]."""
+    hardness: float = 110e6
+    """Of the softer body, about 2.8 times the yield stress of solder [Pa]; a choice."""
+    modulus: float = 45.5e9
+    """Reduced modulus E* [Pa]."""
+    hysteresis: float = 0.0
+    """Relative excess of the work when surfaces separate over that when they approach."""
+
+
+def roughness_factor(radius: Quantity, surface: Surface) -> Quantity:
+    """Pull-off from a rough surface over that from a smooth one, at most 1.
+
+    Source: Rabinovich et al. 2000, 1 / (1 + 58.14 R rms / lambda^2) + 1 / (1 + 1.817 rms / H_0)^2: a contact with one
+    asperity, and the attraction by the surface beneath it. Valid for asperities that are small against the ball; where
+    they are not it exceeds 1, its limit here. A ball much larger than the asperities adheres by the first term alone,
+    with a force that no longer depends on its radius.
+
+    Args:
+        radius: of the ball [m].
+        surface: rms and spacing.
+    """
+    xp = array_module(radius)
+    asperity = 1 / (1 + 58.14 * radius * surface.roughness / surface.spacing**2)
+    beneath = 1 / (1 + 1.817 * surface.roughness / SEPARATION) ** 2
+    return xp.minimum(1.0, asperity + beneath)
+
+
+def preloaded_pull_off(work: Quantity, surface: Surface) -> Quantity:
+    """Pull-off of a contact that a preload P flattened, F = (8 pi E* W a^3)^(1/2), pi a^2 H = P.
+
+    Source: Maugis and Pollock 1984, a plastic contact that separates in a brittle way.
+
+    Args:
+        work: work of adhesion [J/m^2].
+        surface: preload, hardness and modulus.
+
+    Returns:
+        Force [N].
+    """
+    contact = (surface.preload / (math.pi * surface.hardness)) ** 0.5
+    return (8 * math.pi * surface.modulus * work * contact**3) ** 0.5
+
+
+def effective_work(work: Quantity, radius: Quantity, surface: Surface) -> Quantity:
+    """Work of adhesion whose DMT force 2 pi R W is the pull-off of a real surface.
+
+    Args:
+        work: of smooth surfaces that approach [J/m^2].
+        radius: of the ball [m].
+        surface: roughness, preload, hysteresis.
+
+    Returns:
+        Work of adhesion [J/m^2].
+    """
+    xp = array_module(work, radius)
+    separating = work * (1 + surface.hysteresis)
+    rough = separating * roughness_factor(radius, surface)
+    return xp.maximum(rough, preloaded_pull_off(separating, surface) / (2 * math.pi * radius))
+
+
+def roughness_for(factor: float, radius: float, spacing: float) -> float:
+    """Roughness that lowers the pull-off to a share [m], where contact with one asperity decides: the first term."""
+    return (1 / factor - 1) * spacing**2 / (58.14 * radius)

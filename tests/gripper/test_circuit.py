@@ -1,0 +1,109 @@
+"""The ball's potential as a circuit: what grasps and what releases, and the energy of a trial."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.bench.energy import books
+from iswarm_mj.gripper.bench.engine_tracing import TraceBench, trace_trial
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.capacitance import capacitance
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
+
+GAP = 5e-6
+COARSE = Protocol(step_voltage=2.0, grasp_limit=64.0, release_limit=60.0)
+
+
+def ball(**contacts):
+    return Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=Contacts(restitution=0.0, **contacts))
+
+
+def outcome(trial, protocol=COARSE):
+    """Grasp voltage, whether it hung before the release, release voltage."""
+    found = run_trials([trial], protocol)
+    drop = found.release[GAP]
+    return found.grasp.voltage[0], bool(drop.hung[0]), drop.voltage[0]
+
+
+def test_insulating_while_grasping_and_conducting_while_releasing():
+    """Both voltages are those of the laws, which assume as much."""
+    grasp, hung, drop = outcome(ball(), replace(COARSE, step_voltage=0.25))
+    assert hung
+    assert grasp == pytest.approx(grasp_voltage(20e-6), abs=0.5)
+    assert drop == pytest.approx(release_voltage(20e-6), rel=0.04)
+
+
+def test_a_ball_that_loses_its_charge_while_it_is_lifted_falls():
+    assert not outcome(ball(leak=1e9))[1]
+
+
+def test_a_ball_that_keeps_its_charge_is_not_released():
+    """Its charge holds it as the grasp did; the laws' voltage is 42.5 V."""
+    grasp, hung, drop = outcome(ball(leak=1e13))
+    assert hung and np.isnan(drop)
+    assert grasp == pytest.approx(grasp_voltage(20e-6), abs=2.0)
+
+
+@pytest.mark.parametrize("oxide", [0.0, 4e-9])
+def test_through_a_native_oxide_no_ball_is_lifted(oxide):
+    """It breaks down, and the ball has half the voltage, which pulls it to the plate as much as to the tool."""
+    assert not outcome(ball(oxide=oxide))[1]
+
+
+def test_breakdown_is_where_the_field_across_the_oxide_says():
+    trial = ball(oxide=40e-9)
+    seen = []
+    for voltage in (39.0, 41.0):
+        bench = TraceBench(trial, 5e-6)
+        bench.move("approach", 0.3e-3, -25e-9, 0.0)
+        bench.move("voltage", 0.05e-3, -25e-9, voltage)
+        bench.move("wait", 0.02e-3, -25e-9, voltage)
+        seen.append(bench.trace().ball_voltage[-1] / voltage)
+    assert seen == pytest.approx([0.0, 0.5], abs=1e-3)
+
+
+def test_the_charge_relaxes_with_resistance_times_capacitance():
+    trial = ball()
+    bench = TraceBench(trial, 5e-6)
+    bench.move("approach", 0.3e-3, -25e-9, 0.0)
+    bench.move("voltage", 0.05e-3, -25e-9, 30.0)
+    bench.move("retract", 0.3e-3, 10e-9, 30.0)
+    bench.move("lift", 0.2e-3, 0.3e-6, 30.0)
+    bench.move("off", 0.05e-3, 0.3e-6, 0.0)
+    bench.move("carry", 0.85e-3, GAP, 0.0)
+    bench.move("hold", 1e-3, GAP, 0.0)
+    trace = bench.trace()
+    hold = trace.ball_voltage[trace.phase == trace.phases.index("hold")]
+    above, below = (capacitance(task, gap, 20e-6, 13e-6, 0.2e-6) for task, gap in (("pick", 0.0), ("release", GAP)))
+    time = trial.contacts.leak * float(above + below)
+    assert -np.log(hold[800] / hold[100]) * time == pytest.approx(0.7e-3, rel=0.01)
+
+
+@pytest.mark.parametrize("contacts", [Contacts(), Contacts(leak=100e9)])
+def test_the_supplys_work_is_accounted_for(contacts):
+    """Change of the field, heat of the contacts, work on ball and tool: to 1 % of what the supply turned over."""
+    trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts)
+    trace = trace_trial(trial, Protocol(), 28.0, GAP)
+    assert trace.phases[-1] == "rest"
+    found = books(trace, trial)
+    assert found.turnover > 1e-11 and found.joule > 0.1 * found.turnover
+    assert abs(found.error) < 0.01
+
+
+def test_a_falling_ball_gains_the_work_of_all_forces():
+    trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
+    trace = trace_trial(trial, Protocol(), 28.0, GAP)
+    flies = (trace.gap_tool > 1e-7) & (trace.gap_plate > 2e-7) & (trace.phase > trace.phases.index("hold"))
+    first = np.flatnonzero(flies)[0]
+    last = first + np.flatnonzero(~flies[first:])[0] - 1
+    part = slice(first, last + 1)
+    height, step = trace.ball[part, 2], trace.time[1] - trace.time[0]
+    speed = np.gradient(height, step)
+    force = (trace.electrostatic + trace.adhesion_tool - trace.adhesion_plate - trace.weight)[part]
+    work = ((force[1:] + force[:-1]) / 2 * np.diff(height))[1:-1].sum()
+    mass = trace.weight / 9.81
+    assert mass / 2 * (speed[-2] ** 2 - speed[1] ** 2) == pytest.approx(work, rel=0.01)

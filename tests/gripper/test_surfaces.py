@@ -1,0 +1,93 @@
+"""Roughness, preload and hysteresis of adhesion; the heat that melts a ball."""
+
+import math
+
+import numpy as np
+import pytest
+
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.laws.melting import (
+    MELTING_RISE,
+    Supply,
+    contact_power,
+    melting_energy,
+    melting_time,
+)
+from iswarm_mj.gripper.laws.roughness import (
+    Surface,
+    effective_work,
+    preloaded_pull_off,
+    roughness_factor,
+    roughness_for,
+)
+
+SMOOTH = Surface()
+
+
+def test_a_smooth_surface_changes_nothing():
+    assert effective_work(14.7e-3, 20e-6, SMOOTH) == pytest.approx(14.7e-3)
+
+
+def test_roughness_lowers_the_pull_off():
+    """1 nm at 250 nm from peak to peak, as on the paper's ref. surfaces of a few nm, takes 95 % of it."""
+    factors = [float(roughness_factor(20e-6, Surface(rms, 0.25e-6))) for rms in (0.0, 0.1e-9, 1e-9, 10e-9)]
+    assert factors == sorted(factors, reverse=True) and factors[0] == 1
+    # By hand: 58.14 * 20e-6 * 1e-9 / 0.25e-6^2 = 18.6; 1.817 / 0.3 = 6.057.
+    assert factors[2] == pytest.approx(1 / 19.6 + 1 / 7.057**2, rel=1e-3)
+
+
+def test_a_rough_contact_pulls_off_alike_at_all_radii():
+    """One asperity holds the ball: the force no longer depends on the radius, and flat voltages are no algebra."""
+    rough = Surface(20e-9, 0.3e-6)
+    forces = [dmt_pull_off(r, effective_work(0.1, r, rough)) for r in (15e-6, 25e-6)]
+    assert forces[1] / forces[0] == pytest.approx(1.0, abs=0.02)
+    smooth = [dmt_pull_off(r, effective_work(0.1, r, SMOOTH)) for r in (15e-6, 25e-6)]
+    assert smooth[1] / smooth[0] == pytest.approx(25 / 15)
+
+
+def test_the_ratio_of_the_works_is_that_of_two_roughnesses():
+    """One work of smooth surfaces, 0.06 J/m^2, gives both calibrated works: a few nm on steel, tens on the wire."""
+    shares = [work / 0.06 for work in (WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT)]
+    steel, wire = (roughness_for(share, 20e-6, 1e-6) for share in shares)
+    assert 2e-9 < steel < 4e-9 and 30e-9 < wire < 40e-9
+    for rms, share in ((steel, shares[0]), (wire, shares[1])):
+        assert roughness_factor(20e-6, Surface(rms, 1e-6)) == pytest.approx(share, abs=0.01)
+
+
+def test_a_preload_flattens_the_contact():
+    pressed = Surface(preload=10e-6)
+    radius = math.sqrt(10e-6 / (math.pi * pressed.hardness))
+    expected = math.sqrt(8 * math.pi * pressed.modulus * 14.7e-3 * radius**3)
+    assert preloaded_pull_off(14.7e-3, pressed) == pytest.approx(expected)
+    assert dmt_pull_off(20e-6, effective_work(14.7e-3, 20e-6, pressed)) == pytest.approx(expected)
+    assert effective_work(14.7e-3, 20e-6, Surface(preload=1e-9)) == pytest.approx(14.7e-3)
+
+
+def test_hysteresis_adds_to_the_work_of_separation():
+    assert effective_work(14.7e-3, 20e-6, Surface(hysteresis=0.2)) == pytest.approx(1.2 * 14.7e-3)
+
+
+def test_melting_takes_eleven_microjoules():
+    assert melting_energy(15e-6) == pytest.approx(10.8e-6, rel=0.02)
+
+
+def test_without_loss_the_time_is_energy_over_power():
+    supply = Supply(conductance=1e-12)
+    expected = melting_energy(15e-6) / contact_power(70.0, supply)
+    assert melting_time(70.0, 15e-6, supply) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_power_below_the_loss_never_melts():
+    supply = Supply(resistance=1e5)
+    assert contact_power(70.0, supply) < supply.conductance * MELTING_RISE
+    assert np.isinf(melting_time(70.0, 15e-6, supply))
+
+
+def test_the_charge_of_the_field_cannot_melt_but_an_amplifier_can():
+    """At 70 V the field holds 20 pJ, and a capacitor on board needs more than 4 nF; an amplifier melts at 25 V, too."""
+    alone = Supply(resistance=0.0)
+    melts = [melting_time(70.0, 15e-6, alone._replace(capacitor=c)) == 0 for c in (10e-15, 1e-9, 4e-9, 5e-9)]
+    assert melts == [False, False, False, True]
+    times = melting_time(np.array([25.0, 47.0, 70.0]), 15e-6, Supply())
+    assert np.all(np.isfinite(times)) and times[2] < 1e-3
