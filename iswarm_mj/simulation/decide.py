@@ -1,5 +1,6 @@
 """What the robots of one world decide in a control step: communicate, advance the task, observe, act. Pure JAX."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -21,7 +22,7 @@ from iswarm_mj.strategy.payloads import layout_of, said
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
-from iswarm_mj.tasks.protocol import Around, Sensed
+from iswarm_mj.tasks.protocol import Around, Sensed, Things
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
@@ -80,9 +81,67 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     Raises:
         UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
-    poses, sight, step, is_running = situation
+    n_robots, is_alive, strategy = len(situation.poses), swarm.is_alive, params.strategy
+    payload = said(strategy, swarm.memory, loaded(swarm.balls, n_robots))
+    picks = strategy.picks(swarm.memory) & is_alive
+    seen = perceive(config, robot, params, swarm, situation, payload, picks)
+    observation, policy_key = seen.observation, seen.policy_key
+    if config.strategy.update_order == "sequential" and payload:
+        relaying = _relaying(strategy)
+
+        def relay(observation: Observation) -> Message:
+            heard = relaying.listen(swarm.memory, observation, policy_key)
+            return seen.transmit(relaying.say(heard, observation.is_loaded)).message
+
+        turns = draw_turns(jax.random.fold_in(seen.step_key, 3), n_robots)
+        observation = heard_in_turn(observation, turns, seen.links.sender, relay)
+    memory, command = strategy.act(swarm.memory, observation, policy_key)
+    command = executed(config, params.conditions, command, jax.random.fold_in(seen.step_key, 5))
+    command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
+    decided = SwarmState(memory, seen.things.balls, is_alive, seen.things.own)
+    kept = jax.tree.map(lambda new, old: jnp.where(situation.is_running, new, old), decided, swarm)
+    flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
+    return Decision(kept, command, flag, seen.links, seen.spoken, params.task.progress(kept.things))
+
+
+class Perceived(NamedTuple):
+    """What N robots of a world perceive as a control step begins, after what they said and gripped."""
+
+    observation: Observation
+    things: Things
+    """What became of the task."""
+    links: Links
+    """See `Decision`."""
+    spoken: Spoken
+    transmit: Callable[[dict[str, Any]], Received]
+    """Messages as received, with the same noise at whatever time within this step they are sent."""
+    step_key: Array
+    policy_key: Array
+    """Random keys of the world and step, the second of its strategy."""
+
+
+def perceive(
+    config: SwarmConfig,
+    robot: Robot,
+    params: WorldParams,
+    swarm: SwarmState,
+    situation: Situation,
+    payload: dict[str, Any],
+    picks: Bool[Array, "N"],
+) -> Perceived:
+    """Take a world's control step up to what robots know: communicate, and advance the task.
+
+    Args:
+        config: what worlds of one run have in common.
+        robot: its geometry.
+        params: of the world.
+        swarm: after the step before.
+        situation: poses, light and time, without a leading axis.
+        payload: what each robot says.
+        picks: which robots pick up what their tools reach.
+    """
+    poses, sight, step, _ = situation
     n_robots, optics = len(poses), config.optics
-    strategy, is_alive = params.strategy, swarm.is_alive
     step_key = jax.random.fold_in(unrolled(params.key), step)
     channel_key, task_key, policy_key = jax.random.split(step_key, 3)
 
@@ -91,36 +150,17 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
         sight = Sight(
             understood(optics, sight.links, first_slot, robot.sides), sight.sees_wall & sides_on(optics, robot.sides)
         )
-    channel = Channel(params.conditions, layout_of(strategy, len(robot.sides)))
+    channel = Channel(params.conditions, layout_of(params.strategy, len(robot.sides)))
 
     def transmit(payload: dict[str, Any]) -> Received:
-        """Messages as received, with the same noise at whatever time within this step they are sent."""
         return exchange(channel, payload, sight.links, channel_key)
 
-    payload = said(strategy, swarm.memory, loaded(swarm.balls, n_robots))
     received = transmit(payload)
-    picks = strategy.picks(swarm.memory) & is_alive
-    around = Around(poses, params.is_present, is_alive, picks, params.conditions, config, robot)
+    around = Around(poses, params.is_present, swarm.is_alive, picks, params.conditions, config, robot)
     things, sensed = params.task.advance(swarm.things, around, task_key)
     observation = _observe(sight, received, sensed, loaded(things.balls, n_robots))
-    if config.strategy.update_order == "sequential" and payload:
-        relaying = _relaying(strategy)
-
-        def relay(observation: Observation) -> Message:
-            heard = relaying.listen(swarm.memory, observation, policy_key)
-            return transmit(relaying.say(heard, observation.is_loaded)).message
-
-        turns = draw_turns(jax.random.fold_in(step_key, 3), n_robots)
-        observation = heard_in_turn(observation, turns, sight.links.sender, relay)
-    memory, command = strategy.act(swarm.memory, observation, policy_key)
-    command = executed(config, params.conditions, command, jax.random.fold_in(step_key, 5))
-    command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
-    decided = SwarmState(memory, things.balls, is_alive, things.own)
-    kept = jax.tree.map(lambda new, old: jnp.where(is_running, new, old), decided, swarm)
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
-    flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
-    progress = params.task.progress(kept.things)
-    return Decision(kept, command, flag, sight.links, spoken, progress)
+    return Perceived(observation, things, sight.links, spoken, transmit, step_key, policy_key)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))

@@ -1,7 +1,7 @@
 """How a run begins: the engine is made, and the worlds are placed in it."""
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop, Loop
-from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.step import ball_centres
 from iswarm_mj.simulation.worlds import World, first_state, vector_strategies, world_params
@@ -73,42 +73,77 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     params = world_params(config, worlds, strategy, plan.goal, capacity, plan.task)
     poses, state = first_state(plan.starts, params)
     start = start_record(state, poses, settings.record_worlds, robot)
-    match plan.engine:
-        case MujocoSettings(threads):
-            arena = compile_arena(config, n_robots, np.zeros(0), robot_file=plan.robot_file)
+    engine = plan.engine
+    if engine.on_host:
+        make = host_engine(config, engine, n_robots, capacity, plan.robot_file)
+        return HostLoop(make, shared, params, (poses, state), getattr(engine, "threads", 0), watch), start
+    devices = devices_of(engine)[: len(worlds)]
+    is_masked = any(world.n_robots < capacity for world in worlds)
+    each = -(-len(worlds) // len(devices))
+    made = compiled_engine(config, engine, capacity, each, plan.robot_file, devices[0].platform, is_masked)
+    place = made.place if made.mapping(devices[0].platform) == "batch" else jax.vmap(made.place)
+    state = state._replace(bodies=place(jnp.asarray(poses, jnp.float32), params.is_present))
+    return CompiledLoop(made, shared, params, state, getattr(engine, "chunk", 1), devices), start
 
-            def in_c(n_worlds: int, n_threads: int) -> Engine:
-                return MujocoEngine(config, arena, n_worlds, n_threads, capacity)
 
-            return HostLoop(in_c, shared, params, (poses, state), threads, watch), start
-        case PlanarSettings() as planar:
-            one = compile_arena(config, 1, np.zeros(0), robot_file=plan.robot_file, refinement=planar.refinement)
-            if planar.impl == "warp":  # one robot stands for all, here and below
-                devices = list(planar.devices or jax.local_devices())[: len(worlds)]
-                engine = _batch_engine(one, config, devices[0].platform)
-                state = state._replace(bodies=engine.place(poses, params.is_present))
-                return CompiledLoop(engine, shared, params, state, planar.chunk, devices), start
+def devices_of(engine: EngineSettings) -> list[Any]:
+    """Return the JAX devices that an engine of compiled programs is to use."""
+    return list(getattr(engine, "devices", None) or jax.local_devices())
 
-            def in_plane(n_worlds: int, n_threads: int) -> Engine:
-                return PlanarEngine(config, one, n_threads)
 
-            return HostLoop(in_plane, shared, params, (poses, state), planar.threads, watch), start
-        case MjxSettings() as mjx:
-            # Here, since importing MJX takes seconds, which the other engines need not wait for.
-            from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
-            from iswarm_mj.engines.mjx.engine import MjxEngine
+def host_engine(
+    config: SwarmConfig, engine: EngineSettings, n_robots: int, capacity: int, robot_file: Path | None
+) -> Callable[[int, int], Engine]:
+    """Return what makes an engine on the host for a number of worlds and of threads.
 
-            devices = list(mjx.devices or jax.local_devices())[: len(worlds)]
-            room = mjx.contact_capacity * cell_of(robot) ** 2  # large robots cover more of the floor
-            buffers = contact_capacity(config, capacity, room)
-            each = -(-len(worlds) // len(devices))
-            compiled = compile_mjx_arena(
-                config, capacity, mjx.impl, each, buffers, mjx.solver_iterations, plan.robot_file
-            )
-            is_masked = any(world.n_robots < capacity for world in worlds)
-            engine = MjxEngine(compiled, config, is_masked)
-            bodies = jax.vmap(engine.place)(jnp.asarray(poses, jnp.float32), params.is_present)
-            return CompiledLoop(engine, shared, params, state._replace(bodies=bodies), mjx.chunk, devices), start
+    Args:
+        config: of the run.
+        engine: settings of one with `on_host`.
+        n_robots: in the largest world.
+        capacity: places for robots.
+        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+    """
+    if isinstance(engine, PlanarSettings):  # one robot stands for all, here and below
+        one = compile_arena(config, 1, np.zeros(0), robot_file=robot_file, refinement=engine.refinement)
+        return lambda n_worlds, n_threads: PlanarEngine(config, one, n_threads)
+    arena = compile_arena(config, n_robots, np.zeros(0), robot_file=robot_file)
+    return lambda n_worlds, n_threads: MujocoEngine(config, arena, n_worlds, n_threads, capacity)
+
+
+def compiled_engine(
+    config: SwarmConfig,
+    engine: EngineSettings,
+    capacity: int,
+    n_worlds: int,
+    robot_file: Path | None,
+    platform: str,
+    is_masked: bool = False,
+) -> CompiledEngine:
+    """Return an engine for programs of JAX.
+
+    Args:
+        config: of the run.
+        engine: settings of one without `on_host`.
+        capacity: places for robots.
+        n_worlds: of a device.
+        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+        platform: of the devices.
+        is_masked: some worlds have fewer robots than places.
+    """
+    if isinstance(engine, MjxSettings):
+        # Here, since importing MJX takes seconds, which the other engines need not wait for.
+        from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
+        from iswarm_mj.engines.mjx.engine import MjxEngine
+
+        room = engine.contact_capacity * cell_of(read_robot(robot_file)) ** 2  # large robots cover more of the floor
+        buffers = contact_capacity(config, capacity, room)
+        arena = compile_mjx_arena(
+            config, capacity, engine.impl, n_worlds, buffers, engine.solver_iterations, robot_file
+        )
+        return MjxEngine(arena, config, is_masked)
+    refinement = engine.refinement if isinstance(engine, PlanarSettings) else 1
+    one = compile_arena(config, 1, np.zeros(0), robot_file=robot_file, refinement=refinement)
+    return _batch_engine(one, config, platform)
 
 
 def _batch_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> CompiledEngine:
