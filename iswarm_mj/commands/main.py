@@ -24,6 +24,7 @@ from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.help import shown
 from iswarm_mj.commands.infer import Infer
+from iswarm_mj.commands.inspect import Inspect
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
@@ -44,6 +45,7 @@ class Command(Protocol):
 
 COMMANDS: dict[str, type[Command]] = {
     "clean": Clean,
+    "inspect": Inspect,
     "picture": Picture,
     "bench": Bench,
     "grasp": Grasp,

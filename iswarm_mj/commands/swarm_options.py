@@ -1,6 +1,7 @@
 """Flags that the commands on a swarm share."""
 
 import importlib.util
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -16,6 +17,7 @@ from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import can_use_warp
+from iswarm_mj.utils.progress import waiting
 
 GenomeOverrides = make_dataclass(
     "GenomeOverrides",
@@ -184,7 +186,6 @@ class Swarm(ConfigOptions):
             UserError: there are too few worlds, or too many recorded ones, for the number of processes; or the
                 processes were given different settings.
         """
-        from iswarm_mj.simulation.run import Run
         from iswarm_mj.simulation.worlds import worlds_of_seed
 
         hosts.agree(self._shared(genome, settings.n_robots))
@@ -192,13 +193,21 @@ class Swarm(ConfigOptions):
         worlds = worlds_of_seed(genome, settings)
         recorded = tuple(share.index(world) for world in settings.record_worlds) if hosts.index == 0 else ()
         settings = replace(settings, n_worlds=len(share), record_worlds=recorded)
+        n_worlds = len(share)
+        text = f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
+        with waiting(text, hidden=hosts.index > 0):
+            return self._run(config, genome, settings, chunk, [worlds[world] for world in share])
+
+    def _run(self, config: SwarmConfig, genome: Genome, settings: Any, chunk: int, worlds: Sequence[Any]) -> Any:
+        from iswarm_mj.simulation.run import Run
+
         strategy = None if isinstance(self.own_strategy, Genome) else self.own_strategy
         return Run(
             config,
             genome,
             settings,
             self._engine(chunk),
-            worlds=[worlds[world] for world in share],
+            worlds=worlds,
             strategy=strategy,
             robot_file=self.robot,
         )

@@ -76,7 +76,11 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
         **{name: each([getattr(m, name) for m in measures]) for name in Measures._fields},
         "fitness": each(scores),
         "wall_s": round(wall_s, 3),
-        "seconds": {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
+        "seconds": {
+            "first_call": round(run.first_call_s, 3),  # which compiles, and is part of none of the others
+            "control_step": None if run.step_s is None else round(run.step_s, 6),
+        }
+        | {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
         **about(run, settings),
     }
 

@@ -2,7 +2,6 @@
 
 import re
 import subprocess
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,12 +12,12 @@ import imageio_ffmpeg
 import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
-from tqdm import tqdm
 
 from iswarm_mj.output.recorded import load, robot_file_of
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.progress import Progress
 
 RATE = 24
 """Frames per second."""
@@ -56,7 +55,14 @@ def write_video(directory: Path, out: Path, film: Film) -> None:
     make_output_directory(out.parent, given=out)
     with atomic_write(out) as part, Stage(config, frames, film.shot, robot_file_of(directory)) as stage:
         pictures = _pictures(stage, frames, film, last)
-        encode(tqdm(pictures, out.stem, total, unit="frame", disable=not sys.stderr.isatty()), part, film.shot.size)
+        with Progress(total, "frame", out.stem) as bar:
+            encode(_counted(pictures, bar), part, film.shot.size)
+
+
+def _counted(pictures: Iterable[np.ndarray], bar: Progress) -> Iterator[np.ndarray]:
+    for picture in pictures:
+        yield picture
+        bar.update()
 
 
 def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> None:

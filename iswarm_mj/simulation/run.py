@@ -136,6 +136,7 @@ class Run:
         with jax.default_device(device):  # engines on the host leave GPUs alone
             self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0
+        self.first_call_s, self._first_steps = 0.0, 0
         self._counts = self._loop.counts()
 
     @property
@@ -196,6 +197,9 @@ class Run:
             taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
         self._taken += taken
         self._counts = self._loop.counts()
+        if first == 0:  # which compiles: of no stage
+            self.first_call_s, self._first_steps = self.watch.laps["advance"][0], taken
+            self.watch.laps.clear()
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
@@ -251,6 +255,12 @@ class Run:
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""
         return self._loop.stage_times()
+
+    @property
+    def step_s(self) -> float | None:
+        """Seconds that a control step took on average, without the first call, which compiles; None before others."""
+        taken = self._taken - self._first_steps
+        return sum(self.watch.laps["advance"]) / taken if taken else None
 
     def peak_memory_gb(self) -> float | None:
         """Return the most memory that a device had in use [GB]; None where no device reports it."""

@@ -1,14 +1,11 @@
 """The main job, for every engine: a cleaning run with its files, its progress and its summary."""
 
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
-
-from tqdm import tqdm
 
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import RECORDING
@@ -20,6 +17,7 @@ from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import BUSY, postponed, saved
 from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.progress import Progress
 from iswarm_mj.workflows.recorder import Recorder
 from iswarm_mj.workflows.unfinished import Unfinished
 
@@ -119,9 +117,9 @@ def _record(run: Run, settings: RunSettings, places: Sequence[Path], hosts: Host
 def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
     """Take all steps, with a progress bar on a terminal."""
     goal = "" if run.goal is None else f" of {run.goal * len(run.worlds)}"
-    hidden = not sys.stderr.isatty() or hosts.index > 0
-    with tqdm(total=run.settings.steps, unit="step", disable=hidden) as bar:
-        bar.set_postfix_str("compiling", refresh=True)
+    robots = f"{run.settings.n_robots} robots in {len(run.worlds)} world{'s' * (len(run.worlds) > 1)}"
+    what = f"compiling the control step of {robots} ({run.identity['engine']}), kept for the next run of this size"
+    with Progress(run.settings.steps, "step", waiting=what, hidden=hosts.index > 0) as bar:
         while not run.is_over:
             before = run.step
             with postponed():  # or what was computed would not be recorded
@@ -131,10 +129,10 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
                         recorder.add(record)
             hosts.look()
             bar.update(run.step - before)
-            if not hidden:
-                bar.set_postfix_str(f"progress {int(run.progress().sum())}{goal}", refresh=False)
+            if hosts.index == 0 and bar.is_due():
+                bar.say(f"progress {int(run.progress().sum())}{goal}")
         if hosts.count > 1:
-            bar.set_postfix_str("waiting for the other processes", refresh=True)
+            bar.say("waiting for the other processes")
 
 
 def _gather(run: Run, hosts: Hosts) -> Outcome:
@@ -151,7 +149,7 @@ def _gather(run: Run, hosts: Hosts) -> Outcome:
 
 
 def summary(content: Mapping[str, Any], out: Path) -> str:
-    """Readable summary of result.json."""
+    """Readable summary of result.json, also of an interrupted run and of one that an earlier version wrote."""
 
     def show(name: str) -> str:
         values = content[name] if isinstance(content[name], list) else [content[name]]
@@ -172,7 +170,15 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
         ("carriage", f"{show('mean_carriage_steps')} steps on average"),
         ("collisions", show("collisions")),
         ("fitness", show("fitness")),
-        ("time", f"{wall_s:.1f} s, {1e3 * wall_s / max(steps, 1):.1f} ms per control step"),
+        ("time", f"{wall_s:.1f} s, " + _speed(content)),
         ("results", str(out)),
     ]
     return "\n".join(f"{name:>12}  {text}" for name, text in lines)
+
+
+def _speed(content: Mapping[str, Any]) -> str:
+    """Time of a control step without what is compiled in the first call."""
+    first, each = (content.get("seconds", {}).get(name) for name in ("first_call", "control_step"))
+    if first is None or each is None:
+        return "compilation included"
+    return f"{1e3 * each:.1f} ms per control step after {first:.1f} s for the first call, which compiles"

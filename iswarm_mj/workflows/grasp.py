@@ -1,6 +1,5 @@
 """The gripper's experiments: trials or force-distance curves, their tables, figures and recordings."""
 
-import sys
 import time
 from collections.abc import Sequence
 from itertools import product
@@ -8,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.force_curve import force_curve
@@ -18,6 +16,7 @@ from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases
 from iswarm_mj.workflows.grasp_table import TrialRow, summary, trial_rows
@@ -64,7 +63,7 @@ def _run(settings: GraspSettings, out: Path, record: Sequence[int]) -> list[Tria
         configure_jax()
     started = time.perf_counter()
     listed = cases(settings)
-    with tqdm(total=len(listed), unit="trial", disable=not sys.stderr.isatty()) as bar:
+    with Progress(len(listed), "trial", waiting="compiling the bench and its forces") as bar:
         trials = [case.trial for case in listed]
         outcomes = run_trials(trials, settings.protocol, settings.engine_choice, settings.gaps, bar.update)
     seconds = time.perf_counter() - started

@@ -1,7 +1,6 @@
 """Execution of jobs: in worker processes of this machine, on a cluster, or as batches in this process."""
 
 import os
-import sys
 import threading
 import warnings
 from collections.abc import Generator, Sequence
@@ -11,7 +10,6 @@ from typing import Annotated, Any, Literal, cast
 
 from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky.process_executor import BrokenProcessPool
-from tqdm import tqdm
 
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, run_job
@@ -19,6 +17,7 @@ from iswarm_mj.experiments.runner.limits import Workers
 from iswarm_mj.simulation.settings import FINE, EngineSettings, MujocoSettings, PlanarSettings
 from iswarm_mj.utils.constraints import check, constraint_of, validate
 from iswarm_mj.utils.jax_setup import can_use_warp
+from iswarm_mj.utils.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,9 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     return _run_in_processes(numbered, workers, execution.on_cpu)
 
 
-def progress(total: int, describe: str = "", done: int = 0) -> tqdm:
-    """Progress bar with the remaining time, on a terminal only, for `total` runs of which `done` are known already."""
-    return tqdm(total=total, initial=done, desc=describe or None, unit="run", disable=not sys.stderr.isatty())
+def progress(total: int, describe: str = "", done: int = 0) -> Progress:
+    """Progress with the remaining time, for `total` runs of which `done` are known already."""
+    return Progress(total, "run", describe, done, waiting="compiling, and waiting for the first run to end")
 
 
 def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int, engine: EngineSettings) -> NumberedOutcomes:

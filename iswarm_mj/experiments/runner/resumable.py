@@ -4,15 +4,14 @@ from collections.abc import Callable, Mapping
 from contextlib import closing
 from typing import Any
 
-from tqdm import tqdm
-
 from iswarm_mj.experiments.runner.checkpoint import Journal, Key
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
+from iswarm_mj.utils.progress import Progress
 
 
 def run_missing(
-    jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: tqdm, entry: Callable[[Job, Outcome], Any]
+    jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: Progress, entry: Callable[[Job, Outcome], Any]
 ) -> None:
     """Run the jobs whose keys are not in the journal and add them to it as they finish.
 

@@ -178,7 +178,7 @@ def _run_generations(search: Search, execution: Execution, journal: Journal, out
                 rows += made
                 method.tell([row["genome_fitness"] for row in made[:: search.evaluations]])
                 best = max(best, *(row["fitness"] for row in made))
-            bar.set_postfix_str(f"generation {generation + 1}, best {best:z.0f}", refresh=False)
+            bar.say(f"generation {generation + 1}, best {best:z.0f}")
             if len(journal.entries) > n_known:
                 write_table(out / TABLE, rows, settings)
     return rows

@@ -1,0 +1,124 @@
+"""What a directory of results holds, in words: of runs, experiments, searches and trials, interrupted ones included."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from iswarm_mj.experiments.report.opening import opening
+from iswarm_mj.experiments.runner.experiment import RUNS
+from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.output.reading import read_result
+from iswarm_mj.output.trajectory import RESULT
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.tables import read_table
+from iswarm_mj.workflows.clean import summary
+from iswarm_mj.workflows.grasp import CURVES
+from iswarm_mj.workflows.grasp import TABLE as TRIALS
+
+_JOURNALS = {RUNS: "an experiment", CHECKPOINT: "a search"}
+_TABLES = (TABLE, TRIALS, CURVES, *(experiment.table for experiment in EXPERIMENTS.values()))
+_KNOWN = (RESULT, *_TABLES, *_JOURNALS)
+_MAX_LISTED = 20
+
+
+def inspection(directory: Path) -> str:
+    """Return what a directory holds; of one that only holds others, a paragraph for each of these.
+
+    Raises:
+        UserError: it does not exist, or there are no results in it or below.
+    """
+    if not directory.is_dir():
+        raise UserError(f"{directory} is no directory; give the --out of a command.")
+    if _is_result(directory):
+        return "\n".join([*_about(directory), "", *_files(directory)])
+    found = sorted({path.parent for name in _KNOWN for path in directory.glob(f"**/{name}")})
+    if not found:
+        raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
+    return "\n\n".join("\n".join([str(place), *(f"  {line}" for line in _about(place))]) for place in found)
+
+
+def _is_result(directory: Path) -> bool:
+    return any((directory / name).is_file() for name in _KNOWN)
+
+
+def _about(directory: Path) -> Iterator[str]:
+    """Say what ran, and what came of it."""
+    if (directory / RESULT).is_file():
+        yield from _run(read_result(directory / RESULT), directory)
+    tables = [directory / name for name in _TABLES if (directory / name).is_file()]
+    for path in tables:
+        yield from _table(path)
+    for name, kind in _JOURNALS.items():
+        if (directory / name).is_file():
+            with (directory / name).open("rb") as file:
+                n_runs = max(sum(1 for _ in file) - 1, 0)
+            kept = f"{n_runs} finished runs of {kind} are kept in {name}"
+            yield (
+                kept
+                if tables
+                else f"interrupted: {kept}; the same command{' with --resume' * (name == CHECKPOINT)} goes on"
+            )
+
+
+def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
+    """Of `iswarm clean`."""
+    engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
+    own = content.get("strategy")
+    what = f"strategy {own['class']}" if isinstance(own, Mapping) and "class" in own else "the paper's strategy"
+    yield f"cleaning run with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
+    if content.get("interrupted"):
+        yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
+    try:
+        yield summary(content, directory)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        yield f"its measures cannot be read: {RESULT} is of another version"
+    faults = content.get("faults") or []
+    yield from (f"fault: {fault}" for fault in faults[:_MAX_LISTED])
+    if len(faults) > _MAX_LISTED:
+        yield f"{len(faults) - _MAX_LISTED} more faults are in {RESULT}"
+
+
+def _table(path: Path) -> Iterator[str]:
+    """Of experiments, searches, trials and curves."""
+    try:
+        rows, settings = read_table(path)
+    except UserError as error:
+        yield str(error)
+        return
+    version = f"version {settings.get('version')}, seed {settings.get('seed')}"
+    quick = " --quick" * bool(settings.get("quick"))
+    if path.name == TABLE:
+        best = max((row["genome_fitness"] for row in rows), default=float("nan"))
+        made, planned = len({row["generation"] for row in rows}), settings.get("generations")
+        yield f"search by {settings.get('method')}: {len(rows)} runs, {made} of {planned} generations"
+        yield f"best fitness of a genome {best:.0f}" + f", in {BEST}" * (path.parent / BEST).is_file() + f"; {version}"
+    elif path.name in (TRIALS, CURVES):
+        what = "trials of grasp and release" if path.name == TRIALS else "samples of force-distance curves"
+        yield f"{len(rows)} {what} on {settings.get('engine')}, {version}"
+    else:
+        name = str(settings.get("experiment"))
+        title = EXPERIMENTS[name].title if name in EXPERIMENTS else name
+        yield f"experiment {name}{quick} on {settings.get('engine')}: {title}; {len(rows)} runs, {version}"
+        if name in EXPERIMENTS:
+            for finding in EXPERIMENTS[name].findings(rows):
+                yield f"  {finding.verdict or '-'}: {finding.claim}: {finding.ours}"
+
+
+def _files(directory: Path) -> Iterator[str]:
+    """Name the files, and say how to open each."""
+    files = [path for path in sorted(directory.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+    names = [str(path.relative_to(directory)) for path in files[:_MAX_LISTED]]
+    width = max(map(len, names), default=0)
+    for name, path in zip(names, files, strict=False):
+        yield f"{name:<{width}}  {_size(path.stat().st_size):>8}  {opening(path)}"
+    if len(files) > _MAX_LISTED:
+        yield f"{len(files) - _MAX_LISTED} more files"
+
+
+def _size(n_bytes: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if n_bytes < 1000:
+            return f"{n_bytes:.3g} {unit}"
+        n_bytes /= 1000
+    return f"{n_bytes:.3g} GB"

@@ -1,0 +1,90 @@
+"""`iswarm inspect`: what ran, measures, faults, files and how to open them."""
+
+import json
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+
+import iswarm_mj
+from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.report.inspection import inspection
+from iswarm_mj.utils.errors import UserError
+
+ROOT = Path(__file__).parents[2]
+RUN = "clean --engine planar --impl numba --arena.size 15 --arena.dump-size 3 --arena.dust-area-size 3 "
+RUN += "--arena.dust-area-offset 5 --arena.n-dust 24 --robots 20 --steps 12 --out"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "of mine"
+    main([*RUN.split(), str(out)])
+    return out
+
+
+def test_a_run(run, capfd):
+    main(["inspect", str(run)])
+    text = capfd.readouterr().out
+    content = json.loads((run / "result.json").read_text())
+    assert text.startswith("cleaning run with the paper's strategy on planar, version ")
+    assert f"picked up {content['picked']}" in text and "20 in 1 world(s), seed 0" in text
+    lines = {line.split("  ")[0]: line for line in text.splitlines() if "." in line.split("  ")[0]}
+    assert f"rerun {shlex.quote(str(run / 'clean.rrd'))}" in lines["clean.rrd"]
+
+
+def test_the_ways_to_open_files_work(run):
+    text = inspection(run)
+    (python,) = (line for line in text.splitlines() if line.startswith("trajectory.npz"))
+    call = python.split(": ", 1)[1].split(", .balls")[0]
+    assert eval(call, {"iswarm_mj": iswarm_mj}).num_rows == 20 * 13
+    table = ROOT / "results/hop-count/hop_count.parquet"
+    (parquet,) = (line for line in inspection(table.parent).splitlines() if line.startswith("hop_count.parquet"))
+    assert eval(parquet.split("table: ")[1], {"pyarrow": pyarrow}).num_rows == 24
+    again = next(line for line in text.splitlines() if line.startswith("result.json")).split("; iswarm ")[1]
+    command = shlex.split(again.removesuffix(" repeats it"))
+    main([*command, "--steps", "2", "--no-record", "--out", str(run.parent / "again")])
+    assert json.loads((run.parent / "again/result.json").read_text())["steps"] == 2
+
+
+def test_an_interrupted_run_with_a_fault(run, tmp_path):
+    content = json.loads((run / "result.json").read_text())
+    content |= {"interrupted": True, "steps": 7, "faults": ["step 7, world 0: the contact solver failed"]}
+    content |= dict.fromkeys(("delivered", "picked", "collisions", "fitness"))
+    (tmp_path / "result.json").write_text(json.dumps(content))
+    text = inspection(tmp_path)
+    assert "interrupted after 7 of 12 control steps" in text
+    assert "fault: step 7, world 0: the contact solver failed" in text
+
+
+def test_experiments_searches_and_trials_below_a_directory():
+    text = inspection(ROOT / "results-initial")
+    assert "experiment hop-count" in text and "12 of 12 runs" in text and "holds: " in text
+    assert "search by paper: 1200 runs, 120 of 120 generations" in text and "best fitness of a genome " in text
+    assert "1500 trials of grasp and release on mujoco" in inspection(ROOT / "results/grasp")
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("runs.jsonl", "2 finished runs of an experiment are kept in runs.jsonl; the same command goes on"),
+        ("checkpoint.jsonl", "2 finished runs of a search .*; the same command with --resume goes on"),
+    ],
+)
+def test_interrupted_experiments_and_searches(tmp_path, name, says):
+    (tmp_path / name).write_text("{}\n" * 3)
+    assert re.search(says, inspection(tmp_path))
+
+
+def test_a_damaged_table_is_named(tmp_path):
+    shutil.copy(ROOT / "results/hop-count/findings.csv", tmp_path / "hop_count.parquet")
+    assert "hop_count.parquet is not a readable table of iswarm" in inspection(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["none", ""])
+def test_directories_without_results(tmp_path, name):
+    with pytest.raises(UserError, match=r"is no directory|holds no results"):
+        inspection(tmp_path / name)
