@@ -76,16 +76,17 @@ def lay(*positions, holders=None):
     """Balls of the median strength at `positions`; `holders` lists who holds each, None for nobody."""
     k = len(positions)
     holders = holders or [None] * k
-    return Balls(
-        position=jnp.asarray(positions, jnp.float32),
+    balls = jax.tree.map(
+        jnp.asarray, untouched(np.asarray(positions, np.float32), *np.full((3, k), [[20e-6], [1.41e-3], [14.7e-3]]))
+    )
+    held = jnp.array([h is not None for h in holders])
+    return balls._replace(
         radius=jnp.full(k, 20e-6),
         work_tool_object=jnp.full(k, 1.41e-3),
         work_object_substrate=jnp.full(k, 14.7e-3),
-        is_held=jnp.array([h is not None for h in holders]),
-        is_delivered=jnp.zeros(k, bool),
+        is_held=held,
         holder=jnp.array([h or 0 for h in holders], jnp.int32),
-        was_picked=jnp.array([h is not None for h in holders]),
-        carried_steps=jnp.zeros(k, jnp.int32),
+        was_picked=held,
     )
 
 

@@ -1,15 +1,19 @@
 """Balls and the robots' grippers in the swarm: lifting, carrying and releasing."""
 
+import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import GripperConfig
-from iswarm_mj.gripper.laws.detachment import is_grasped, is_released
+from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
+from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
 
 
 class Balls(NamedTuple):
@@ -32,6 +36,22 @@ class Balls(NamedTuple):
     """Whether it was picked up at least once."""
     carried_steps: Int[Array, "K"]
     """Control steps for which it has been held."""
+    attempts: Int[Array, "K"]
+    """To lift it, so far."""
+    failed_grasps: Int[Array, "K"]
+    """Of these, in vain."""
+    failed_releases: Int[Array, "K"]
+    """Attempts to release it, in vain."""
+    postponed: Int[Array, "K"]
+    """Attempts that had to be made again, since too many were made at once."""
+    wait: Int[Array, "K"]
+    """Control steps until the attempt at it ends; 0: there is none."""
+    worker: Int[Array, "K"]
+    """The robot whose attempt it is."""
+    work_time: Float[Array, "K"]
+    """Time that attempts at it took on the bench [s]."""
+    impact: Float[Array, "K"]
+    """Speed of its last landing [m/s]."""
 
     @property
     def is_lying(self) -> Bool[Array, "*B K"]:
@@ -49,6 +69,20 @@ def carry(balls: Balls, tips: Float[Array, "N 2"]) -> Balls:
     return balls._replace(position=jnp.where(balls.is_held[:, None], tips[balls.holder], balls.position))
 
 
+class Rules(NamedTuple):
+    """How attempts are made, beside the configuration."""
+
+    control_period: float = 1.0
+    """Of the robots [s]."""
+    decider: Decider = by_balance
+    """Decides what comes of them."""
+
+
+def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
+    """Whether each robot stays at an attempt that has not ended."""
+    return jnp.zeros(n_robots, bool).at[balls.worker].max(balls.wait > 0)
+
+
 def handle(
     gripper: GripperConfig,
     conditions: Conditions,
@@ -57,45 +91,109 @@ def handle(
     view: FloorView,
     picks: Bool[Array, "N"],
     falls: Bool[Array, "K"],
+    *,
+    rules: Rules = Rules(),
+    key: Array | None = None,
+    voltage: Float[Array, "N"] | None = None,
 ) -> tuple[Balls, Bool[Array, "N"]]:
-    """Release, lift and drop balls, as the balance of the forces decides.
+    """Release, lift and drop balls, as the balance of the forces or the bench decides.
 
     A robot tries to lift the ball that it senses if its tool reaches the ball; of several robots at one ball the
-    nearest succeeds. A loaded robot on the dump tries to release its ball.
+    nearest succeeds. A loaded robot on the dump tries to release its ball. Where attempts take time, the robot and the
+    ball are occupied until they end; then their outcome is found.
 
     Args:
-        gripper: reach, and gap of the release.
+        gripper: reach, gap of the release, times and spreads of attempts.
         conditions: voltages of grasp and release.
         balls: K balls; those held are at their holders' tips.
         tips: of the probes [mm].
         view: the floor as the N robots sense it.
         picks: robots that pick up dust.
         falls: balls that fall if they are held.
+        rules: of attempts.
+        key: decides by how much attempts at the same ball differ; needed where they do.
+        voltage: that the robots' capacitors have [V]; None: as much as is asked for.
 
     Returns:
         The balls, and whether each robot tried to lift one in vain.
     """
     n_robots = len(tips)
-    tries, winner = _tries(gripper, balls, tips, view, picks)
-    lifts = (winner < n_robots) & is_grasped(
-        conditions.grasp_voltage, balls.radius, balls.work_tool_object, balls.work_object_substrate
-    )
+    idle = ~working(balls, n_robots)
+    tries, winner = _tries(gripper, balls, tips, view, picks & idle)
+    new_lifts = (winner < n_robots) & (balls.wait == 0)
+    new_releases = balls.is_held & (view.on_dump & view.tip_on_dump)[balls.holder] & (balls.wait == 0)
+    begins = new_lifts | new_releases
+    worker = jnp.where(new_lifts, winner, jnp.where(new_releases, balls.holder, balls.worker)).astype(jnp.int32)
+    steps = [math.ceil(time / rules.control_period - 1e-9) for time in (gripper.grasp_time, gripper.release_time)]
+    lasts = jnp.where(new_releases, steps[1], steps[0])
+    wait = jnp.where(begins, lasts, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
+    ends = (begins & (lasts == 0)) | (~begins & (balls.wait == 1))
+    attempts = _attempts(gripper, conditions, balls, (tips, worker), ends, key, voltage)
+    found = rules.decider(gripper, attempts)
+    lifts = found.lifted
     over_dump = view.tip_on_dump[balls.holder]
-    released = (
-        balls.is_held
-        & (view.on_dump & view.tip_on_dump)[balls.holder]
-        & is_released(conditions.release_voltage, balls.radius, balls.work_tool_object, gripper.release_gap)
-    )
-    dropped = balls.is_held & falls & ~released
-    is_held = (balls.is_held & ~released & ~dropped) | lifts
+    dropped = balls.is_held & falls & ~found.released
+    is_held = (balls.is_held & ~found.released & ~dropped) | lifts
+    failed = attempts.lifts & ~lifts & ~found.postponed
     balls = balls._replace(
         is_held=is_held,
-        is_delivered=balls.is_delivered | released | (dropped & over_dump),
-        holder=jnp.where(lifts, winner, balls.holder).astype(jnp.int32),
+        is_delivered=balls.is_delivered | found.released | (dropped & over_dump),
+        holder=jnp.where(lifts, worker, balls.holder).astype(jnp.int32),
         was_picked=balls.was_picked | lifts,
         carried_steps=balls.carried_steps + is_held,
+        **_counted(balls, attempts, found),
+        wait=jnp.where(dropped, 0, wait),
+        worker=worker,
     )
-    return balls, tries & ~loaded(balls, n_robots)
+    in_vain = tries & ~loaded(balls, n_robots) & ~working(balls, n_robots)
+    return balls, in_vain.at[worker].max(failed)
+
+
+def _attempts(
+    gripper: GripperConfig,
+    conditions: Conditions,
+    balls: Balls,
+    robots: tuple[Float[Array, "N 2"], Int[Array, "K"]],
+    ends: Bool[Array, "K"],
+    key: Array | None,
+    voltage: Float[Array, "N"] | None,
+) -> Attempts:
+    """What is tried at the balls whose attempts end now, by robots with these tips (N, 2), one each of them (K,)."""
+    tips, worker = robots
+    releases = ends & balls.is_held
+    asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
+    tool, floor = balls.work_tool_object, balls.work_object_substrate
+    misalignment = jnp.zeros_like(balls.radius)
+    if gripper.differs:
+        if key is None:
+            raise UserError("attempts that differ need a random key; pass `key`.")
+        draws = jax.random.normal(key, (3, len(balls.radius)))
+        tool = scattered_work(tool, gripper.spot_spread_tool_object, draws[0])
+        floor = scattered_work(floor, gripper.spot_spread_object_substrate, draws[1])
+        way = jnp.linalg.norm(balls.position - tips[worker], axis=-1) * 1e-3
+        misalignment = jnp.where(releases, 0.0, gripper.tool_error * way * jnp.abs(draws[2]))
+    return Attempts(
+        ends & balls.is_lying,
+        releases,
+        asked if voltage is None else jnp.minimum(asked, voltage[worker]),
+        balls.radius,
+        tool,
+        floor,
+        misalignment,
+    )
+
+
+def _counted(balls: Balls, attempts: Attempts, found: Outcomes) -> dict[str, Array]:
+    """The balls' counts after attempts."""
+    made = ~found.postponed
+    return {
+        "attempts": balls.attempts + (attempts.lifts & made),
+        "failed_grasps": balls.failed_grasps + (attempts.lifts & made & ~found.lifted),
+        "failed_releases": balls.failed_releases + (attempts.releases & made & ~found.released),
+        "postponed": balls.postponed + found.postponed,
+        "work_time": balls.work_time + found.duration,
+        "impact": jnp.where(found.impact > 0, found.impact, balls.impact),
+    }
 
 
 def _tries(
@@ -104,7 +202,8 @@ def _tries(
     """Which robots try to lift a ball, and for each ball the nearest of them, the one of lowest index; N if none."""
     n_robots, n_balls = len(tips), len(balls.radius)
     gap = jnp.linalg.norm(balls.position[view.ball] - tips, axis=-1)
-    tries = view.at_dust & picks & ~loaded(balls, n_robots) & (gap <= gripper.tool_reach * 1e3)
+    free = balls.wait[view.ball] == 0
+    tries = view.at_dust & picks & free & ~loaded(balls, n_robots) & (gap <= gripper.tool_reach * 1e3)
     nearest = jnp.full(n_balls, jnp.inf).at[view.ball].min(jnp.where(tries, gap, jnp.inf))
     first = tries & (gap == nearest[view.ball])
     robots = jnp.where(first, jnp.arange(n_robots), n_robots)

@@ -11,7 +11,10 @@ from iswarm_mj.utils.errors import UserError
 _PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
 _SHARED = {
     "arena": {"size", "n_dust"},
-    "gripper": {"release_gap", "tool_reach"},
+    "gripper": {
+        *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
+        *("spot_spread_tool_object", "spot_spread_object_substrate", "grasp_time", "release_time"),
+    },
     "strategy": ELSEWHERE - set(Conditions._fields),
 }
 """Of these parts, all other settings may differ; of the remaining ones, those that are `Conditions`."""

@@ -96,11 +96,28 @@ def lying(
     """
     works = draw_works(gripper, len(radius), rng)
     floats = (a.astype(np.float32) for a in (position, radius, *works))
-    no, zero = np.zeros(len(radius), bool), np.zeros(len(radius), np.int32)
-    return Balls(*floats, is_held=no, is_delivered=no, holder=zero, was_picked=no, carried_steps=zero)
+    return untouched(*floats)
+
+
+def untouched(
+    position: Float[np.ndarray, "K 2"],
+    radius: Float[np.ndarray, "K"],
+    work_tool_object: Float[np.ndarray, "K"],
+    work_object_substrate: Float[np.ndarray, "K"],
+) -> Balls:
+    """Balls that nobody has touched yet; arguments as the fields of `Balls`."""
+    k = len(radius)
+    kinds = {name: np.int32 for name in Balls._fields[4:]} | dict.fromkeys(FLAGS, np.bool_)
+    kinds |= dict.fromkeys(("work_time", "impact"), np.float32)
+    own = position, radius, work_tool_object, work_object_substrate
+    return Balls(*own, **{name: np.zeros(k, kind) for name, kind in kinds.items()})
+
+
+FLAGS = ("is_held", "is_delivered", "was_picked")
+"""Of balls."""
 
 
 def no_balls() -> Balls:
     """No balls at all, for tasks without."""
-    none, flags, numbers = np.zeros(0, np.float32), np.zeros(0, bool), np.zeros(0, np.int32)
-    return Balls(np.zeros((0, 2), np.float32), none, none, none, flags, flags, numbers, flags, numbers)
+    none = np.zeros(0, np.float32)
+    return untouched(np.zeros((0, 2), np.float32), none, none, none)
