@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.units import RD

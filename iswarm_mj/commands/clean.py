@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.commands.swarm_options import Swarm
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.constraints import Within, check, constraint_of
 from iswarm_mj.utils.lock import locked
@@ -28,15 +29,20 @@ class Clean(Swarm):
     record_worlds: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
 
+    def goal(self, config: SwarmConfig) -> int | None:
+        """Return the progress that finishes a world; None for the task's own."""
+        n_dust = config.arena.n_dust
+        stop_at = n_dust if self.stop_at is None else self.stop_at
+        check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
+        return stop_at
+
     def run(self) -> None:
         """Run the command."""
         config, genome, n_robots = self.checked()
         from iswarm_mj.workflows.clean import clean
 
         refuse_ignored(self, [(("record_worlds",), not self.record, "with --no-record")])
-        n_dust = config.arena.n_dust
-        stop_at = n_dust if self.stop_at is None else self.stop_at
-        check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
+        stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
         hosts = self.joined()

@@ -97,10 +97,10 @@ def read(path: Path, given: Sequence[str]) -> ConfigFile:
     return ConfigFile(path, dict(_flat(content)), False)
 
 
-def strategy_of(content: ConfigFile | None, given: Sequence[str]) -> list[str]:
-    """Return the argument that names the strategy of a file, whose fields are flags; none if another one is given."""
-    name = None if content is None else content.values.get("strategy")
-    return [] if name is None or "strategy" in _names(given) else [f"--strategy={name}"]
+def named_in(content: ConfigFile | None, given: Sequence[str]) -> list[str]:
+    """Return the arguments that name strategy and task of a file, whose fields are flags, unless others are given."""
+    found = {} if content is None else {word: content.values.get(word) for word in ("strategy", "task")}
+    return [f"--{word}={name}" for word, name in found.items() if name is not None and word not in _names(given)]
 
 
 def _names(arguments: Sequence[str]) -> set[str]:
@@ -123,6 +123,10 @@ def _of_result(path: Path, content: Any, named: set[str]) -> dict[str, Any]:
     elif "strategy" not in named:
         raise UserError(f"--config {path} is of the strategy {own.get('class')}; name it by --strategy FILE.py:CLASS")
     values |= {name: value for name, value in own.items() if name != "class"}
+    task = content.get("task", {})
+    if task.get("class", "Cleaning") != "Cleaning" and "task" not in named:
+        raise UserError(f"--config {path} is of the task {task['class']}; name it by --task FILE.py:CLASS")
+    values |= {name: value for name, value in task.items() if name != "class"}
     return {name: value for name, value in values.items() if value is not None}
 
 

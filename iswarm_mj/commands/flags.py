@@ -19,7 +19,7 @@ def in_flags(error: UserError | SimulationFault, commands: Iterable[type]) -> st
     Settings without a flag keep their names.
     """
     flags = {name: "--" + name.replace("_", "-") for command in commands for name, _ in _values(command())}
-    flags["controller"] = "--strategy"
+    flags |= {"controller": "--strategy", "task_name": "--task"}
     flags |= {name: flags[flag] for name, flag in RENAMED.items() if flag in flags}
     if isinstance(error, ConfigError) and error.field in flags:
         error = ConfigError(flags[error.field], error.value, error.constraint, error.remedy)
@@ -37,7 +37,7 @@ def _values(settings: Any) -> Iterator[tuple[str, Any]]:
     for f in fields(settings):
         value = getattr(settings, f.name)
         if is_dataclass(value):
-            group = "" if f.name in ("override", "own") else f"{f.name}."
+            group = "" if f.name in ("override", "own", "own_task") else f"{f.name}."
             yield from ((f"{group}{name}", inner) for name, inner in _values(value))
         else:
             yield f.name, value

@@ -42,7 +42,8 @@ def described(command: type, everything: bool = True) -> type:
     known = [f.name for f in fields(command)]
     main = getattr(command, "MAIN", known if len(known) <= _MANY else ())
     all_of_it = everything or set(known) <= set(main)
-    made = [_described(command, f, all_of_it) for f in fields(command) if all_of_it or f.name in (*main, "own")]
+    chosen = known if all_of_it else [*main, "own", "own_task"]
+    made = [_described(command, f, all_of_it) for f in fields(command) if f.name in chosen]
     hidden = [(f.name, Annotated[Any, tyro.conf.Suppress], _default(f)) for f in fields(command)]
     own = {name: (name, kind, default) for name, kind, default in made}
     common = [(f.name, _annotated(Common, f, True), _default(f)) for f in fields(Common)]

@@ -16,7 +16,7 @@ from iswarm_mj import __version__
 from iswarm_mj.commands.arguments import flag_kinds, with_booleans, without_config
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
-from iswarm_mj.commands.config_file import read, strategy_of
+from iswarm_mj.commands.config_file import named_in, read
 from iswarm_mj.commands.config_options import with_reading
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
@@ -28,7 +28,8 @@ from iswarm_mj.commands.inspect import Inspect
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
-from iswarm_mj.commands.strategy_options import explained_flags, with_strategy
+from iswarm_mj.commands.run import Run
+from iswarm_mj.commands.strategy_options import explained_flags, with_own
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -45,6 +46,7 @@ class Command(Protocol):
 
 COMMANDS: dict[str, type[Command]] = {
     "clean": Clean,
+    "run": Run,
     "inspect": Inspect,
     "picture": Picture,
     "bench": Bench,
@@ -70,8 +72,8 @@ def parse(arguments: Sequence[str]) -> Command:
         # Not as subcommands of one parser, whose hints would be about all commands.
         rest, path = without_config(rest)
         content = None if path is None else read(path, rest)
-        rest = [*strategy_of(content, rest), *rest]
-        command = with_strategy(COMMANDS[name], rest)
+        rest = [*named_in(content, rest), *rest]
+        command = with_own(COMMANDS[name], rest)
         if (page := shown(command, rest)) is not None:
             return tyro.cli(page[0], prog=f"iswarm {name}", args=page[1])
         kinds = dict(flag_kinds(command))

@@ -1,4 +1,4 @@
-"""Flags of the strategy that `--strategy` names, made from the fields of its dataclass."""
+"""Flags of the strategy and the task that `--strategy` and `--task` name, made from the fields of their dataclasses."""
 
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
@@ -12,43 +12,60 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 
-OWN = "own"
-"""Field of a command that holds the strategy."""
+OWN, OWN_TASK = OWNS = "own", "own_task"
+"""Fields of a command that hold the strategy and the task."""
 _REPLACED = ("genome", "override")
 """Fields that say what the paper's strategy is."""
 
 
-def with_strategy(command: Any, arguments: Sequence[str]) -> Any:
-    """Return a command with the flags of the strategy that `--strategy` among the arguments names, else as it is.
+def with_own(command: Any, arguments: Sequence[str]) -> Any:
+    """Return a command with the flags of the strategy and of the task that `--strategy` and `--task` name.
 
-    The flags of the genome go, since the strategy takes its place.
+    Without these arguments it is returned as it is. The flags of the genome go where a strategy takes its place.
 
     Raises:
-        UserError: there is no such strategy, or a flag of its has the name of a flag of the command.
+        UserError: there is no such strategy or task, or a flag of its has the name of another flag of the command.
     """
-    if "controller" not in (known := {f.name: f for f in fields(command)}):
-        return command
-    parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--strategy", nargs="?")
-    name = parser.parse_known_args(list(arguments))[0].strategy
-    if name is None:
-        return command
-    from iswarm_mj.strategy.library import find_strategy
-    from iswarm_mj.strategy.pytrees import check_methods
+    known = {f.name for f in fields(command)}
+    if "controller" in known and (name := _named("--strategy", arguments)) is not None:
+        from iswarm_mj.strategy.library import find_strategy
+        from iswarm_mj.strategy.pytrees import check_methods
 
-    found = find_strategy(name)
-    cls: Any = found if isinstance(found, type) else type(found)
-    if cls is not Genome:
+        found = find_strategy(name)
+        if not isinstance(found, Genome):
+            check_methods(found)
+        command = _extended(command, OWN, found, _REPLACED)
+    if "task_name" in known and (name := _named("--task", arguments)) is not None:
+        from iswarm_mj.tasks.library import find_task
+        from iswarm_mj.tasks.signatures import check_methods
+
+        found = find_task(name)
         check_methods(found)
-    taken = {_flag(f) for f in known.values() if f.name not in _REPLACED}
+        command = _extended(command, OWN_TASK, found)
+    return command
+
+
+def _named(flag: str, arguments: Sequence[str]) -> str | None:
+    """What the last of these flags among the arguments names."""
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument(flag, nargs="?", dest="name")
+    return parser.parse_known_args(list(arguments))[0].name
+
+
+def _extended(command: Any, place: str, found: Any, replaced: Sequence[str] = ()) -> Any:
+    """A command with a further field for a class, or an object whose values are defaults; some of its flags go."""
+    known = {f.name: f for f in fields(command)}
+    cls: Any = found if isinstance(found, type) else type(found)
+    taken = {_flag(f) for f in known.values() if f.name not in replaced}
+    taken |= {f.name for own in OWNS if own in known for f in fields(known[own].type.__origin__)}
     clashes = [f.name for f in fields(cls) if f.name in taken] if is_dataclass(cls) else []
     if clashes:
         raise UserError(
             f"{cls.__name__} has a field {clashes[0]}, but --{clashes[0].replace('_', '-')} is already a flag of "
             f"iswarm {command.__name__.lower()}; rename the field"
         )
-    hidden = [(key, Annotated[known[key].type, tyro.conf.Suppress], _default(known[key])) for key in _REPLACED]
-    own = (OWN, Annotated[cls, tyro.conf.arg(name="")], _own(cls, found))
+    hidden = [(key, Annotated[known[key].type, tyro.conf.Suppress], _default(known[key])) for key in replaced]
+    own = (place, Annotated[cls, tyro.conf.arg(name="")], _own(cls, found))
     extended = make_dataclass(command.__name__, [*hidden, own], bases=(command,), frozen=True)
     extended.__doc__ = command.__doc__
     return extended
@@ -56,36 +73,37 @@ def with_strategy(command: Any, arguments: Sequence[str]) -> Any:
 
 @contextmanager
 def explained_flags(command: Any) -> Iterator[None]:
-    """Explain exceptions of the strategy's own class while its object is made of the flags.
+    """Explain exceptions of the classes of strategy and task while their objects are made of the flags.
 
     Raises:
         UserError: there was one.
     """
-    if not any(f.name == OWN for f in fields(command)):
+    named = {f.name for f in fields(command)}
+    if not named.intersection(OWNS):
         yield
         return
     from iswarm_mj.strategy.explain import explained
 
-    with explained("the strategy"):
+    with explained("the strategy" if OWN in named else "the task"):
         yield
 
 
-def check_flags(strategy: Any) -> None:
-    """Check the fields of a strategy against their annotations, see `constraints.validate`.
+def check_flags(given: Any) -> None:
+    """Check the fields of a strategy or a task against their annotations, see `constraints.validate`.
 
     Raises:
         ConfigError: a value is out of range; the error calls the field by its flag.
     """
-    if not is_dataclass(strategy):
+    if not is_dataclass(given):
         return
     try:
-        validate(strategy)
+        validate(given)
     except ConfigError as error:
         raise ConfigError(f"--{error.field.replace('_', '-')}", error.value, error.constraint, error.remedy) from None
 
 
 def _own(cls: Any, found: Any) -> Any:
-    """Field of the command for a strategy: its default, or none if it has parameters that must be given."""
+    """Field of the command for a strategy or task: its default, or none if it has parameters that must be given."""
     make: Any = cls
     if found is not cls:
         return field(default=found)
@@ -101,4 +119,4 @@ def _default(f: Any) -> Any:
 
 def _flag(f: Any) -> str:
     """Name of a field's flag."""
-    return "strategy" if f.name == "controller" else f.name
+    return {"controller": "strategy", "task_name": "task"}.get(f.name) or f.name

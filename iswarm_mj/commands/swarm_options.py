@@ -110,6 +110,13 @@ class Swarm(ConfigOptions):
         return getattr(self, OWN, None)
 
     @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        from iswarm_mj.tasks.cleaning import CLEANING
+
+        return CLEANING
+
+    @property
     def implementation(self) -> str | None:
         """The implementation of the engine that is used; None where there is only one."""
         if self.engine == "mujoco":
@@ -209,6 +216,7 @@ class Swarm(ConfigOptions):
             self._engine(chunk),
             worlds=worlds,
             strategy=strategy,
+            task=self.task,
             robot_file=self.robot,
         )
 

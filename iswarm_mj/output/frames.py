@@ -10,10 +10,13 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.said import IN_FILES, stored
-from iswarm_mj.output.trajectory import ARRAYS, Frames, Scene
+from iswarm_mj.output.task_arrays import Watch, fixed_areas, looks, quantities
+from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC, Frames, Scene
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.recorded import array_name, part_of
+from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
@@ -31,6 +34,7 @@ def scene_of(
     number: int,
     recorded: Mapping[str, str] | None = None,
     payload: Payload | None = None,
+    task: Task = CLEANING,
 ) -> Scene:
     """What does not change in one world of a run.
 
@@ -42,13 +46,14 @@ def scene_of(
         number: of this world in its run.
         recorded: parts of the memory and their units, see `strategy.recorded`.
         payload: what messages carry; nothing by default.
+        task: of the run.
 
     Raises:
         UserError: a part has the name of another array of trajectories.
     """
     arena, memory = config.arena, start.swarm.memory
     for name in recorded or {}:
-        if array_name(name) in ARRAYS:
+        if array_name(name) in ARRAYS or name.startswith((AREA, METRIC)):
             raise UserError(
                 f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
             )
@@ -56,14 +61,20 @@ def scene_of(
     def square(x: float, edge: float) -> list[float]:
         return [x - edge / 2, -edge / 2, x + edge / 2, edge / 2]
 
-    dust = [square(side * arena.dust_area_offset, arena.dust_area_size) for side in (-1, 1)]
+    dump = np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER
+    dust = np.array([square(x * arena.dust_area_offset, arena.dust_area_size) for x in (-1, 1)]) * ROBOT_DIAMETER
+    areas, metrics = looks(task), quantities(task)
+    if not isinstance(task, Cleaning):
+        things = jax.tree.map(lambda a: a[0, world], start.swarm.things)
+        found = fixed_areas(task, config, things)
+        dump, dust = found.get("dump", np.zeros((1, 4)))[0], found.get("dust_areas", np.zeros((0, 4)))
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
         is_scout=_scouts(memory, start.poses.shape[:3])[0, world],
         ball_radius=start.swarm.balls.radius[0, world],
         arena_size=arena.size * ROBOT_DIAMETER,
-        dump=np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER,
-        dust_areas=np.array(dust) * ROBOT_DIAMETER,
+        dump=dump,
+        dust_areas=dust,
         control_period=config.drive.control_period,
         is_alive=start.swarm.is_alive[0, world],
         payload=stored(payload or Payload()),
@@ -72,16 +83,28 @@ def scene_of(
         memory_names=tuple(map(array_name, recorded or {})),
         memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in (recorded or {}).values()),
         memory_sizes=tuple(math.prod(np.shape(part_of(memory, name))[3:]) for name in recorded or {}),
+        area_names=tuple(areas),
+        area_colours=tuple(look.colour for look in areas.values()),
+        area_shapes=tuple(look.shape for look in areas.values()),
+        metric_names=tuple(metrics),
+        metric_units=tuple(quantity.unit for quantity in metrics.values()),
+        metric_descriptions=tuple(quantity.description for quantity in metrics.values()),
     )
 
 
-def frames_of(records: Sequence[StepRecord], world: int, recorded: Mapping[str, str] | None = None) -> Frames:
+def frames_of(
+    records: Sequence[StepRecord],
+    world: int,
+    recorded: Mapping[str, str] | None = None,
+    watched: Watch | None = None,
+) -> Frames:
     """Frames of one world.
 
     Args:
         records: of consecutive steps (T, W, ...).
         world: which of the W worlds.
         recorded: as for `scene_of`.
+        watched: what the task adds, see `task_arrays.watch`.
     """
     record: StepRecord = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
     balls = record.swarm.balls
@@ -116,7 +139,7 @@ def frames_of(records: Sequence[StepRecord], world: int, recorded: Mapping[str, 
         for name, unit in (recorded or {}).items()
     }
     own = {f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames) if f.name in ARRAYS}
-    return Frames(**own, memory=memory)
+    return Frames(**own, memory=memory, task={} if watched is None else watched(record.swarm.things))
 
 
 def _scouts(memory: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -99,7 +99,11 @@ def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     sizes: dict[str, tuple[int, str]] = {}
     kinds = {f.name: f.type for f in fields(Frames)}
     kinds |= {f"scene_{name}": kind for name, kind in Scene.__annotations__.items()}
-    kinds = {name: kind for name, kind in kinds.items() if not name.startswith("scene_memory_")}
+    kinds = {
+        name: kind
+        for name, kind in kinds.items()
+        if not name.startswith(("scene_memory_", "scene_area_", "scene_metric_"))
+    }
     for name, kind in kinds.items():
         axes = getattr(kind, "dim_str", "").split()
         if name not in arrays:

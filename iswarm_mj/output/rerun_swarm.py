@@ -12,69 +12,16 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from jaxtyping import Bool, Float, Int, UInt16
 
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.remembered import hop_counts, is_known
 from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties, settings_document
+from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, strips, trails
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.said import payload_of, readable
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.trajectory import AREA, METRIC, Frames, Scene
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.geometry import rotate
-
-TRAIL_FRAMES = 20
-"""Length of a trail [frames]."""
-
-
-def robot_classes(
-    is_loaded: Bool[np.ndarray, "T N"], is_scout: Bool[np.ndarray, "N"], has_priority: Bool[np.ndarray, "T N"]
-) -> UInt16[np.ndarray, "T N"]:
-    """Classes of `rerun_swarm_view.ROBOT_CLASSES`: load before scout before worker, twice that, plus priority."""
-    return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
-
-
-def link_segments(
-    centres: Float[np.ndarray, "T N 3"], sender: Int[np.ndarray, "T N S"], valid: Bool[np.ndarray, "T N S"]
-) -> tuple[Float[np.ndarray, "M 2 3"], Int[np.ndarray, "T"]]:
-    """Segments from receivers to senders in the order of frames, and their number in each frame.
-
-    Args:
-        centres: of the robots.
-        sender: which robot a sector receives; meaningless where not `valid`.
-        valid: whether it receives one.
-    """
-    frame, receiver, _ = np.nonzero(valid)
-    segments = np.stack([centres[frame, receiver], centres[frame, sender[valid]]], axis=1)
-    return segments, np.count_nonzero(valid, axis=(1, 2))
-
-
-def trails(
-    positions: Float[np.ndarray, "_ N 3"], n_before: int, is_loaded: Bool[np.ndarray, "T N"]
-) -> tuple[Float[np.ndarray, "P 3"], Int[np.ndarray, "M"]]:
-    """Trails of the robots that are loaded, oldest point first.
-
-    Args:
-        positions: of the robots, in `n_before` frames before the block and the T frames of the block.
-        n_before: number of frames before the block; below `TRAIL_FRAMES` the first trails are shorter.
-        is_loaded: in the block.
-
-    Returns:
-        The points of all trails, trail by trail, in the order of frames; the number of points of each trail.
-    """
-    frame, robot = np.nonzero(is_loaded)
-    back = np.arange(TRAIL_FRAMES, -1, -1)
-    times = frame[:, None] + n_before - back
-    exists = times >= 0
-    points = positions[times[exists], np.broadcast_to(robot[:, None], times.shape)[exists]]
-    return points, np.count_nonzero(exists, axis=1)
-
-
-def _strips(points: np.ndarray, lengths: np.ndarray) -> pa.Array:
-    """Line strips of the given lengths from consecutive (P, 3) points; without a loop over them."""
-    vectors = rr.encodings.Vec3DBatch(np.ascontiguousarray(points, np.float32)).as_arrow_array()
-    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-    return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
 
 
 class Recording:
@@ -184,6 +131,7 @@ class Recording:
         for name in self._scene.arrows:
             self._arrows(look.arrows(name), top, yaw, frames.memory[name], is_known(frames, name))
         self._memory(frames)
+        self._areas(frames)
         self._series(frames)
         self._flush()
         self._last_step = int(step[-1])
@@ -257,11 +205,11 @@ class Recording:
     def _lines(self, frames: Frames, centres: np.ndarray) -> None:
         """Links of each step, and the trails of robots now loaded."""
         segments, counts = link_segments(centres, frames.link_sender, frames.link_valid)
-        strips = _strips(segments, np.full(len(segments), 2))
+        joined = strips(segments, np.full(len(segments), 2))
         valid = frames.link_valid
         self._send(
             look.LINKS,
-            rr.LineStrips3D.columns(strips=strips),
+            rr.LineStrips3D.columns(strips=joined),
             counts,
             receiver=np.nonzero(valid)[1].astype(np.int16),
             sender=frames.link_sender[valid],
@@ -269,7 +217,7 @@ class Recording:
         )
         history = np.concatenate([self._before, centres])
         points, lengths = trails(history, len(self._before), frames.is_loaded)
-        columns = rr.LineStrips3D.columns(strips=_strips(points, lengths))
+        columns = rr.LineStrips3D.columns(strips=strips(points, lengths))
         self._send(look.TRAILS, columns, np.count_nonzero(frames.is_loaded, axis=1))
         self._before = history[-TRAIL_FRAMES:]
 
@@ -287,6 +235,13 @@ class Recording:
             columns = rr.Scalars.columns(scalars=values.reshape(-1))
             self._send(f"{look.MEMORY}/{name}", columns, [values.shape[1]] * len(frames))
 
+    def _areas(self, frames: Frames) -> None:
+        """Areas of the task on the floor, which may move."""
+        for name, shape in zip(self._scene.area_names, self._scene.area_shapes, strict=True):
+            areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
+            counts = [areas.shape[1]] * len(frames)
+            self._send(look.area(name), look.area_columns(areas.reshape(-1, 3), shape), counts)
+
     def _series(self, frames: Frames) -> None:
         """Time series; counts are cumulative, shares are of all robots, the speed is in mm/s."""
         values = {
@@ -297,5 +252,7 @@ class Recording:
         }
         for name in self._scene.arrows:
             values[look.known(name)] = is_known(frames, name).mean(axis=1)
+        for name in self._scene.metric_names:
+            values[look.metric(name)] = frames.task[METRIC + name]
         for entity in look.series(self._scene):
             self._send(entity, rr.Scalars.columns(scalars=np.asarray(values[entity], np.float64)))

@@ -115,13 +115,36 @@ def numbers(scene: Scene) -> list[str]:
     return [name for name in scene.memory_names if name not in drawn]
 
 
+def area(name: str) -> str:
+    """Return the entity of areas of the task."""
+    return f"world/arena/{name}"
+
+
+def area_columns(areas: np.ndarray, shape: str) -> Any:
+    """Columns of flat areas (A, 3) of x, y and half the width or the radius [mm], of squares or discs."""
+    centres = np.column_stack([areas[:, :2], np.full(len(areas), 1.5 * _SHEET)])
+    if shape == "disc":
+        return rr.Cylinders3D.columns(centers=centres, radii=areas[:, 2], lengths=np.full(len(areas), _SHEET))
+    half = np.column_stack([areas[:, 2], areas[:, 2], np.full(len(areas), _SHEET / 2)])
+    return rr.Boxes3D.columns(centers=centres, half_sizes=half)
+
+
+def metric(name: str) -> str:
+    """Return the entity of a metric of the task."""
+    return f"series/task/{name}"
+
+
 def series(scene: Scene) -> dict[str, tuple[str, tuple[int, int, int]]]:
     """Entity of each time series: its name in the legend and its colour."""
     words = {"dust": "know the dust", "dump": "know the dump"}
     shares = {
         known(name): (words.get(stem(name), f"have {stem(name)}"), hue) for name, hue in zip(scene.arrows, cycle(_HUES))
     }
-    return SERIES | shares
+    of_task = {
+        metric(name): (f"{name} [{unit}]" if unit else name, hue)
+        for name, unit, hue in zip(scene.metric_names, scene.metric_units, cycle(_HUES))
+    }
+    return SERIES | shares | of_task
 
 
 def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
@@ -133,9 +156,14 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES])
     yield "world/arena/floor", _sheet(floor, 0.0, _FLOOR)
     yield "world/arena/walls", _walls(arena, size[2])
-    yield "world/arena/dump", _sheet(np.atleast_2d(scene.dump) * MILLIMETRES, 2 * _SHEET, _DUMP)
+    if scene.dump[2] > scene.dump[0]:
+        yield "world/arena/dump", _sheet(np.atleast_2d(scene.dump) * MILLIMETRES, 2 * _SHEET, _DUMP)
     areas = np.reshape(scene.dust_areas, (-1, 4)) * MILLIMETRES
-    yield "world/arena/dust_areas", _sheet(areas, 2 * _SHEET, _DUST_AREA)
+    if len(areas):
+        yield "world/arena/dust_areas", _sheet(areas, 2 * _SHEET, _DUST_AREA)
+    for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
+        kind = rr.Cylinders3D if shape == "disc" else rr.Boxes3D
+        yield area(name), kind.from_fields(colors=colour, fill_mode="solid")
     names = [f"robot {robot}" for robot in range(len(scene.is_scout))]
     yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False, labels=names)
     yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
@@ -179,7 +207,8 @@ def layout(scene: Scene) -> rrb.Blueprint:
     shares = time_series("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05)))
     memory = [time_series(f"{MEMORY}/{name}", name, None) for name in numbers(scene)]
     plots = rrb.Vertical(
-        time_series("series/balls", "Balls", "LeftTop"),
+        *([time_series("series/task", "Task", "LeftTop")] if scene.metric_names else []),
+        *([time_series("series/balls", "Balls", "LeftTop")] if len(scene.ball_radius) else []),
         *([shares] if entities else []),
         time_series("series/collisions", "Collisions", "LeftTop"),
         time_series("series/mean_speed", "Mean speed (mm/s)", "RightBottom"),

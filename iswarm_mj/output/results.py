@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 
 
 def clear(out: Path) -> None:
     """Remove the results of an earlier run, and what was left of files that were being written."""
-    for name in (RESULT, TRAJECTORY, RECORDING):
+    for name in (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING):
         remove(out / name)
         remove_parts(out, name)
 
@@ -50,17 +51,28 @@ def about(run: Run, settings: RunSettings) -> dict[str, Any]:
     return json.loads(json.dumps(values))
 
 
-def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps: int, wall_s: float) -> dict[str, Any]:
+def result(
+    run: Run,
+    settings: RunSettings,
+    measures: Sequence[Measures],
+    metrics: Mapping[str, Any],
+    steps: int,
+    wall_s: float,
+) -> dict[str, Any]:
     """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
 
     Args:
         run: of this process.
         settings: of the run of all processes.
         measures: of all worlds.
+        metrics: of the task in all worlds, by their names.
         steps: control steps taken.
         wall_s: how long it took.
     """
-    scores = [fitness(m, settings.n_robots, run.config.arena.n_dust, settings.steps) for m in measures]
+    is_cleaning = isinstance(run.task, Cleaning)
+    n_dust = run.config.arena.n_dust
+    scores = [fitness(m, settings.n_robots, n_dust, settings.steps) for m in measures] if is_cleaning else []
+    counts = Measures._fields if is_cleaning else ("collisions", "finished_at")
 
     def each(values: list[Any]) -> Any:
         return values[0] if settings.n_worlds == 1 else values
@@ -69,12 +81,13 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
         "seed": settings.seed,
         "n_worlds": settings.n_worlds,
         "n_robots": settings.n_robots,
-        "n_dust": run.config.arena.n_dust,
+        **({"n_dust": n_dust} if is_cleaning else {}),
         "max_steps": settings.steps,
         "stop_at": run.goal,
         "steps": steps,
-        **{name: each([getattr(m, name) for m in measures]) for name in Measures._fields},
-        "fitness": each(scores),
+        **{name: each([getattr(m, name) for m in measures]) for name in counts},
+        **({"fitness": each(scores)} if is_cleaning else {}),
+        "metrics": {name: each(list(map(_number, values))) for name, values in metrics.items()},
         "wall_s": round(wall_s, 3),
         "seconds": {
             "first_call": round(run.first_call_s, 3),  # which compiles, and is part of none of the others
@@ -83,6 +96,12 @@ def result(run: Run, settings: RunSettings, measures: Sequence[Measures], steps:
         | {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
         **about(run, settings),
     }
+
+
+def _number(value: Any) -> Any:
+    """A metric in JSON; null for what is no number, such as the mean of nothing."""
+    plain = np.asarray(value).item()
+    return plain if np.isfinite(plain) else None
 
 
 def write_result(out: Path, content: dict[str, Any]) -> None:

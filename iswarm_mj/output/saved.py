@@ -18,6 +18,7 @@ from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.serialization import restored
 from iswarm_mj.utils.units import ROBOT_DIAMETER
@@ -43,12 +44,17 @@ class SavedRun:
     """None where another strategy than the paper's ran, which `strategy` states."""
     strategy: dict[str, Any] | None
     """Class and parameters of a strategy other than the paper's, None for that."""
+    task: dict[str, Any]
+    """Class and settings of the task."""
     settings: RunSettings
     """`record_worlds` are those that were found."""
     engine: dict[str, Any]
     """Name and main settings of the engine."""
     measures: list[Measures]
-    """Of each world, up to where it was if the run was interrupted; none where there is no result.json."""
+    """Of each world, up to where it was if the run was interrupted; none where there is no result.json, and of other
+    tasks than cleaning."""
+    metrics: list[dict[str, Any]]
+    """Of the task in each world, likewise; None for what is not known."""
     result: dict[str, Any]
     """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
     scenes: dict[int, Scene]
@@ -144,6 +150,7 @@ def load(path: str | Path) -> SavedRun:
         worlds = _by_number(read)
         settings = _settings(about, tuple(worlds))
         measures = _measures(about, settings.n_worlds)
+        metrics = _metrics(about, settings.n_worlds)
         scenes = {number: _scene(arrays, number, config) for number, arrays in worlds.items()}
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise UserError(
@@ -162,9 +169,11 @@ def load(path: str | Path) -> SavedRun:
         config=config,
         genome=genome,
         strategy=strategy,
+        task=dict(about.get("task", {"class": type(CLEANING).__name__})),
         settings=settings,
         engine={name: about[name] for name in ENGINE if name in about},
         measures=measures,
+        metrics=metrics,
         result=about if "wall_s" in about else {},
         scenes=scenes,
         missing=lacking,
@@ -209,6 +218,11 @@ def _measures(about: Mapping[str, Any], n_worlds: int) -> list[Measures]:
         return []
     columns = [about[name] if n_worlds > 1 else [about[name]] for name in Measures._fields]
     return [Measures(*values) for values in zip(*columns, strict=True)]
+
+
+def _metrics(about: Mapping[str, Any], n_worlds: int) -> list[dict[str, Any]]:
+    found = about.get("metrics") or {}
+    return [{name: value[k] if n_worlds > 1 else value for name, value in found.items()} for k in range(n_worlds)]
 
 
 def _scene(arrays: Mapping[str, np.ndarray], number: int, config: SwarmConfig) -> Scene:

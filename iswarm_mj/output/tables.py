@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from iswarm_mj.config import N_LEDS
 from iswarm_mj.output.said import names_of, payload_of, said
+from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.sensors.messages import PRIORITY
 
 Arrays = Mapping[str, np.ndarray]
@@ -201,6 +202,14 @@ def memory_columns(name: str, arrays: Arrays) -> list[Column]:
     ]
 
 
+def metric_columns(name: str, arrays: Arrays) -> list[Column]:
+    """Columns of the metrics of other tasks than cleaning, if the table is `steps`."""
+    if name != "steps" or "scene_metric_names" not in arrays:
+        return []
+    each = zip(*(arrays[f"scene_metric_{part}"].tolist() for part in ("names", "units", "descriptions")), strict=True)
+    return [Column(metric, unit, text, lambda a, key=METRIC + metric: a[key]) for metric, unit, text in each]
+
+
 def _place(name: str, place: int) -> Callable[[Arrays], np.ndarray]:
     return lambda a: a[name].reshape(*a["pose"].shape[:2], -1)[..., place]
 
@@ -220,7 +229,7 @@ def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
         arrays: of the trajectory.
         world: number of the world.
     """
-    columns = [*_columns(name, arrays), *memory_columns(name, arrays)]
+    columns = [*_columns(name, arrays), *memory_columns(name, arrays), *metric_columns(name, arrays)]
     found = [(column, values) for column in columns if (values := _values(column, arrays)) is not None]
     n_rows = found[0][1].size if found else 0
     parts = [pa.array(np.full(n_rows, world, np.int32))]

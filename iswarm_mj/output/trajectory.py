@@ -9,8 +9,12 @@ from jaxtyping import Bool, Float, Int, UInt8, UInt32
 
 RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
 """Names of the files of a run."""
+OTHER_RECORDING = "run.rrd"
+"""Name of the recording of another task than cleaning."""
 ABOUT = "about"
 """Of a trajectory's arrays, the one that holds version, settings, genome and configuration as JSON."""
+AREA, METRIC = "area_", "metric_"
+"""Of the names of arrays that a task adds: its areas on the floor and its metrics."""
 
 
 class Scene(NamedTuple):
@@ -27,7 +31,7 @@ class Scene(NamedTuple):
     arena_size: float
     """Edge of the square arena, which is centred on the origin [m]."""
     dump: Float[np.ndarray, "4"]
-    """Rectangle [m]."""
+    """Rectangle [m]; of no size where the task has no dump."""
     dust_areas: Float[np.ndarray, "A 4"]
     """Rectangles [m]."""
     control_period: float
@@ -46,6 +50,17 @@ class Scene(NamedTuple):
     """Unit of each; empty where the strategy states none."""
     memory_sizes: tuple[int, ...] = ()
     """How many numbers each has for a robot."""
+    area_names: tuple[str, ...] = ()
+    """Areas on the floor beside dump and dust, see `Frames.task`."""
+    area_colours: tuple[tuple[int, int, int], ...] = ()
+    """Red, green and blue of each."""
+    area_shapes: tuple[str, ...] = ()
+    """Whether each is of squares or of discs."""
+    metric_names: tuple[str, ...] = ()
+    """Metrics of the task, see `Frames.task`."""
+    metric_units: tuple[str, ...] = ()
+    """Unit of each; empty for numbers without one."""
+    metric_descriptions: tuple[str, ...] = ()
 
     @property
     def arrows(self) -> list[str]:
@@ -112,14 +127,17 @@ class Frames:
     Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the robot's own frame (x
     ahead, y left), `dust_known`, whether there is one, and `dust_hop`, its hop count; likewise for the dump.
     """
+    task: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What the task adds: `area_NAME` (T, M, 3), x, y and half the width, or the radius, of M areas [m], and
+    `metric_NAME` (T,). Cleaning adds nothing: its metrics are `delivered` and `picked`."""
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.step)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return all arrays by their names, those of the memory included."""
-        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory)
+        """Return all arrays by their names, those of memory and task included."""
+        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory) | dict(self.task)
 
     def __getitem__(self, steps: slice) -> "Frames":
         """Return some of the frames."""
@@ -132,11 +150,12 @@ class Frames:
         return _frames({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
 
 
-ARRAYS = tuple(f.name for f in fields(Frames) if f.name != "memory")
+ARRAYS = tuple(f.name for f in fields(Frames) if f.name not in ("memory", "task"))
 """Names of the arrays that all trajectories have."""
 
 
 def _frames(arrays: Mapping[str, np.ndarray]) -> Frames:
-    """Frames of these arrays, of which those with other names are the memory's."""
-    memory = {name: array for name, array in arrays.items() if name not in ARRAYS}
-    return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory)
+    """Frames of these arrays, of which those with other names are the memory's or the task's."""
+    task = {name: array for name, array in arrays.items() if name.startswith((AREA, METRIC))}
+    memory = {name: array for name, array in arrays.items() if name not in ARRAYS and name not in task}
+    return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory, task=task)

@@ -121,6 +121,7 @@ class Run:
         self.starts = starts_of(config, self.worlds, cell_of(self.robot), task)
         capacity = settings.capacity or largest
         job = job_of(task, config, self.robot, self.starts, capacity)
+        self._task = job.task
         self.strategy, own = strategy, None
         if strategy is not None:
             own = of_all_worlds(strategy, config, self.robot, self.worlds, is_per_world=strategy_per_world)
@@ -228,14 +229,9 @@ class Run:
         """Return the progress of the task in each world (B,)."""
         return self._counts.progress
 
-    def metrics(self, world: int) -> dict[str, Any]:
-        """Return the metrics of the task in a world so far, by their names; None for what is not known.
-
-        Raises:
-            IndexError: there is no such world.
-        """
-        self._check_world(world)
-        return metrics_of(self.task, jax.tree.map(lambda a: a[world], self._things))
+    def metrics(self) -> dict[str, np.ndarray]:
+        """Return the metrics of the task in each world (B,) so far, by their names."""
+        return metrics_of(self._task, self._things)
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far.
@@ -243,14 +239,11 @@ class Run:
         Raises:
             IndexError: there is no such world.
         """
-        self._check_world(world)
+        if not 0 <= world < len(self.worlds):
+            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
         return measure(self._things.balls, world, int(counts.collisions[world]), finished_at)
-
-    def _check_world(self, world: int) -> None:
-        if not 0 <= world < len(self.worlds):
-            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

@@ -67,7 +67,18 @@ def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | Non
     return settings.stop_at
 
 
-def metrics_of(task: Task, things: Things) -> dict[str, float | int | bool | None]:
-    """Return the metrics of a world (`Task.metrics`) as plain numbers; None for what is no number."""
-    found = {name: np.asarray(value).item() for name, value in task.metrics(things).items()}
-    return {name: value if np.isfinite(value) else None for name, value in found.items()}
+def metrics_of(task: Task, things: Things) -> dict[str, np.ndarray]:
+    """Return the metrics (`Task.metrics`) of B worlds as NumPy arrays (B,).
+
+    Args:
+        task: with a first axis of B worlds.
+        things: likewise.
+    """
+    with jax.default_device(jax.devices("cpu")[0]):
+        return {name: np.asarray(values) for name, values in _metrics(task, things).items()}
+
+
+@jax.jit
+@jax.vmap
+def _metrics(task: Task, things: Things) -> dict[str, jax.Array]:
+    return task.metrics(things)

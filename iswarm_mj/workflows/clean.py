@@ -1,4 +1,4 @@
-"""The main job, for every engine: a cleaning run with its files, its progress and its summary."""
+"""The main job, for every engine: a run of a task with its files, its progress and its summary."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -8,11 +8,12 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from iswarm_mj.output import results
-from iswarm_mj.output.trajectory import RECORDING
+from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING
 from iswarm_mj.simulation.distributed import ALONE, Hosts
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import BUSY, postponed, saved
@@ -34,6 +35,8 @@ class Outcome(NamedTuple):
     """That computed."""
     measures: list[Measures]
     """Of each world."""
+    metrics: dict[str, list[Any]]
+    """Of the task in each world."""
     faults: list[str]
     """Of worlds that could not go on, by their numbers."""
 
@@ -77,7 +80,9 @@ def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[di
     with saved(unfinished.save):
         _record(run, settings, places, hosts)
         outcome = _gather(run, hosts)
-        content = results.result(run, settings, outcome.measures, outcome.step, time.perf_counter() - started)
+        content = results.result(
+            run, settings, outcome.measures, outcome.metrics, outcome.step, time.perf_counter() - started
+        )
         content |= {"devices": outcome.devices, "faults": outcome.faults}
         with postponed(), BUSY:
             results.write_result(out, content)
@@ -103,11 +108,12 @@ def _cleared(run: Run, out: Path) -> list[Path]:
 
 def _record(run: Run, settings: RunSettings, places: Sequence[Path], hosts: Hosts) -> None:
     """Take all steps and write what is recorded."""
+    recording = RECORDING if isinstance(run.task, Cleaning) else OTHER_RECORDING
     with ExitStack() as stack:
         recorders = []
         for index in range(len(run.settings.record_worlds)):
             with postponed():
-                recorders.append(Recorder(run, places[index] / RECORDING, index, places[index], settings))
+                recorders.append(Recorder(run, places[index] / recording, index, places[index], settings))
                 stack.enter_context(saved(recorders[-1].save))
         _advance(run, recorders, hosts)
         for recorder in recorders:
@@ -137,13 +143,17 @@ def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:
 
 def _gather(run: Run, hosts: Hosts) -> Outcome:
     """Bring together what the worlds of all processes came to."""
-    measures = [(world.index, run.measures(k)) for k, world in enumerate(run.worlds)]
+    metrics = run.metrics()
+    each = [{name: values[k].item() for name, values in metrics.items()} for k in range(len(run.worlds))]
+    measures = [(world.index, run.measures(k), each[k]) for k, world in enumerate(run.worlds)]
     shares = hosts.gathered("results", (run.step, run.devices, measures, [str(fault) for fault in run.faults]))
-    found = {index: Measures(*values) for _, _, measures, _ in shares for index, values in measures}
+    found = {index: (Measures(*values), own) for _, _, worlds, _ in shares for index, values, own in worlds}
+    ordered = [found[index] for index in sorted(found)]
     return Outcome(
         step=max(step for step, *_ in shares),
         devices=[device for _, devices, _, _ in shares for device in devices],
-        measures=[found[index] for index in sorted(found)],
+        measures=[values for values, _ in ordered],
+        metrics={name: [own[name] for _, own in ordered] for name in metrics},
         faults=[fault for *_, faults in shares for fault in faults],
     )
 
@@ -151,25 +161,31 @@ def _gather(run: Run, hosts: Hosts) -> Outcome:
 def summary(content: Mapping[str, Any], out: Path) -> str:
     """Readable summary of result.json, also of an interrupted run and of one that an earlier version wrote."""
 
-    def show(name: str) -> str:
-        values = content[name] if isinstance(content[name], list) else [content[name]]
+    def show(name: str, group: Mapping[str, Any] = content, form: str = "z.1f") -> str:
+        values = group[name] if isinstance(group[name], list) else [group[name]]
         if len(values) <= MAX_LISTED:
-            return ", ".join("-" if v is None else f"{v:z.1f}" if isinstance(v, float) else str(v) for v in values)
+            return ", ".join("-" if v is None else f"{v:{form}}" if isinstance(v, float) else str(v) for v in values)
         known = [v for v in values if v is not None]
         if not known:
             return "-"
         few = "" if len(known) == len(values) else f" in {len(known)} worlds"
-        return f"{fmean(known):z.1f} ({min(known):z.5g} to {max(known):z.5g}){few}"
+        return f"{fmean(known):{form}} ({min(known):z.5g} to {max(known):z.5g}){few}"
 
     wall_s, steps = content["wall_s"], content["steps"]
     how = "; averages and ranges" if content["n_worlds"] > MAX_LISTED else ""
-    lines = [
-        ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}{how}"),
-        ("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}"),
-        ("finished at", f"step {show('finished_at')} (goal {content['stop_at']}; ran {steps} steps)"),
-        ("carriage", f"{show('mean_carriage_steps')} steps on average"),
-        ("collisions", show("collisions")),
-        ("fitness", show("fitness")),
+    goal = "no goal" if content["stop_at"] is None else f"goal {content['stop_at']}"
+    lines = [("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}{how}")]
+    is_cleaning = "delivered" in content
+    if is_cleaning:
+        lines += [("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}")]
+    else:
+        lines += [("task", content["task"]["class"])]
+        lines += [(name.replace("_", " "), show(name, content["metrics"], "z.3g")) for name in content["metrics"]]
+    lines += [("finished at", f"step {show('finished_at')} ({goal}; ran {steps} steps)")]
+    lines += [("carriage", f"{show('mean_carriage_steps')} steps on average")] if is_cleaning else []
+    lines += [("collisions", show("collisions"))]
+    lines += [("fitness", show("fitness"))] if is_cleaning else []
+    lines += [
         ("time", f"{wall_s:.1f} s, " + _speed(content)),
         ("results", str(out)),
     ]

@@ -6,6 +6,7 @@ from pathlib import Path
 from iswarm_mj import __version__
 from iswarm_mj.output import results
 from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.task_arrays import watch
 from iswarm_mj.output.trajectory import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -40,7 +41,9 @@ class Recorder:
 
         self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
         number = run.worlds[run.settings.record_worlds[index]].index
-        self._scene = scene_of(run.config, run.robot, run.start, index, number, self._recorded, run.payload)
+        self._scene = scene_of(run.config, run.robot, run.start, index, number, self._recorded, run.payload, run.task)
+        own = run.worlds[run.settings.record_worlds[index]].config or run.config
+        self._watched = watch(run.task, own)
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]
@@ -72,7 +75,7 @@ class Recorder:
     def _write(self) -> None:
         if self._pending:
             pending, self._pending = self._pending, []
-            block = frames_of(pending, self._index, self._recorded)
+            block = frames_of(pending, self._index, self._recorded, self._watched)
             self._recording.append(block)
             if self._out is not None:
                 self._blocks.append(block)

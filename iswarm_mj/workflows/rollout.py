@@ -54,7 +54,7 @@ class Rollout(NamedTuple):
     faults: list[SimulationFault]
     """Worlds that could not go on; their numbers count up to there."""
     metrics: dict[str, np.ndarray]
-    """(B,) metrics of the task at the end, by their names; NaN for what is not known."""
+    """(B,) metrics of the task at the end, by their names."""
 
 
 def rollout(
@@ -150,7 +150,6 @@ def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> Vector
 
 def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
     measures = [run.measures(world) for world in range(len(run.worlds))]
-    metrics = [run.metrics(world) for world in range(len(run.worlds))]
     carriage = [m.mean_carriage_steps for m in measures]
     return Rollout(
         delivered=np.array([m.delivered for m in measures]),
@@ -163,7 +162,7 @@ def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarr
         delivered_after=delivered,
         poses=poses,
         faults=run.faults,
-        metrics={name: np.array([m[name] for m in metrics], float) for name in metrics[0]},
+        metrics=run.metrics(),
     )
 
 

@@ -46,12 +46,13 @@ class Unfinished:
         try:
             content = self._content()
         except RuntimeError:  # a program that runs has taken the state of the worlds
-            unknown = dict.fromkeys((*Measures._fields, "fitness"))
+            unknown = dict.fromkeys(name for name in (*Measures._fields, "fitness", "metrics") if name in self._start)
             content = self._start | unknown | {"steps": self._run.step}
         results.write_result(self._out, content)
 
     def _content(self) -> dict[str, Any]:
         run = self._run
         measures = [run.measures(world) for world in range(len(run.worlds))]
-        content = results.result(run, self._settings, measures, run.step, time.perf_counter() - self._started)
+        wall_s = time.perf_counter() - self._started
+        content = results.result(run, self._settings, measures, run.metrics(), run.step, wall_s)
         return content | {"devices": run.devices, "faults": [str(fault) for fault in run.faults]} | self._mark

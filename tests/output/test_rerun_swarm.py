@@ -11,6 +11,7 @@ import pytest
 from helpers_rrd import read
 from rerun.chunk import RrdReader
 
+from iswarm_mj.output import rerun_lines
 from iswarm_mj.output import rerun_swarm as record
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.said import stored
@@ -195,7 +196,7 @@ def test_state_precedence_by_hand():
     is_loaded = np.array([[False, False, False, False, True, True, True]])
     is_scout = np.array([False, False, True, True, False, True, True])
     has_priority = np.array([[False, True, False, True, False, False, True]])
-    assert record.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+    assert rerun_lines.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
 
 
 def test_balls(run):
@@ -273,7 +274,7 @@ def test_trails_of_loaded_robots_cross_blocks(run):
         who = np.flatnonzero(frames.is_loaded[t])
         assert len(strips) == len(who)
         for i, strip in zip(who, strips, strict=True):
-            past = frames.pose[max(0, t - record.TRAIL_FRAMES) : t + 1, i, :2]
+            past = frames.pose[max(0, t - rerun_lines.TRAIL_FRAMES) : t + 1, i, :2]
             np.testing.assert_allclose(np.array(strip)[:, :2], 1e3 * past, atol=1e-3)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from iswarm_mj.engines.arena import read_robot
@@ -11,6 +12,7 @@ from iswarm_mj.output.trajectory import TRAJECTORY
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 
@@ -29,9 +31,9 @@ def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     """Ten points for each of those that it was given, not of those that it took."""
     rules = {"genome": asdict(Genome())}
     parts = {"config": small, "rules": rules, "robot": read_robot(None), "robot_file": None, "identity": {}}
-    run = SimpleNamespace(**parts, goal=24, watch=Stopwatch(), first_call_s=2.5, step_s=0.01)
+    run = SimpleNamespace(**parts, task=CLEANING, goal=24, watch=Stopwatch(), first_call_s=2.5, step_s=0.01)
     measures = [Measures(24, 24, 60, 5.0, finished_at) for finished_at in (40, 55)]
-    content = results.result(run, RunSettings(30, 100, n_worlds=2), measures, 55, 1.0)
+    content = results.result(run, RunSettings(30, 100, n_worlds=2), measures, {"picked": np.array([24, 24])}, 55, 1.0)
     assert content["fitness"] == pytest.approx([40 * 24 + 10 * 60 - 0.1, 40 * 24 + 10 * 45 - 0.1])
     assert content["seconds"] == {"first_call": 2.5, "control_step": 0.01}
     assert content["finished_at"] == [40, 55] and (content["steps"], content["max_steps"]) == (55, 100)

@@ -38,5 +38,6 @@ def test_rewards_are_the_balls_part_of_the_fitness(small):
     measures = run.measures(0)
     assert measures.delivered >= 3 and measures.picked > measures.delivered
     assert total.sum() == POINTS * (measures.delivered + measures.picked)
-    assert run.metrics(0) == {"delivered": measures.delivered, "picked": measures.picked}
+    found = {name: values.tolist() for name, values in run.metrics().items()}
+    assert found == {"delivered": [measures.delivered], "picked": [measures.picked]}
     assert run.progress().tolist() == [measures.delivered]

@@ -1,16 +1,22 @@
 """A task outside the package: it runs on every engine, and what is wrong with one is said in a sentence."""
 
+import json
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_rrd import read
 from helpers_tasks import Eastward
 
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.clean import clean
 
 ENGINES = [MujocoSettings(1), PlanarSettings(1), PlanarSettings(impl="warp", chunk=4)]
 N = 6
@@ -59,7 +65,8 @@ def test_runs_on_every_engine(small, engine):
     assert is_east[-1].sum() not in (0, 2 * N)
     for world in range(2):
         assert run.progress()[world] == is_east[-1, world].sum()
-        assert run.metrics(world) == {"share": pytest.approx(is_east[-1, world].mean()), "steps": 12}
+        assert run.metrics()["share"][world] == pytest.approx(is_east[-1, world].mean())
+    assert run.metrics()["steps"].tolist() == [12, 12]
 
 
 def test_ends_at_its_goal(small):
@@ -155,3 +162,45 @@ def test_what_no_task_offers(small):
     """Cleaning has no gap to sense."""
     with pytest.raises(UserError, match=r"Homing.act raised KeyError: 'gap'"):
         Run(small, None, RunSettings(N, 12), MujocoSettings(1), strategy=Homing())
+
+
+class TestFiles:
+    """What is written of a run of another task, and read back."""
+
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def saved(tmp_path_factory):
+        small = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+        out = tmp_path_factory.mktemp("run")
+        run = run_of(small, PlanarSettings(1), record_worlds=(0, 1))
+        clean(run, run.settings, out)
+        return out, load(out)
+
+    def test_result(self, saved):
+        out, run = saved
+        content = json.loads((out / "result.json").read_text())
+        assert content["task"] == run.task == {"class": "Eastward", "line": 2.0}
+        assert not {"delivered", "fitness", "n_dust"} & content.keys() and content["stop_at"] == N
+        assert [m["steps"] for m in run.metrics] == content["metrics"]["steps"] == [12, 12]
+
+    def test_metrics_of_each_step(self, saved):
+        """The share that was counted in a step is that of the robots as the step began."""
+        _, run = saved
+        steps, robots = run.steps.to_pydict(), run.robots.to_pydict()
+        x = np.array(robots["x"]).reshape(2, 13, N)
+        shares = np.array(steps["share"]).reshape(2, 13)
+        np.testing.assert_allclose(shares[:, 1:], (x[:, :-1] > 2e-3).mean(axis=-1), atol=1e-6)
+        np.testing.assert_allclose(shares[:, -1], [m["share"] for m in run.metrics], atol=1e-6)
+        assert run.units["steps"]["share"] == ""
+
+    def test_recording(self, saved):
+        """Areas are drawn where the task has them, and neither dump nor dust; metrics are time series."""
+        out, run = saved
+        columns = read(out / "run.rrd")
+        boxes = columns["/world/arena/east"]
+        assert boxes["Boxes3D:centers"][3][0][:2] == pytest.approx([7.0, 0.0], abs=1e-5)
+        assert boxes["Boxes3D:half_sizes"][3][0][:2] == pytest.approx([5.0, 5.0], abs=1e-5)
+        drawn = {entity for entity in columns if entity.startswith("/world/arena")}
+        assert drawn == {f"/world/arena/{name}" for name in ("floor", "walls", "east")}
+        series = np.ravel(columns["/series/task/share"]["Scalars:scalars"])
+        np.testing.assert_allclose(series, run.steps.to_pydict()["share"][:13])

@@ -18,6 +18,8 @@ from iswarm_mj.workflows.recorder import BLOCK
 
 STEPS = BLOCK + 6
 
+OF_A_RUN = ("version", "engine", "settings", "task", "genome", "config", "robot")
+
 
 def run_to(config, record=True, steps=STEPS, **settings):
     """A run that stops when all balls are delivered; of several worlds the first is recorded."""
@@ -81,7 +83,7 @@ def test_trajectory_agrees_with_result(done):
     memory = {f"{place}_{part}" for place in ("dust", "dump") for part in ("vector", "known", "hop")}
     assert frames.keys() == {*ARRAYS, *memory, *(f"scene_{name}" for name in Scene._fields), ABOUT}
     about = json.loads(frames[ABOUT].item())
-    assert about == {name: content[name] for name in ("version", "engine", "settings", "genome", "config", "robot")}
+    assert about == {name: content[name] for name in OF_A_RUN}
     np.testing.assert_array_equal(frames["step"], np.arange(content["steps"] + 1))
     for name in ("delivered", "picked", "collisions"):
         assert frames[name][-1] == content[name] and frames[name][0] == 0
