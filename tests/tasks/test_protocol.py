@@ -110,7 +110,7 @@ WRONG = {
     "goal": (changed(goal=lambda self, c, n: 0.5), r"Eastward.goal must return a whole number above 0, or None \(got"),
     "state": (
         changed(advance=lambda self, t, a, k: (t._replace(own=3), Eastward.advance(self, t, a, k)[1])),
-        r"Eastward.advance must return Things of 11 arrays as its things",
+        r"Eastward.advance must return Things of \d+ arrays as its things",
     ),
     "senses": (
         changed(senses={"light": Quantity("of the sun")}),
