@@ -11,72 +11,27 @@ from iswarm_mj.commands.flags import _values
 from iswarm_mj.commands.main import COMMANDS
 
 NUMBERS = [
-    "0",
-    "1",
-    "-1",
-    "2",
-    "3",
-    "5",
-    "7",
-    "10",
-    "48",
-    "49",
-    "100",
-    "1000",
-    "0.0",
-    "0.1",
-    "0.5",
-    "0.999",
-    "1.0",
-    "1.5",
-    "30",
-    "45",
-    "60",
-    "89.9",
-    "90",
-    "180",
-    "360",
-    "1e-9",
-    "1e-6",
-    "1e-320",
-    "1e300",
-    "-0.0",
-    "nan",
-    "inf",
-    "-inf",
-    "1e999",
-    "4294967294",
-    "4294967295",
-    "4294967296",
-    "9223372036854775808",
-    "-9223372036854775809",
-    "1_000",
-    "0x10",
-    "١٢",
-    "+3",
-    "3.",
-    ".5",
-    "1e-3",
-    "5e-324",
-    "12345678901234567890",
-    "00012",
-    "1,5",
-    "1/2",
-] + ["9" * 400, "9" * 5000]
+    "0", "1", "-1", "2", "3", "5", "7", "10", "48", "49", "100", "1000", "0.0", "0.1", "0.5", "0.999", "1.0", "1.5",
+    "30", "45", "60", "89.9", "90", "180", "360", "1e-9", "1e-6", "1e-320", "1e300", "-0.0", "nan", "inf", "-inf",
+    "1e999", "4294967294", "4294967295", "4294967296", "9223372036854775808", "-9223372036854775809", "1_000", "0x10",
+    "١٢", "+3", "3.", ".5", "1e-3", "5e-324", "12345678901234567890", "00012", "1,5", "1/2", "9" * 400, "9" * 5000,
+]  # fmt: skip
 TEXTS = [
-    "", " ", "\n", "a\nb", "ä", "🤖", "\udcff", "None", "none", "True", "false", "--", "-", "-h", "=", "a" * 300, "a" * 5000,
-    "../..", "/dev/null", "/dev/full", "/proc/self/nothing", "%s%n", "{}", "'", '"', "$HOME", "*", "[1,2]", "NaN", "all",
+    "", " ", "\n", "a\nb", "ä", "🤖", "\udcff", "None", "none", "True", "false", "--", "-", "-h", "=", "a" * 300,
+    "a" * 5000, "../..", "/dev/null", "/dev/full", "/proc/self/nothing", "%s%n", "{}", "'", '"', "$HOME", "*", "[1,2]",
+    "NaN", "all",
 ]  # fmt: skip
 PATHS = [
-    "runs/clean", "runs/none", "genome.json", "odd.json", "walk.py", "walk.py:Walk", "walk.py:", ":Walk", "walk.py:None",
-    "robot6.xml", "odd.xml", "results", "empty", "new/deep", "a.html", "a.mp4", "a.png", "genome.json/below", "loop",
-    "type1", "type2", "evolved", "density", "types", "hop-count", "robustness", "sensitivity", "time-step",
-    "message-time", "evolve-paper", "grasp",
+    "runs/clean", "runs/none", "genome.json", "odd.json", "walk.py", "walk.py:Walk", "walk.py:", ":Walk",
+    "walk.py:None", "robot6.xml", "odd.xml", "results", "empty", "new/deep", "a.html", "a.mp4", "a.png", "loop",
+    "genome.json/below", "type1", "type2", "evolved", "density", "types", "hop-count", "robustness", "sensitivity",
+    "time-step", "message-time", "evolve-paper", "grasp",
 ]  # fmt: skip
-
 WALK = """
 from dataclasses import dataclass
 import jax.numpy as jnp
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy.interface import Command
 
 @dataclass
@@ -85,6 +40,10 @@ class Walk:
 
     def init(self, n_robots, key):
         return jnp.zeros(n_robots)
+
+    def say(self, memory, is_loaded):
+        nothing = VectorMemory.empty(len(is_loaded))
+        return Message(jnp.zeros(len(is_loaded), int), is_loaded, nothing, nothing)
 
     def picks(self, memory):
         return memory < jnp.inf

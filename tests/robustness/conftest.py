@@ -3,6 +3,9 @@
 import pytest
 from helpers_attack import Attack, numbers, seconds
 
+from iswarm_mj import MujocoSettings, Run, RunSettings
+from iswarm_mj.workflows.clean import clean
+
 KEY = "attack"
 
 
@@ -16,6 +19,14 @@ def attack(request):
     yield found
     request.node.user_properties.append((KEY, dict(found.counts)))
     found.check()
+
+
+@pytest.fixture(scope="session")
+def recorded_run(small, tmp_path_factory):
+    """Directory of a finished run of three steps with two recorded worlds."""
+    out, settings = tmp_path_factory.mktemp("recorded"), RunSettings(9, 3, n_worlds=2, record_worlds=(0, 1))
+    clean(Run(small, settings=settings, engine=MujocoSettings(1)), settings, out)
+    return out
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -1,6 +1,7 @@
 """Files that are cut off, garbled, foreign, endless, or no files at all: each is read, or refused in a sentence."""
 
 import io
+import shutil
 import warnings
 
 import pyarrow as pa
@@ -10,7 +11,7 @@ from helpers_broken_files import garbled, odd_arrays, odd_journal, odd_json, rem
 from helpers_command_lines import WALK
 from helpers_files import little_memory
 
-from iswarm_mj import MujocoSettings, Run, RunSettings, load
+from iswarm_mj import load
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.experiments.report.writer import report
@@ -24,10 +25,8 @@ from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
 from iswarm_mj.strategy.pytrees import check_methods
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.workflows.clean import clean
 
 GENOME = b'{"use_hop_count": true, "p_vector_forget": 0.29, "density_of_robots": 0.2, "fraction_scouts": 0.1}\n'
-N_STEPS = 3
 
 
 def attack_file(attack, path, good, read, odd=None, least=3):
@@ -93,14 +92,6 @@ def test_strategies(attack, tmp_path):
     attack_file(attack, path, WALK.encode(), lambda: check_methods(find_strategy(f"{path}:Walk")))
 
 
-@pytest.fixture(scope="module")
-def run_of_a_swarm(small, tmp_path_factory):
-    """Directory of a run with two recorded worlds."""
-    out, settings = tmp_path_factory.mktemp("run"), RunSettings(9, N_STEPS, n_worlds=2, record_worlds=(0, 1))
-    clean(Run(small, settings=settings, engine=MujocoSettings(1)), settings, out)
-    return out
-
-
 def read_everything(out):
     """A run by all that reads runs; refused if one of them refuses it."""
     refusals = []
@@ -122,12 +113,9 @@ def tables_of(out):
 
 @pytest.mark.attack(0.05)
 @pytest.mark.parametrize(("name", "odd"), [(RESULT, odd_json), (TRAJECTORY, odd_arrays)])
-def test_runs(attack, run_of_a_swarm, name, odd):
-    good = (run_of_a_swarm / name).read_bytes()
-    try:
-        attack_file(attack, run_of_a_swarm / name, good, lambda: read_everything(run_of_a_swarm), odd)
-    finally:
-        (run_of_a_swarm / name).write_bytes(good)
+def test_runs(attack, recorded_run, tmp_path, name, odd):
+    out = shutil.copytree(recorded_run, tmp_path / "run")
+    attack_file(attack, out / name, (out / name).read_bytes(), lambda: read_everything(out), odd)
 
 
 def same(jobs, *_):
