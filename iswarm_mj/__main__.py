@@ -1,5 +1,16 @@
-"""`python -m iswarm_mj`, the same as `iswarm`."""
+"""The program `iswarm`, and `python -m iswarm_mj`."""
 
-from iswarm_mj.commands.main import main
+import signal
 
-main()
+
+def main() -> None:
+    """Run the command of this process's arguments; until its handlers are set, an interruption ends it silently."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from iswarm_mj.commands.main import main as run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -311,6 +311,7 @@ class SwarmConfig:
     energy: EnergyConfig = added_later(EnergyConfig())
 
     def __post_init__(self):
+        validate(self)
         window, walk = self.optics.window, self.drive.walk_time
         limit = f"high enough for {self.optics.slots} slots to take less than the {walk:g} s in which robots walk"
         check("optics.baud_rate", self.optics.baud_rate, f"{limit}, and not {window:g} s", window < walk)

@@ -53,11 +53,11 @@ LONG = {
     "experiment": lambda out, _: [
         "experiment", "hop-count", "--engine=planar", "--workers=2", *FLAGS, "--quick", f"--out={out}",
     ],
-    "infer": lambda out, _: ["infer", "--quick", "--engine=planar", "--workers=2", *FLAGS, f"--out={out}"],
+    "infer": lambda out, _: ["infer", "--quick", "--engine=planar", "--workers=2", f"--out={out}"],
     "reproduce": lambda out, _: ["reproduce", "--quick", "--engine=planar", "--workers=2", f"--out={out}"],
     "grasp": lambda out, _: ["grasp", "--repeats=100", "--threads=1", f"--out={out}"],
     "report": lambda out, _: ["report", "--results", str(ROOT / "results"), f"--out={out}/a.html"],
-    "picture": lambda out, run: ["picture", str(run), "--step=1", "--width=4096", "--height=4096", f"--out={out}/a.png"],
+    "picture": lambda out, run: ["picture", str(run), "--width=4096", "--height=999", "--step=1", f"--out={out}/a.png"],
     "video": lambda out, run: ["video", str(run), "--frames-per-step=24", f"--out={out}/a.mp4"],
 }  # fmt: skip
 """Long commands, likewise."""

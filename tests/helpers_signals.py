@@ -10,7 +10,7 @@ SMALL = [*(f"--arena.{name}={value}" for name, value in ARENA.items()), "--robot
 
 def start(*arguments, before="", **more):
     """A process of `iswarm`, after some Python code; its error output is text, `more` is for `Popen`."""
-    code = f"{before}\nimport sys\nfrom iswarm_mj.commands.main import main\nmain()"
+    code = f"{before}\nimport sys\nfrom iswarm_mj.__main__ import main\nmain()"
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.Popen(command, stdout=-1, stderr=-1, text=True, env=environment, **more)

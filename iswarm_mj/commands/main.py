@@ -3,7 +3,6 @@
 import difflib
 import io
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
@@ -33,7 +32,7 @@ from iswarm_mj.commands.strategy_options import explained_flags, with_own
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.interruption import MESSAGE, Interrupted, interruptible
+from iswarm_mj.utils.interruption import code_of_signal, interruptible, leave, tell
 
 
 class Command(Protocol):
@@ -103,28 +102,39 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     stream.reconfigure(errors="backslashreplace")  # names of files may be no text
             parse(given).run()
             sys.stdout.flush()
-    except (UserError, SimulationFault) as error:
-        print(f"iswarm: {in_flags(error, COMMANDS.values())}", file=sys.stderr)
-        raise SystemExit(2 if isinstance(error, UserError) else 1) from None
-    except BrokenPipeError:  # whatever read the output, such as `head`, has ended
-        _discard_output()
-        raise SystemExit(141) from None
-    except OSError as error:
-        if error.filename is None:  # the output is no file that was named
-            _discard_output()
-        name = "the output" if error.filename is None else str(error.filename)
-        print(f"iswarm: {name} cannot be read or written ({error.strerror or error}); choose another.", file=sys.stderr)
-        raise SystemExit(2) from None
-    except KeyboardInterrupt as interruption:
-        code = interruption.code if isinstance(interruption, Interrupted) else 128 + signal.SIGINT
-        print(MESSAGE, file=sys.stderr)
-        if (
-            arguments is None and "warp" in sys.modules
-        ):  # its programs still call Python, and crash where that has ended
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
+    except BaseException as error:
+        code = code_of_signal(error)
+        if code is not None:
+            tell()
+            if arguments is None:
+                leave(code)
+            raise SystemExit(code) from None
+        code = _explained(error)
+        if code is None:
+            raise
         raise SystemExit(code) from None
+
+
+def _explained(error: BaseException) -> int | None:
+    """Explain an error on the standard error, and return the exit code; None for what is no user's."""
+    match error:
+        case UserError() | SimulationFault():
+            words = in_flags(error, COMMANDS.values())
+            code = 2 if isinstance(error, UserError) else 1
+        case BrokenPipeError():  # whatever read the output, such as `head`, has ended
+            _discard_output()
+            return 141
+        case OSError():
+            if error.filename is None:  # the output is no file that was named
+                _discard_output()
+            name = "the output" if error.filename is None else str(error.filename)
+            words, code = f"{name} cannot be read or written ({error.strerror or error}); choose another.", 2
+        case MemoryError():
+            words, code = f"there is not enough memory ({error or 'none is left'}); use fewer worlds or robots.", 2
+        case _:
+            return None
+    print(f"iswarm: {' '.join(words.splitlines())}", file=sys.stderr)  # names of files may have several lines
+    return code
 
 
 def _check_paths(arguments: Sequence[str]) -> None:

@@ -1,5 +1,6 @@
 """A run read back from its files: what it was, what it came to, and tidy tables of what was recorded."""
 
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,7 @@ from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.serialization import restored
 from iswarm_mj.utils.units import ROBOT_DIAMETER
@@ -129,15 +131,16 @@ def load(path: str | Path) -> SavedRun:
     Warns:
         UserWarning: an earlier version wrote the trajectory, and columns are missing.
     """
+    check_kind("path", path, (str, Path))
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         place = path
         files = [path / TRAJECTORY] if (path / TRAJECTORY).exists() else []
         files += sorted(path.glob(f"world-*/{TRAJECTORY}"), key=_number)
         if not files and not (path / RESULT).exists():
             raise UserError(f"{path} holds neither {RESULT} nor {TRAJECTORY}; {REMEDY}.")
     elif path.name == RESULT:
-        return replace(load(path.parent), path=path) if path.exists() else _nothing(path)
+        return replace(load(path.parent), path=path) if os.path.exists(path) else _nothing(path)
     else:
         place, files = path.parent, [path]
     read = {file: read_trajectory(file) for file in files}

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import jax
@@ -28,7 +29,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 from iswarm_mj.tasks.protocol import Task, Things
 from iswarm_mj.tasks.signatures import check_object
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
@@ -73,7 +74,7 @@ class Run:
         strategy: Strategy | Genome | Any = None,
         strategy_per_world: bool = False,
         task: Task | Any = CLEANING,
-        robot_file: Path | None = None,
+        robot_file: Path | str | None = None,
     ):
         """Prepare the worlds.
 
@@ -93,19 +94,26 @@ class Run:
             UserError: robots, worlds or settings that do not fit.
         """
         configure_jax()
+        check_kind("config", config, SwarmConfig)
         if isinstance(strategy, Genome):
             if worlds is not None:
                 raise UserError("strategy is a genome, but worlds have their own; leave out one of them")
             genome, strategy = strategy, None
         genome = PRESETS["type1"] if genome is None else genome
+        check_kind("genome", genome, Genome)
+        check_kind("robot_file", robot_file, (Path, str, NoneType))
+        robot_file = None if robot_file is None else Path(robot_file)
         self.robot = read_robot(robot_file)
         if settings is None:
             density = genome.density_of_robots
             settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
+        check_kind("settings", settings, RunSettings)
         self.config, self.genome, self.settings = config, genome, settings
         self.engine = MujocoSettings() if engine is None else engine
-        kinds = MujocoSettings, PlanarSettings, MjxSettings
-        check("engine", self.engine, " or ".join(kind.__name__ for kind in kinds), isinstance(self.engine, kinds))
+        check_kind("engine", self.engine, (MujocoSettings, PlanarSettings, MjxSettings))
+        if worlds is not None:
+            are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
+            check("worlds", type(worlds).__name__, "a list of World", are_worlds)
         self.worlds = worlds_of_seed(genome, settings) if worlds is None else list(worlds)
         n_worlds = len(self.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)

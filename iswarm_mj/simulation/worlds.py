@@ -15,6 +15,7 @@ from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.start_check import check_start
 from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -23,7 +24,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.utils.robot import Robot
 
 
@@ -167,19 +168,7 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
 
 def _start(config: SwarmConfig, world: World, cell: float, task: Task) -> Start:
     if world.start is not None:
-        _check_start(world.start, world.n_robots, config.arena.n_dust if task == CLEANING else None)
+        check_start(world.start, world.n_robots, config.arena, config.arena.n_dust if task == CLEANING else None)
         return world.start
     own = world.config or config
     return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction, cell, task)
-
-
-def _check_start(start: Start, n_robots: int, n_dust: int | None) -> None:
-    """Raise a ConfigError unless a start has the shapes of its world, with as many balls if that is given."""
-    shapes = {"poses": (n_robots, 3), "is_alive": (n_robots,)}
-    for name, shape in shapes.items():
-        found = np.shape(getattr(start, name))
-        check(f"start.{name}", found, f"an array of shape {shape}", found == shape)
-    n_dust = len(start.balls.radius) if n_dust is None else n_dust
-    for name, values in start.balls._asdict().items():
-        found = np.shape(values)
-        check(f"start.balls.{name}", found, f"an array of {n_dust} balls", found[:1] == (n_dust,))

@@ -3,7 +3,7 @@
 import functools
 import math
 import numbers
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from iswarm_mj.utils.errors import ConfigError
@@ -51,6 +51,13 @@ def check(name: str, value: Any, constraint: str, ok: bool) -> None:
         raise ConfigError(name, value, constraint)
 
 
+def check_kind(name: str, value: Any, kind: type | tuple[type, ...], remedy: str | None = None) -> None:
+    """Raise a `ConfigError` unless a value is an object of a class, or of one of several."""
+    if not isinstance(value, kind):
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        raise ConfigError(name, value, f"a {' or '.join(cls.__name__ for cls in kinds)}", remedy)
+
+
 def validate(settings: Any, group: str = "") -> None:
     """Check the fields of a dataclass against their types and their `Within`; to be called by `__post_init__`.
 
@@ -68,8 +75,11 @@ def validate(settings: Any, group: str = "") -> None:
         if kind is bool:
             check(full, value, "true or false", isinstance(value, bool))
         elif get_origin(kind) is Literal:
-            check(full, value, " or ".join(get_args(kind)), value in get_args(kind))
+            check(full, value, " or ".join(get_args(kind)), isinstance(value, str) and value in get_args(kind))
+        elif isinstance(kind, type) and is_dataclass(kind):
+            check_kind(full, value, kind)
         elif constraint is not None and get_origin(kind) is tuple:
+            check_kind(full, value, tuple)
             for element in value:
                 _check_number(full, element, get_args(kind)[0], constraint)
         elif constraint is not None and not (value is None and type(None) in get_args(kind)):

@@ -21,10 +21,6 @@ MESSAGE = "iswarm: interrupted; anything recorded so far is kept."
 class Interrupted(KeyboardInterrupt):
     """A signal arrived."""
 
-    def __init__(self, number: int):
-        super().__init__()
-        self.code = 128 + number
-
 
 class _State:
     """Of this process; only its main thread handles signals."""
@@ -35,8 +31,12 @@ class _State:
     """The signal that was postponed."""
     is_noticed = False
     """Whether the exception was raised."""
+    number: int | None = None
+    """The signal for which it was."""
     is_lost = False
     """Whether something swallowed it."""
+    is_told = False
+    """Whether the user was told."""
     savers: ClassVar[list[Callable[[], None]]] = []
 
 
@@ -87,13 +87,43 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
         _State.savers.remove(save)
 
 
+def code_of_signal(error: BaseException) -> int | None:
+    """Exit code of a process that this error ends because of a signal; None if there was none.
+
+    Where libraries are loaded they make another error of the one that was raised.
+    """
+    number = _State.number
+    if number is None and isinstance(error, KeyboardInterrupt):
+        number = signal.SIGINT
+    return None if number is None or isinstance(error, SystemExit) else 128 + number
+
+
+def tell() -> None:
+    """Tell the user once, on the standard error, that the command was interrupted."""
+    if not _State.is_told:
+        _State.is_told = True
+        with suppress(OSError, ValueError):
+            print(MESSAGE, file=sys.stderr)
+
+
+def leave(code: int) -> None:
+    """End the process after its output, without what Python does at its end.
+
+    Libraries of which a signal interrupted the loading, or threads of which run on, may crash there.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
 def _arrived(number: int, _: Any) -> None:
     """Handle a signal, unless it is the second one."""
     if _State.depth:
         _State.waiting = number
     elif not _State.is_noticed:
-        _State.is_noticed = True
-        raise Interrupted(number)
+        _State.is_noticed, _State.number = True, number
+        raise Interrupted
 
 
 def _swallowed(about: Any) -> None:
@@ -119,17 +149,13 @@ def _watch(reader: int, numbers: list[int]) -> None:
         if late > GRACE_S and (not _State.is_noticed or (late > GRACE_S + PARTING_S and not _State.savers)):
             with BUSY:
                 if not _State.is_noticed or not _State.savers:
-                    _leave(128 + number)
+                    _save_and_leave(128 + number)
 
 
-def _leave(code: int) -> None:
+def _save_and_leave(code: int) -> None:
     """Save everything and end the process, whatever its main thread does."""
     for save in reversed(_State.savers):
         with suppress(Exception):
             save()
-    if not _State.is_noticed:
-        print(MESSAGE, file=sys.stderr)
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):
-            stream.flush()
-    os._exit(code)
+    tell()
+    leave(code)

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import NoneType
 from typing import Any, NamedTuple, cast
 
 import jax
@@ -24,7 +25,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_object
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
 from iswarm_mj.workflows.recorder import Recorder
@@ -101,9 +102,13 @@ def rollout(
     """
     _check_keys(keys)
     check_object(task)
+    check_kind("config", config, SwarmConfig)
+    check_kind("record", record, (str, Path, NoneType))
+    check_kind("poses_of", poses_of, (list, tuple, range))
     check("every", every, "a whole number between 1 and 10000", isinstance(every, int) and 1 <= every <= 10_000)
     n_worlds = len(keys)
-    known = len(set(poses_of)) == len(poses_of) and all(world in range(n_worlds) for world in poses_of)
+    known = all(isinstance(world, int) and world in range(n_worlds) for world in poses_of)
+    known = known and len(set(poses_of)) == len(poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
     recorded = tuple(poses_of) or (() if record is None else (0,))
     settings = RunSettings(n_robots, steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)

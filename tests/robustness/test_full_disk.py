@@ -1,4 +1,4 @@
-"""A disk that becomes full at any write of whole commands, a directory that vanishes, two processes in one directory."""
+"""A disk that becomes full at any write of whole commands, a directory that vanishes, two processes in one."""
 
 import os
 import shutil

@@ -67,6 +67,27 @@ def test_in_the_middle_of_a_run(tmp_path, number):
     assert check(tmp_path)["steps"] >= 63  # a block of frames is the start and these
 
 
+LOADING = """
+import sys, time
+class Loader:  # of a library that makes an ImportError of whatever happens while it is loaded
+    def find_spec(self, name, *_):
+        if name == "mujoco":
+            try:
+                print("loading", flush=True)
+                time.sleep(600)
+            except BaseException as error:
+                raise ImportError("initialization failed") from error
+sys.meta_path.insert(0, Loader())
+"""
+
+
+def test_where_a_library_makes_another_error_of_it(tmp_path):
+    with start("clean", *SMALL, "--out", tmp_path, before=LOADING) as process:
+        assert process.stdout.readline() == "loading\n"
+        ended(process, signal.SIGTERM)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(("before", "word"), [(COMPILING, "compiling"), (SWALLOWED, "collecting")])
 def test_where_python_does_not_notice(tmp_path, before, word):
     with start("clean", *SMALL, "--seed", 5, "--out", tmp_path, before=before) as process:

@@ -139,7 +139,7 @@ class TestWhatDoesNotFit:
     def test_starts_with_other_balls(self, small):
         start = draw_start(small, 5, 0, 0)
         start = start._replace(balls=start.balls._replace(radius=start.balls.radius[:7]))
-        with pytest.raises(ConfigError, match=r"start\.balls\.radius must be an array of 24 balls \(got \(7,\)\)"):
+        with pytest.raises(ConfigError, match=r"start\.balls\.radius must be an array of shape \(24,\) \(got \(7,\)\)"):
             Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
 
     @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])
@@ -153,7 +153,7 @@ class TestWhatDoesNotFit:
 
     @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
     def test_engines(self, small, engine):
-        with pytest.raises(ConfigError, match="engine must be MujocoSettings or PlanarSettings or MjxSettings"):
+        with pytest.raises(ConfigError, match="engine must be a MujocoSettings or PlanarSettings or MjxSettings"):
             Run(small, TYPE1, RunSettings(5, 3), engine)
 
     def test_more_deliveries_than_balls(self, small):
