@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import fields
-from typing import get_args
+from typing import get_args, get_type_hints
 
 import pytest
 
@@ -40,10 +40,10 @@ def test_the_long_help_has_every_flag(capfd, command):
 def test_ranges_and_units_are_those_of_the_annotations(capfd):
     text, _ = shown(capfd, "clean", "--help-all")
     checked = 0
-    for group in fields(SwarmConfig):
-        for f in fields(config := group.default_factory):
+    for group, config in get_type_hints(SwarmConfig).items():
+        for f in fields(config):
             if (constraint := constraint_of(config, f.name)) is not None:
-                flag = f"--{group.name}.{f.name.replace('_', '-')} "
+                flag = f"--{group}.{f.name.replace('_', '-')} "
                 own = text[text.index(flag) :].split(" --")[0]
                 assert f"({str(constraint).split(', since')[0]}; default " in own
                 checked += 1

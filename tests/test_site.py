@@ -1,0 +1,152 @@
+"""The documentation: its tables are those of the code, its commands work, the site builds without the network."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+import iswarm_mj
+from iswarm_mj.commands import swarm_options
+from iswarm_mj.commands.main import COMMANDS, parse
+from iswarm_mj.strategy.interface import Observation
+from iswarm_mj.utils.errors import FaultKind
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+sys.path.append(str(ROOT / "tools"))
+from make_tables import BLOCK, MADE, filled  # noqa: E402
+
+
+def commands(page):
+    """The commands of `iswarm` in a page's blocks, without their comments."""
+    blocks = re.findall(r"```bash\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    parts = [part for line in lines for part in re.split(r"\s&&\s", line)]
+    return [shlex.split(part, comments=True) for part in parts if part.strip().startswith("iswarm ")]
+
+
+ALL = [(page.name, shlex.join(words)) for page in PAGES for words in commands(page)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tables_that_the_code_determines_are_up_to_date(page):
+    text = page.read_text(encoding="utf-8")
+    assert filled(text) == text, "run `python tools/make_tables.py`"
+
+
+def test_each_table_is_on_a_page_and_complete():
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert {name for _, name, _ in BLOCK.findall(text)} == set(MADE)
+    faults = (ROOT / "docs/faults.md").read_text(encoding="utf-8")
+    assert [kind.name for kind in FaultKind if f"| `{kind.name}` |" not in faults] == []
+    assert all(len(row.split("|")[3].strip()) > 10 for row in faults.splitlines() if row.startswith("| `"))
+    observed = (ROOT / "docs/observation.md").read_text(encoding="utf-8")
+    assert [name for name in Observation._fields if f"| `{name}` |" not in observed] == []
+
+
+def test_the_reference_has_every_root_name():
+    text = (ROOT / "docs/api.md").read_text(encoding="utf-8")
+    assert [name for name in iswarm_mj.__all__ if not re.search(rf"^::: iswarm_mj\.[\w.]+\.{name}$", text, re.M)] == []
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_bytes()) <= 5000
+
+
+def test_there_are_commands():
+    assert len(ALL) > 20 and {command.split()[1] for _, command in ALL} >= set(COMMANDS) - {"infer", "video"}
+
+
+@pytest.fixture
+def example(tmp_path, monkeypatch):
+    """A directory with the files that pages name."""
+    strategies = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
+    (tmp_path / "walk.py").write_text(re.search(r"```python\n(# walk.py.*?)```", strategies, re.S)[1])
+    start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
+    (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
+    (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    (tmp_path / "my_robot.xml").symlink_to(ROOT / "models/robot6.xml")
+    (tmp_path / "results").symlink_to(ROOT / "results")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+INSTALLED = ("--strategy type2",)
+"""Parts of commands that need the package to be installed, not only to be found."""
+
+
+@pytest.mark.parametrize(("page", "command"), ALL)
+def test_commands_are_understood(page, command, example, monkeypatch):
+    words = shlex.split(command)[1:]
+    if any(part in command for part in INSTALLED) or ("--config" in words and "result.json" in command):
+        pytest.skip("needs what another command writes; the slow test runs it")
+    if "--help" in words:
+        with pytest.raises(SystemExit) as end:
+            parse(words)
+        assert end.value.code == 0
+    else:
+        if "--worlds 1024" in command:  # which is for a GPU
+            monkeypatch.setattr(swarm_options, "can_use_warp", lambda: True)
+        parsed = parse(words)
+        if hasattr(parsed, "checked"):
+            parsed.checked()
+
+
+QUICK = {
+    "clean": "--steps 12",
+    "bench": "--steps 4 --warm-up 2 --worlds 2",
+    "grasp": "--repeats 1 --radius 20e-6",
+    "evolve": "--generations 2 --population 4 --steps 10",
+    "experiment": "--quick",
+    "reproduce": "--quick",
+    "infer": "--quick",
+}
+"""What makes a command short, where it is not."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
+def test_commands_run(page, example):
+    """One after the other, as a reader types them, with fewer steps and runs."""
+    from iswarm_mj.commands.main import main
+
+    main(["clean", "--steps", "101"])  # what pages look at
+    for words in commands(page):
+        if "--help" in words or any(part in shlex.join(words) for part in INSTALLED):
+            continue
+        more = QUICK.get(words[1], "").split() if "--force-curve" not in words else []
+        if "--worlds" in words:
+            more += ["--worlds", "2"]
+        if words[1] == "picture":
+            more += ["--width", "64", "--height", "64", "--step", "5"]
+        out = [part for part in words if part.startswith("docs/")]
+        main([part if part not in out else "picture.png" for part in words[1:]] + more)
+
+
+class TestSite:
+    @pytest.fixture(scope="class")
+    def site(self, tmp_path_factory):
+        """The site, built where mkdocs is installed (the extra docs)."""
+        pytest.importorskip("material")
+        from mkdocs.commands.build import build
+        from mkdocs.config import load_config
+
+        out = tmp_path_factory.mktemp("site")
+        build(load_config(str(ROOT / "mkdocs.yml"), site_dir=str(out), strict=True))
+        return out
+
+    def test_it_loads_nothing_from_elsewhere(self, site):
+        pages = sorted(site.glob("*.html"))
+        assert len(pages) >= len(PAGES) - 1
+        for page in pages:
+            loaded = re.findall(r"<(?:script|img|link|iframe)\b[^>]*>", page.read_text(encoding="utf-8"))
+            assert [tag for tag in loaded if re.search(r"""(?:src|href)=["']?(?:https?:)?//""", tag)] == []
+
+    def test_figures_and_reference_are_there(self, site):
+        assert list((site / "figures").rglob("*.png"))
+        text = (site / "api.html").read_text(encoding="utf-8")
+        assert all(f'id="iswarm_mj.{name}"' in text for name in ("simulation.run.Run.advance", "output.saved.load"))
+        assert "Take the next control steps" in text

@@ -1,0 +1,103 @@
+"""Writes the tables of docs/ that the code determines: blocks from `<!-- made: NAME -->` to `<!-- made -->`.
+
+Run it as `python tools/make_tables.py`; `tests/test_made_tables.py` checks that the pages are up to date.
+"""
+
+import re
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from iswarm_mj.commands.config_options import ConfigOptions
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.tables import TABLES
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.utils.constraints import choices, constraint_of
+from iswarm_mj.utils.docstrings import field_docs
+from iswarm_mj.utils.errors import FaultKind, SimulationFault
+
+DOCS = Path(__file__).parents[1] / "docs"
+BLOCK = re.compile(r"(<!-- made: ([\w-]+) -->\n).*?(<!-- made -->)", re.DOTALL)
+_UNIT = re.compile(r"\s*\[([^\]]+)\]")
+FRAMES = {
+    "bearing": "the robot's own",
+    "ball_vector": "the robot's own",
+    "payload": "the sender's, for vectors",
+    "turn": "the robot's own",
+    "forward": "the robot's own, along x",
+}
+"""Frames of what has a direction."""
+
+
+def table(head: str, rows: list[tuple[Any, ...]]) -> str:
+    """Return a Markdown table."""
+    lines = [f"| {head} |", "|" + "---|" * (head.count("|") + 1)]
+    return "\n".join(
+        [*lines, *("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in rows)]
+    )
+
+
+def columns(name: str) -> str:
+    """Return the columns of a table that `iswarm_mj.load` makes."""
+    rows = [(f"`{column.name}`", column.unit, column.description) for column in TABLES[name]]
+    return table("column | unit | meaning", rows)
+
+
+def of_arrays(cls: type) -> str:
+    """Return fields of arrays: shape, unit, frame and meaning."""
+    docs, rows = field_docs(cls), []
+    for name, kind in get_type_hints(cls).items():
+        unit = _UNIT.search(docs[name])
+        shape = f"({getattr(kind, 'dim_str', 'N ...').replace(' ', ', ')})"
+        kinds = {"Bool": "bool", "Float": "float", "Int": "int"}
+        dtype = kinds.get(kind.__name__.split("[")[0], "") if hasattr(kind, "dim_str") else "by name"
+        meaning = _UNIT.sub("", docs[name]).strip(" ,")
+        rows.append((f"`{name}`", shape, dtype, unit[1] if unit else "", FRAMES.get(name, ""), meaning))
+    return table("name | shape | type | unit | frame | meaning", rows)
+
+
+def faults() -> str:
+    """Return each kind of fault with its remedy."""
+    rows = [(f"`{kind.name}`", *str(SimulationFault(kind=kind)).split("; ", 1)) for kind in FaultKind]
+    return table("kind | what is said | remedy", rows)
+
+
+def settings() -> str:
+    """Return the parameters of the configuration, a table for each group, and of the genome."""
+    groups = list(get_type_hints(SwarmConfig).items())
+    parts = []
+    for name, cls in [*groups, ("genome", Genome)]:
+        rows = []
+        for f in fields(cls):
+            limits = constraint_of(cls, f.name)
+            allowed = str(limits) if limits else " or ".join(map(str, choices(cls, f.name))) or "true or false"
+            prefix = "" if name == "genome" else f"{name}."
+            is_flag = name == "genome" or name in get_type_hints(ConfigOptions)
+            flag = f"--{prefix}{f.name.replace('_', '-')}" if is_flag else f"{prefix}{f.name}"
+            rows.append((f"`{flag}`", f"{getattr(cls(), f.name)}", allowed, field_docs(cls)[f.name]))
+        title = "genome (`--genome` gives all)" if name == "genome" else name
+        parts.append(f"## {title}\n\n" + table("flag | default | allowed | meaning", rows))
+    return "\n\n".join(parts)
+
+
+MADE = {
+    **{name: lambda name=name: columns(name) for name in TABLES},
+    "Observation": lambda: of_arrays(Observation),
+    "Command": lambda: of_arrays(Command),
+    "faults": faults,
+    "settings": settings,
+}
+
+
+def filled(text: str) -> str:
+    """Return the text of a page with its blocks made anew."""
+    return BLOCK.sub(lambda block: f"{block[1]}\n{MADE[block[2]]()}\n\n{block[3]}", text)
+
+
+if __name__ == "__main__":
+    for page in sorted(DOCS.glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if (new := filled(text)) != text:
+            page.write_text(new, encoding="utf-8")
+            print(page)
