@@ -2,12 +2,14 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.interface import Observation
+from iswarm_mj.tasks.layout import untouched
 from iswarm_mj.utils.units import RD
 
 RADIUS = 3.5 * RD

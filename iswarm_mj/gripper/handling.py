@@ -78,6 +78,10 @@ class Rules(NamedTuple):
     """Decides what comes of them."""
 
 
+RULES = Rules()
+"""Of the balance of the forces, and a control step of a second."""
+
+
 def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
     """Whether each robot stays at an attempt that has not ended."""
     return jnp.zeros(n_robots, bool).at[balls.worker].max(balls.wait > 0)
@@ -92,7 +96,7 @@ def handle(
     picks: Bool[Array, "N"],
     falls: Bool[Array, "K"],
     *,
-    rules: Rules = Rules(),
+    rules: Rules = RULES,
     key: Array | None = None,
     voltage: Float[Array, "N"] | None = None,
 ) -> tuple[Balls, Bool[Array, "N"]]:

@@ -217,9 +217,13 @@ def _settings(about: Mapping[str, Any], recorded: tuple[int, ...]) -> RunSetting
 
 
 def _measures(about: Mapping[str, Any], n_worlds: int) -> list[Measures]:
-    if not all(name in about for name in Measures._fields):
+    usual = Measures._field_defaults
+    if not all(name in about for name in Measures._fields if name not in usual):
         return []
-    columns = [about[name] if n_worlds > 1 else [about[name]] for name in Measures._fields]
+    columns = []
+    for name in Measures._fields:
+        found = about.get(name)
+        columns.append([usual[name]] * n_worlds if name not in about else found if n_worlds > 1 else [found])
     return [Measures(*values) for values in zip(*columns, strict=True)]
 
 

@@ -10,12 +10,13 @@ from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
-from iswarm_mj.gripper.handling import loaded
+from iswarm_mj.gripper.handling import loaded, working
 from iswarm_mj.sensors.channel import Channel, Received, exchange
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
 from iswarm_mj.sensors.messages import PRIORITY, Message
+from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.payloads import layout_of, said
@@ -97,8 +98,12 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
         observation = heard_in_turn(observation, turns, seen.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, policy_key)
     command = executed(config, params.conditions, command, jax.random.fold_in(seen.step_key, 5))
-    command = jax.tree.map(lambda a: jnp.where(is_alive, a, 0.0), command)
-    decided = SwarmState(memory, seen.things.balls, is_alive, seen.things.own)
+    acts = is_alive if observation.waits is None else is_alive & ~observation.waits
+    command = jax.tree.map(lambda a: jnp.where(acts, a, 0.0), command)
+    energy = seen.energy
+    if energy is not None:
+        energy = power.after(config, energy, command, (swarm.balls, seen.things.balls), acts)
+    decided = SwarmState(memory, seen.things.balls, is_alive, seen.things.own, energy)
     kept = jax.tree.map(lambda new, old: jnp.where(situation.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     return Decision(kept, command, flag, seen.links, seen.spoken, params.task.progress(kept.things))
@@ -118,6 +123,8 @@ class Perceived(NamedTuple):
     step_key: Array
     policy_key: Array
     """Random keys of the world and step, the second of its strategy."""
+    energy: Any = None
+    """In the robots' capacitors (N,), with what light put in [J]; None where they have none."""
 
 
 def perceive(
@@ -156,11 +163,18 @@ def perceive(
         return exchange(channel, payload, sight.links, channel_key)
 
     received = transmit(payload)
-    around = Around(poses, params.is_present, swarm.is_alive, picks, params.conditions, config, robot)
+    energy, volts, waits = None, None, jnp.zeros(n_robots, bool)
+    if swarm.energy is not None:
+        energy = power.charged(config, swarm.energy)
+        volts, waits = power.voltage(config.energy, energy), ~power.can_act(config, energy)
+    around = Around(poses, params.is_present, swarm.is_alive, picks & ~waits, params.conditions, config, robot, volts)
     things, sensed = params.task.advance(swarm.things, around, task_key)
+    waits = waits | working(things.balls, n_robots)
     observation = _observe(sight, received, sensed, loaded(things.balls, n_robots))
+    if takes_time(config):
+        observation = observation._replace(waits=waits)
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
-    return Perceived(observation, things, sight.links, spoken, transmit, step_key, policy_key)
+    return Perceived(observation, things, sight.links, spoken, transmit, step_key, policy_key, energy)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
@@ -171,6 +185,11 @@ def decide_worlds(
     of_one = partial(decide, config, robot)
     steps = jnp.broadcast_to(situation.step, situation.is_running.shape)
     return jax.vmap(of_one)(params, swarm, situation._replace(step=steps))
+
+
+def takes_time(config: SwarmConfig) -> bool:
+    """Whether robots ever wait: for an attempt to end, or for energy."""
+    return config.energy.model != "none" or config.gripper.grasp_time > 0 or config.gripper.release_time > 0
 
 
 def executed(config: SwarmConfig, conditions: Conditions, command: Command, key: Array) -> Command:

@@ -24,6 +24,16 @@ class Measures(NamedTuple):
     """Mean number of control steps for which a delivered ball was carried; None before the first."""
     finished_at: int | None
     """Control step after which the wanted number of balls was delivered; None if it was not."""
+    attempts: int = 0
+    """To lift a ball."""
+    failed_grasps: int = 0
+    """Attempts to lift a ball in vain."""
+    failed_releases: int = 0
+    """Attempts to release a ball in vain."""
+    postponed: int = 0
+    """Attempts for which there was no room among the trials of a control step, and which were made in a later one."""
+    work_time: float = 0.0
+    """Time that attempts took on the bench, summed [s]; 0 where the balance of the forces decides."""
 
 
 def measure(balls: Balls, world: int, collisions: int, finished_at: int | None) -> Measures:
@@ -43,7 +53,13 @@ def measure(balls: Balls, world: int, collisions: int, finished_at: int | None) 
         collisions=collisions,
         mean_carriage_steps=float(carried.mean()) if len(carried) else None,
         finished_at=finished_at,
+        **{name: int(np.asarray(getattr(balls, name)[world]).sum()) for name in COUNTED},
+        work_time=float(np.asarray(balls.work_time[world]).sum()),
     )
+
+
+COUNTED = ("attempts", "failed_grasps", "failed_releases", "postponed")
+"""Counts of each ball."""
 
 
 def fitness(measures: Measures, n_robots: int, n_dust: int, max_steps: int) -> float:

@@ -2,6 +2,7 @@
 
 import importlib.util
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.simulation import power
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
@@ -71,7 +73,10 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     if strategy is None:
         strategy = vector_strategies(config, robot, worlds)
     params = world_params(config, worlds, strategy, plan.goal, capacity, plan.task)
-    poses, state = first_state(plan.starts, params)
+    if config.gripper.bench == "auto":
+        shared = replace(shared, gripper=replace(shared.gripper, bench="c" if plan.engine.on_host else "mjx"))
+    energy = None if config.energy.model == "none" else power.full(config.energy)
+    poses, state = first_state(plan.starts, params, energy)
     start = start_record(state, poses, settings.record_worlds, robot)
     engine = plan.engine
     if engine.on_host:

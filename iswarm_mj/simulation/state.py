@@ -41,6 +41,8 @@ class SwarmState(NamedTuple):
     """The others neither sense, nor send, nor move: they only stand in the way."""
     own: Any = None
     """What the task keeps beside the balls."""
+    energy: Any = None
+    """In the robots' capacitors (*B, N) [J]; None where they have none."""
 
     @property
     def things(self) -> Things:

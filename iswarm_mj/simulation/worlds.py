@@ -111,8 +111,13 @@ def world_params(
     )
 
 
-def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
-    """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows."""
+def first_state(
+    starts: Sequence[Start], params: WorldParams, energy: float | None = None
+) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
+    """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
+
+    Each robot's capacitor has an `energy` [J], or there is none.
+    """
     n_worlds, capacity = params.is_present.shape
     memory = _memories(params.strategy, params.key, capacity)
     zero = np.zeros(n_worlds, np.int32)
@@ -123,6 +128,7 @@ def first_state(starts: Sequence[Start], params: WorldParams) -> tuple[Float[np.
             balls=Balls(*(np.stack(values) for values in zip(*(start.balls for start in starts), strict=True))),
             is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
             own=jax.tree.map(lambda *values: np.stack(values), *(start.own for start in starts)),
+            energy=None if energy is None else np.full((n_worlds, capacity), energy, np.float32),
         ),
         touching=np.zeros((n_worlds, capacity, capacity), bool),
         collisions=zero,

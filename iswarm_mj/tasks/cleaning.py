@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.gripper.handling import Balls, carry, handle
+from iswarm_mj.gripper.bench.deciders import decider_for
+from iswarm_mj.gripper.handling import Balls, Rules, carry, handle
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.layout import draw_radii, lying, place_balls, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
@@ -103,5 +104,18 @@ def grip(balls: Balls, around: Around, key: Array) -> tuple[Balls, Sensed]:
     dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
     floor = sense(around.poses, tips, balls.position, balls.is_lying, dump_size, reach)
     falls = jax.random.bernoulli(key, conditions.drop_rate, balls.is_held.shape)
-    balls, grasp_failed = handle(around.config.gripper, conditions, balls, tips, floor, around.picks, falls)
+    gripper = around.config.gripper
+    rules = Rules(around.config.drive.control_period, decider_for(gripper))
+    balls, grasp_failed = handle(
+        gripper,
+        conditions,
+        balls,
+        tips,
+        floor,
+        around.picks,
+        falls,
+        rules=rules,
+        key=jax.random.fold_in(key, 1) if gripper.differs else None,
+        voltage=around.voltage,
+    )
     return balls, Sensed(floor.at_dust, floor.ball_vector, floor.on_dump, grasp_failed, {})

@@ -56,6 +56,8 @@ class Around(NamedTuple):
     """What worlds of one run have in common."""
     robot: Robot
     """Geometry of a robot."""
+    voltage: Any = None
+    """That the robots' capacitors have (N,) [V]; None: as much as a gripper asks for."""
 
 
 class Sensed(NamedTuple):

@@ -20,6 +20,11 @@ def added_later(default: Any, before: Any = MISSING) -> Any:
     return field(default=default, metadata={_BEFORE: default if before is MISSING else before})
 
 
+def group_added_later(kind: type[Any]) -> Any:
+    """Return a field for a dataclass of settings that files of earlier versions lack; its defaults are as before."""
+    return field(default_factory=kind, metadata={_BEFORE: kind()})
+
+
 def to_dict(settings: Any) -> dict[str, Any]:
     """Return a dataclass as nested dictionaries, like `asdict`, but without `added_later` fields that are as before."""
     values = {f.name: getattr(settings, f.name) for f in fields(settings)}
@@ -42,7 +47,8 @@ def completed(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
         if is_dataclass(inner) and f.name in found:
             found[f.name] = completed(type(inner), found[f.name])
         elif _BEFORE in f.metadata:
-            found.setdefault(f.name, f.metadata[_BEFORE])
+            before = f.metadata[_BEFORE]
+            found.setdefault(f.name, to_dict(before) if is_dataclass(before) else before)
     return found
 
 

@@ -37,23 +37,23 @@ def test_collisions_cost_by_their_share():
 def batch():
     """Two worlds of five balls."""
     shape = (2, 5)
-    return Balls(
-        position=np.zeros((*shape, 2)),
-        radius=np.ones(shape),
-        work_tool_object=np.ones(shape),
-        work_object_substrate=np.ones(shape),
+    none = dict.fromkeys(Balls._fields, np.zeros(shape, int))
+    return Balls(**none)._replace(
         is_held=np.array([[0, 0, 1, 0, 0], [0] * 5], bool),
         is_delivered=np.array([[1, 1, 0, 0, 0], [0] * 5], bool),
-        holder=np.zeros(shape, int),
         was_picked=np.array([[1, 1, 1, 1, 0], [0, 1, 0, 0, 0]], bool),
         carried_steps=np.array([[10, 15, 99, 98, 0], [0, 7, 0, 0, 0]]),
+        attempts=np.array([[1, 2, 3, 1, 1], [0, 4, 0, 0, 0]]),
+        failed_grasps=np.array([[0, 1, 2, 0, 1], [0, 3, 0, 0, 0]]),
+        failed_releases=np.array([[0, 0, 5, 0, 0], [0, 0, 0, 0, 0]]),
+        work_time=np.array([[0.5, 0.25, 0, 0, 0], [0] * 5]),
     )
 
 
 def test_measures_of_a_world():
     """Only delivered balls count for the carriage time."""
-    assert measure(batch(), 0, 17, 33) == Measures(2, 4, 17, 12.5, 33)
+    assert measure(batch(), 0, 17, 33) == Measures(2, 4, 17, 12.5, 33, 8, 4, 5, 0, 0.75)
 
 
 def test_no_carriage_time_before_the_first_delivery():
-    assert measure(batch(), 1, 0, None) == Measures(0, 1, 0, None, None)
+    assert measure(batch(), 1, 0, None) == Measures(0, 1, 0, None, None, 4, 3, 0, 0, 0.0)

@@ -62,7 +62,7 @@ NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 
 def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
     """Outcome of a job with these measures after `steps` control steps."""
-    return Outcome(*measures, steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
+    return Outcome(*measures[:5], steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
 
 
 def fault_of(job: Job, fault: SimulationFault) -> SimulationFault:

@@ -77,7 +77,13 @@ class _Contacts(NamedTuple):
 
 
 class MjxBench:
-    """`Bench` in MJX, with `impl` "jax" or "warp"; numbers are single precision."""
+    """`Bench` in MJX, with `impl` "jax" or "warp"; numbers are single precision.
+
+    Attributes:
+        where: addresses of the bench's numbers.
+        physics: what all benches share.
+        parameters: what differs between them.
+    """
 
     def __init__(self, trials: Sequence[Trial], start_gap: float, impl: str = "jax", spec: mujoco.MjSpec | None = None):
         chosen = spec or bench_spec()
@@ -86,18 +92,18 @@ class MjxBench:
         model, portable, count = chosen.compile(), mjx_compatible(chosen), len(trials)
         self.timestep = float(model.opt.timestep) * MS
         self.steps = 0
-        self._where, forces = layout(model), gripper_forces(model)
+        self.where, forces = layout(model), gripper_forces(model)
         capacity: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
-        self._physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
+        self.physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
         column = {name: np.array([getattr(trial, name) for trial in trials]) for name in ("radius", "probe_radius")}
         numbers = _attributes(forces, trials)
-        self._parameters = _single(Parameters(column["radius"] / UM, column["probe_radius"] / UM, numbers))
+        self.parameters = _single(Parameters(column["radius"] / UM, column["probe_radius"] / UM, numbers))
         starts = [start(model, trial, start_gap) for trial in trials]
         qpos, self._touch = np.array([qpos for qpos, _ in starts]), np.array([touch for _, touch in starts])
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
         ball = jax.tree.map(lambda a: np.repeat(np.asarray(a)[None], count, axis=0), first_state(forces))
-        ctrl[:, self._where.tip] = qpos[:, self._where.slide]
-        ctrl[:, self._where.aside_servo] = qpos[:, self._where.aside]
+        ctrl[:, self.where.tip] = qpos[:, self.where.slide]
+        ctrl[:, self.where.aside_servo] = qpos[:, self.where.aside]
         self._state = _single(State(qpos, still, still, ctrl, ball))
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
@@ -106,18 +112,18 @@ class MjxBench:
         n_steps = max(1, round(duration / self.timestep))
         self.steps += n_steps * len(self._touch)
         end = np.zeros((len(self._touch), 2))
-        end[:, 0] = self._touch + tip / UM - self._where.tip_height
+        end[:, 0] = self._touch + tip / UM - self.where.tip_height
         end[:, 1] = voltage
         with jax.default_matmul_precision("highest"):
             target = jnp.asarray(end, jnp.float32)
-            self._state, contacts = _advance(self._where, self._physics, self._parameters, self._state, target, n_steps)
+            self._state, contacts = _advance(self.where, self.physics, self.parameters, self._state, target, n_steps)
         return self._watch(*jax.device_get((self._state, contacts)))
 
     def _watch(self, state: State, contacts: _Contacts) -> Watch:
         def time(step: np.ndarray) -> np.ndarray:
             return np.where(step >= 0, step * self.timestep, np.nan)
 
-        speed = np.linalg.norm(state.qvel[:, self._where.ball : self._where.ball + 3], axis=1) * UM / MS
+        speed = np.linalg.norm(state.qvel[:, self.where.ball : self.where.ball + 3], axis=1) * UM / MS
         finite = np.isfinite(state.qpos).all(axis=1) & np.isfinite(state.qvel).all(axis=1)
         gaps = contacts.gaps.astype(float) * UM
         landing_speed = np.where(contacts.first >= 0, contacts.landing_speed, np.nan) * UM / MS
@@ -152,6 +158,19 @@ def _single(arrays):
     return jax.tree.map(lambda array: jnp.asarray(array, jnp.float32), arrays)
 
 
+def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, Any]:
+    """Forces and MJX's model of one bench."""
+    mine = dataclasses.replace(physics.forces, **parameters.forces)
+    model = resize(mine, physics.model, parameters.radius)
+    return mine, model.replace(geom_size=model.geom_size.at[mine.probe, 0].set(parameters.probe_radius))
+
+
+def tool_and_plate(forces: GripperForces) -> tuple[int, int]:
+    """Which of the pairs of surfaces are those of the tool and of the plate."""
+    surfaces = [surface for _, surface in forces.pairs]
+    return surfaces.index(forces.probe), surfaces.index(forces.plate)
+
+
 @partial(jax.jit, static_argnums=0)
 def _advance(
     where: Layout, physics: Physics, parameters: Parameters, state: State, target: Float[Array, "B 2"], n_steps: Array
@@ -159,13 +178,11 @@ def _advance(
     """Move B benches by a number of physics steps; `target` holds the setpoint of the tip and the voltage."""
 
     def move(parameters: Parameters, state: State, end: Array) -> tuple[State, _Contacts]:
-        forces, model, data = physics
-        mine = dataclasses.replace(forces, **parameters.forces)
-        sized = resize(mine, model, parameters.radius)
-        sized = sized.replace(geom_size=sized.geom_size.at[forces.probe, 0].set(parameters.probe_radius))
-        surfaces = [surface for _, surface in forces.pairs]
-        order = jnp.array([surfaces.index(forces.probe), surfaces.index(forces.plate)])
-        begin = data.replace(qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.qacc_warmstart, ctrl=state.ctrl)
+        mine, sized = prepared(physics, parameters)
+        order = jnp.array(tool_and_plate(mine))
+        begin = physics.data.replace(
+            qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.qacc_warmstart, ctrl=state.ctrl
+        )
 
         def step(k: Array, carry: tuple[Any, Any, _Contacts]) -> tuple[Any, Any, _Contacts]:
             now, ball, contacts = carry

@@ -1,6 +1,7 @@
 """Benches in MuJoCo's C engine: many at once on a thread pool, with the plugins."""
 
 from collections.abc import Sequence
+from functools import lru_cache, partial
 from typing import Any
 
 import mujoco
@@ -22,11 +23,25 @@ BLOCK = 64
 class MujocoBench:
     """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core."""
 
-    def __init__(self, trials: Sequence[Trial], start_gap: float, threads: int = 0, spec: mujoco.MjSpec | None = None):
-        spec = spec or bench_spec()
-        sizes = {(trial.radius, trial.probe_radius): trial for trial in trials}
-        models = {size: sized(spec, trial) for size, trial in sizes.items()}
-        models = [models[trial.radius, trial.probe_radius] for trial in trials]
+    def __init__(
+        self,
+        trials: Sequence[Trial],
+        start_gap: float,
+        threads: int = 0,
+        spec: mujoco.MjSpec | None = None,
+        hanging: float | None = None,
+    ):
+        """Place the balls.
+
+        Args:
+            trials: B of them.
+            start_gap: between tool and ball [m].
+            threads: 0 for one a core.
+            spec: of the bench, by default `bench_spec`.
+            hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
+        """
+        make = partial(sized, spec) if spec is not None else _compiled
+        models = [make(trial) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
         self.steps = 0
@@ -39,7 +54,7 @@ class MujocoBench:
         qpos, state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
         self._touch = np.zeros(len(trials))
         for i, trial in enumerate(trials):
-            qpos[i], self._touch[i] = start(first, trial, start_gap)
+            qpos[i], self._touch[i] = start(first, trial, start_gap, hanging)
             for index, value in plugin_values(first, trial).items():
                 state[i, index] = value
         self._ctrl[:] = 0
@@ -93,6 +108,16 @@ class MujocoBench:
     def restore(self, state: Any) -> None:
         """See `Bench.restore`."""
         self._batch.state[:] = state
+
+
+def _compiled(trial: Trial) -> mujoco.MjModel:
+    """The default bench with a trial's sizes."""
+    return _model(trial.radius, trial.probe_radius)
+
+
+@lru_cache(maxsize=4096)
+def _model(radius: float, probe_radius: float) -> mujoco.MjModel:
+    return sized(bench_spec(), Trial(radius, 0.0, 0.0, probe_radius=probe_radius))
 
 
 class _Contacts:

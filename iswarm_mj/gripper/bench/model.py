@@ -92,13 +92,22 @@ def plugin_values(model: mujoco.MjModel, trial: Trial) -> dict[int, float]:
     }
 
 
-def start(model: mujoco.MjModel, trial: Trial, start_gap: float) -> tuple[np.ndarray, float]:
-    """Positions (nq,) of ball and tool before a trial, and the height of the tip's first touch [um]."""
+def start(
+    model: mujoco.MjModel, trial: Trial, start_gap: float, hanging: float | None = None
+) -> tuple[np.ndarray, float]:
+    """Positions (nq,) of ball and tool before a trial, and the height of the tip's first touch [um].
+
+    The ball lies on the plate with the tool at `start_gap` above it, or hangs at the tool, `hanging` above the plate
+    [m].
+    """
     where, radius = layout(model), trial.radius / UM
     qpos = np.array(model.qpos0)
     qpos[where.ball + 2] = radius - SINK
     touch = 2 * radius
     qpos[where.slide] = touch + start_gap / UM - where.tip_height
+    if hanging is not None:
+        qpos[where.ball + 2] = radius + hanging / UM + SINK
+        qpos[where.slide] = touch + hanging / UM - where.tip_height
     qpos[where.aside] = trial.misalignment / UM
     return qpos, touch
 

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench.base import Bench, Mask, Watch
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.laws.detachment import GRAVITY
 
 RESTING_SPEED = 1e-3
 """A slower ball is at rest [m/s]."""
@@ -31,6 +32,19 @@ class Release(NamedTuple):
     """Whether the state became infinite or nan."""
     hung: Bool[np.ndarray, "B"]
     """Whether it hung at the tool as the ramp began; otherwise it had fallen."""
+    duration: Float[np.ndarray, "B"]
+    """Time until nothing more was to happen [s]."""
+
+
+class Rise(NamedTuple):
+    """How a voltage rises on B benches."""
+
+    rate: Float[np.ndarray, "B"] | float
+    """[V/s]"""
+    limit: Float[np.ndarray, "B"] | float
+    """[V]"""
+    patience: float
+    """Time at the limit after which nothing more is expected [s]."""
 
 
 class Attempt(NamedTuple):
@@ -42,16 +56,20 @@ class Attempt(NamedTuple):
     """Whether the state became infinite or nan."""
 
 
-def release(bench: Bench, protocol: Protocol, held: Mask, gap: float) -> Release:
+def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, rise: Rise | None = None) -> Release:
     """Ramp the voltage on balls that hang at the tool until each of them has left, landed and come to rest.
+
+    A ball that bounces on the plate without voltage, too slowly to reach the tool again, counts as at rest.
 
     Args:
         bench: B benches after `staircase.hang`.
         protocol: rate and limits.
         held: (B,) benches whose ball hangs; the others are left out.
         gap: between ball and plate [m].
+        rise: of the voltage; by default the protocol's ramp.
     """
-    ramp = _Ramp(bench, protocol, held, (protocol.ramp_rate, protocol.release_limit), gap)
+    ramp = _Ramp(bench, protocol, held, rise or Rise(protocol.ramp_rate, protocol.release_limit, protocol.dwell), gap)
+    duration = np.zeros(len(held))
     left_at, landed_at = np.full(len(held), np.inf), np.full(len(held), np.inf)
     voltage, speed = np.full(len(held), np.nan), np.full(len(held), np.nan)
     stays, moved_at, freed_at = np.zeros(len(held), bool), np.zeros(len(held)), np.full(len(held), np.inf)
@@ -69,19 +87,25 @@ def release(bench: Bench, protocol: Protocol, held: Mask, gap: float) -> Release
         speed = np.where(down, watch.landing_speed, speed)
         rests = (watch.gap_plate <= 0) & (watch.gap_tool > 0) & (watch.speed < RESTING_SPEED)
         stays, moved_at = np.where(ramp.active, rests, stays), np.where(rests, moved_at, ramp.now)
-        is_still = rests & (ramp.now > moved_at + protocol.rest_time) & ramp.is_settled(freed_at)
-        over = is_still | (ramp.now > left_at + protocol.flight_limit)
+        is_settled = ramp.is_settled(freed_at)
+        is_still = rests & (ramp.now > moved_at + protocol.rest_time) & is_settled
+        reach = watch.speed**2 / (2 * GRAVITY) + np.maximum(watch.gap_plate, 0.0)
+        bounces = np.isfinite(landed_at) & ramp.is_off(freed_at) & (reach < gap / 2)
+        stays |= bounces & ramp.active
+        over = is_still | bounces | (ramp.now > left_at + protocol.flight_limit)
+        duration = np.where(ramp.active, ramp.now, duration)
         ramp.finish(over | (np.isinf(left_at) & ramp.at_limit))
     landed = np.isfinite(landed_at)
     flight = np.full(len(held), np.nan)
     np.subtract(landed_at, left_at, out=flight, where=landed)
-    return Release(voltage, flight, speed, stays & landed, ramp.faulty, held)
+    return Release(voltage, flight, speed, stays & landed, ramp.faulty, held, duration)
 
 
 def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:
     """Stop the tool at a gap before the ball [m] and ramp the voltage, on `count` new benches."""
     bench.move("approach", protocol.approach_time, gap, 0.0)
-    ramp = _Ramp(bench, protocol, np.ones(count, bool), (protocol.no_contact_rate, protocol.no_contact_limit), gap)
+    rise = Rise(protocol.no_contact_rate, protocol.no_contact_limit, protocol.dwell)
+    ramp = _Ramp(bench, protocol, np.ones(count, bool), rise, gap)
     voltage = np.full(count, np.nan)
     while ramp.active.any():
         gone = np.isfinite(voltage)
@@ -103,10 +127,9 @@ class _Ramp:
         last, last_voltage: (B,) time of the last contact [s], and the voltage then [V].
     """
 
-    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, rise: tuple[float, float], tip: float):
-        """Prepare a ramp on `active` benches: rate [V/s] and limit [V] of the voltage, height of the tool [m]."""
+    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, rise: Rise, tip: float):
         self._bench, self._protocol, self._tip = bench, protocol, tip
-        self._rate, self._limit = rise
+        self._rate, self._limit, self._patience = rise
         self._period = max(1, round(protocol.watch_time / bench.timestep)) * bench.timestep
         self.active = active.copy()
         self.faulty = np.zeros(len(active), bool)
@@ -137,6 +160,10 @@ class _Ramp:
         """(B,) whether the voltage of a ball that was freed changes no more."""
         return np.isfinite(freed_at) & (self._share(self.now - freed_at) == self._share(np.inf))
 
+    def is_off(self, freed_at: Float[np.ndarray, "B"]) -> Mask:
+        """(B,) whether the voltage of a ball that was freed was cut, and is zero."""
+        return np.isfinite(freed_at) & (self._share(self.now - freed_at) == 0)
+
     def note_contact(self, touched: Mask, when: Float[np.ndarray, "B"]) -> None:
         """Record time and voltage of the last contact where there was one in this interval."""
         share = np.where(touched, (when - self.began) / self._period, 0.0)
@@ -145,8 +172,8 @@ class _Ramp:
 
     @property
     def at_limit(self) -> Mask:
-        """(B,) whether the voltage has been at its limit for the protocol's dwell time."""
-        return self._intervals_at_limit * self._period >= self._protocol.dwell
+        """(B,) whether the voltage has been at its limit for long enough."""
+        return self._intervals_at_limit * self._period >= self._patience
 
     def finish(self, over: Mask) -> None:
         """Deactivate the benches where the ramp is over, and the faulty ones."""

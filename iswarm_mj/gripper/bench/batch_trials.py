@@ -1,0 +1,197 @@
+"""Trials of attempts in a swarm, as a batch inside a program of JAX: the forces of `mjx_forces`, stepped by MJX."""
+
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from iswarm_mj.config import GripperConfig
+from iswarm_mj.engines.mjx.api import mjx
+from iswarm_mj.gripper.attempts import Attempts, Outcomes
+from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared, tool_and_plate
+from iswarm_mj.gripper.bench.model import SINK
+from iswarm_mj.gripper.bench.protocol import minimum_jerk
+from iswarm_mj.gripper.bench.staircase import TOUCH
+from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, RELEASE_LIMIT
+from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.detachment import GRAVITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.mjx_forces import first_state, gripper_force
+from iswarm_mj.gripper.units import MS, NN, UM
+from iswarm_mj.utils.arrays import Array
+
+
+class Script(NamedTuple):
+    """What the tool does in an attempt to lift: P phases one after the other, from the start gap on."""
+
+    end: Float[np.ndarray, "P"]
+    """Time at which a phase ends [s]."""
+    tip: Float[np.ndarray, "P"]
+    """Height of the tool above its first touch as it ends [m]."""
+    volts: Float[np.ndarray, "P"]
+    """Share of the attempt's voltage as it ends."""
+
+
+def _script() -> Script:
+    p = PROTOCOL
+    rows = [
+        (p.approach_time, -p.press, 0.0),
+        (p.dwell, -p.press, 0.0),
+        (p.rise_time, -p.press, 1.0),
+        (p.peel_time, p.peel, 1.0),
+        (p.carry_time(p.lift - p.peel), p.lift, 1.0),
+        (p.off_time, p.lift, 0.0),
+    ]
+    durations, tips, volts = map(np.array, zip(*rows, strict=True))
+    return Script(np.cumsum(durations), tips, volts)
+
+
+class Slot(NamedTuple):
+    """One trial in progress. Units of the bench, times in s."""
+
+    data: Any
+    """MJX's."""
+    ball: Any
+    """`mjx_forces.State`."""
+    left: Array
+    """Time at which the ball was seen to have left the tool; inf: it has not."""
+    down: Array
+    """Whether it has touched the plate since."""
+    impact: Array
+    """Speed at which it first did [um/ms]."""
+    is_over: Array
+    succeeded: Array
+    time: Array
+    """[s]"""
+
+
+def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+    """Outcomes of trials in MJX, `gripper.bench_capacity` at once; the attempts beyond are postponed.
+
+    The same forces and the same tool path as in `swarm_trials`, in single precision. A step of the swarm without
+    attempts takes no physics step.
+    """
+    made = attempts.lifts | attempts.releases
+    count = min(gripper.bench_capacity, len(made))
+    (chosen,) = jnp.nonzero(made, size=count, fill_value=len(made))
+    is_real, place = chosen < len(made), jnp.minimum(chosen, len(made) - 1)
+    mine = jax.tree.map(lambda a: a[place], attempts)
+    with jax.default_matmul_precision("highest"):
+        slots = _run(gripper.release_gap, mine, is_real)
+    good = slots.succeeded & is_real
+
+    def back(values: Array, kind: Any) -> Array:
+        return jnp.zeros(len(made), kind).at[chosen].set(values, mode="drop")
+
+    tried = back(is_real, bool)
+    return Outcomes(
+        back(good & mine.lifts, bool),
+        back(good & mine.releases, bool),
+        made & ~tried,
+        back(jnp.where(is_real, slots.time, 0.0), jnp.float32),
+        back(jnp.where(is_real, slots.impact * (UM / MS), 0.0), jnp.float32),
+    )
+
+
+@cache
+def _bench() -> MjxBench:
+    """A bench whose numbers are replaced by those of attempts."""
+    with jax.ensure_compile_time_eval():
+        return MjxBench([Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)], PROTOCOL.start_gap)
+
+
+def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
+    """Carry M trials to their ends; those that are not real are over at once."""
+    bench, script = _bench(), _script()
+    limit = max(float(script.end[-1]), RELEASE_LIMIT + PROTOCOL.flight_limit)
+
+    def begin(attempt: Attempts) -> Slot:
+        physics, where = bench.physics, bench.where
+        qpos = _start(bench, attempt, gap)
+        ctrl = jnp.zeros_like(physics.data.ctrl).at[where.tip].set(qpos[where.slide])
+        data = physics.data.replace(qpos=qpos, ctrl=ctrl.at[where.aside_servo].set(qpos[where.aside]))
+        zero, no = jnp.float32(0.0), jnp.bool_(False)
+        ball = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), first_state(physics.forces))
+        return Slot(data, ball, jnp.float32(jnp.inf), no, zero, no, no, zero)
+
+    def goes_on(carry: tuple[Slot, Int[Array, ""]]) -> Array:
+        return ~carry[0].is_over.all() & (carry[1] < round(limit / bench.timestep))
+
+    def loop(carry: tuple[Slot, Int[Array, ""]]) -> tuple[Slot, Int[Array, ""]]:
+        return jax.vmap(partial(_advanced, bench, script, gap))(attempts, carry[0]), carry[1] + 1
+
+    slots = jax.vmap(begin)(attempts)
+    return jax.lax.while_loop(goes_on, loop, (slots._replace(is_over=~is_real), jnp.int32(0)))[0]
+
+
+def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, slot: Slot) -> Slot:
+    """A trial after one physics step; what is over keeps its outcome."""
+    where, (mine, model) = bench.where, prepared(bench.physics, _parameters(bench, attempt))
+    time = slot.time + bench.timestep
+    tip, volts = _set(script, attempt, gap, slot, time)
+    target = 2 * attempt.radius / UM + tip / UM - where.tip_height
+    ctrl = slot.data.ctrl.at[where.tip].set(target).at[where.voltage].set(volts)
+    before = slot.data.replace(ctrl=ctrl)
+    force = gripper_force(mine, model, before, slot.ball)
+    data = mjx.step(model, before.replace(qfrc_applied=force.generalized))
+    gap_tool, gap_plate = (force.gaps[k] * UM for k in tool_and_plate(mine))
+    leaves = attempt.releases & jnp.isinf(slot.left) & (gap_tool > PROTOCOL.away)
+    left = jnp.where(leaves, time, slot.left)
+    down = slot.down | (jnp.isfinite(left) & (gap_plate <= 0))
+    impact = jnp.where(down & ~slot.down, -before.qvel[where.ball + 2], slot.impact)
+    speed = jnp.linalg.norm(data.qvel[where.ball : where.ball + 3]) * (UM / MS)
+    stays = down & (volts == 0) & (speed**2 / (2 * GRAVITY) + jnp.maximum(gap_plate, 0.0) < gap / 2)
+    is_late = jnp.where(jnp.isinf(left), time > RELEASE_LIMIT, time > left + PROTOCOL.flight_limit)
+    hangs = (gap_plate > PROTOCOL.away) & (gap_tool < TOUCH)
+    is_over = jnp.where(attempt.releases, stays | is_late, time >= script.end[-1])
+    new = slot._replace(
+        left=left,
+        down=down,
+        impact=impact,
+        is_over=is_over,
+        succeeded=jnp.where(attempt.releases, stays, hangs),
+        time=time,
+    )
+    kept = jax.tree.map(partial(jnp.where, slot.is_over), slot[2:], new[2:])
+    return Slot(data, force.state, *kept)
+
+
+def _set(script: Script, attempt: Attempts, gap: float, slot: Slot, time: Array) -> tuple[Array, Array]:
+    """Height of the tool [m] and its voltage [V] at a time of an attempt."""
+    ends, tips, shares = (jnp.asarray(values, jnp.float32) for values in script)
+    phase = jnp.minimum(jnp.searchsorted(ends, time - 1e-9), len(ends) - 1)
+    before = jnp.maximum(phase - 1, 0)
+    is_first = phase == 0
+    start = jnp.where(is_first, 0.0, ends[before])
+    share = jnp.clip((time - start) / (ends[phase] - start), 0.0, 1.0)
+    from_tip = jnp.where(is_first, PROTOCOL.start_gap, tips[before])
+    from_volts = jnp.where(is_first, 0.0, shares[before])
+    tip = from_tip + minimum_jerk(share) * (tips[phase] - from_tip)
+    volts = from_volts + share * (shares[phase] - from_volts)
+    rise = jnp.minimum(time / PROTOCOL.rise_time, 1.0)
+    cut = jnp.clip(1 - (time - slot.left) / PROTOCOL.cut_time, 0.0, 1.0)
+    drop = jnp.where(jnp.isinf(slot.left), rise, cut)
+    return jnp.where(attempt.releases, gap, tip), attempt.voltage * jnp.where(attempt.releases, drop, volts)
+
+
+def _parameters(bench: MjxBench, attempt: Attempts) -> Parameters:
+    """Numbers of a trial with an attempt's ball, whose works are those at the air's humidity."""
+    forces = bench.physics.forces
+    works = {forces.probe: attempt.work_tool_object, forces.plate: attempt.work_object_substrate}
+    pairs = [works[surface] for _, surface in forces.pairs]
+    usual = jax.tree.map(lambda a: a[0], bench.parameters)
+    forces = usual.forces | {"work": jnp.stack(pairs) * (UM / NN)}
+    return usual._replace(radius=attempt.radius / UM, forces=forces)
+
+
+def _start(bench: MjxBench, attempt: Attempts, gap: float) -> Array:
+    """Positions (nq,) at the start of an attempt, see `model.start`."""
+    where, radius = bench.where, attempt.radius / UM
+    lying = jnp.array([-SINK, PROTOCOL.start_gap / UM])
+    hanging = jnp.array([gap / UM + SINK, gap / UM])
+    ball, tip = jnp.where(attempt.releases, hanging, lying)
+    qpos = bench.physics.data.qpos.at[where.ball + 2].set(radius + ball)
+    qpos = qpos.at[where.slide].set(2 * radius + tip - where.tip_height)
+    return qpos.at[where.aside].set(attempt.misalignment / UM)

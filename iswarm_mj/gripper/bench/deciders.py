@@ -1,0 +1,36 @@
+"""What decides about attempts in the swarm: the balance of the forces, or trials on the bench."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import GripperConfig
+from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
+
+
+def decider_for(gripper: GripperConfig) -> Decider:
+    """What decides with these settings."""
+    if gripper.resolution == "quasi-static":
+        return by_balance
+    if gripper.bench == "mjx":
+        from iswarm_mj.gripper.bench.batch_trials import by_batch
+
+        return by_batch
+    return by_host
+
+
+def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+    """Outcomes of trials in MuJoCo's C engine; inside a program of JAX, which calls the host for them.
+
+    Only attempts that are made become trials; a step without any costs a call.
+    """
+    shape = attempts.lifts.shape
+    flags, floats = jax.ShapeDtypeStruct(shape, bool), jax.ShapeDtypeStruct(shape, jnp.float32)
+    shapes = Outcomes(flags, flags, flags, floats, floats)
+
+    def call(*arrays: jax.Array) -> Outcomes:
+        from iswarm_mj.gripper.bench.swarm_trials import outcomes
+
+        return outcomes(gripper.release_gap, Attempts(*map(np.asarray, arrays)))
+
+    return jax.pure_callback(call, shapes, *attempts, vmap_method="expand_dims")
