@@ -190,6 +190,20 @@ def decide_worlds(
 def takes_time(config: SwarmConfig) -> bool:
     """Whether robots ever wait: for an attempt to end, or for energy."""
     return config.energy.model != "none" or config.gripper.grasp_time > 0 or config.gripper.release_time > 0
+@partial(jax.jit, static_argnames=("config", "robot"))
+def decide_alike(
+    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation
+) -> Decision:
+    """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
+
+    Programs for two worlds and more round alike, but from that for one world an axis of size one vanishes.
+    """
+    if len(situation.is_running) > 1:
+        return decide_worlds(config, robot, params, swarm, situation)
+    once = params, swarm, situation._replace(step=situation.is_running)
+    params, swarm, same = jax.lax.optimization_barrier(jax.tree.map(lambda a: jnp.concatenate([a, a]), once))
+    decision = decide_worlds(config, robot, params, swarm, same._replace(step=situation.step))
+    return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(decision))
 
 
 def executed(config: SwarmConfig, conditions: Conditions, command: Command, key: Array) -> Command:

@@ -10,7 +10,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
-from iswarm_mj.simulation.decide import Decision, Situation, decide_worlds
+from iswarm_mj.simulation.decide import Decision, Situation, decide_alike
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.arrays import Array
@@ -60,7 +60,7 @@ class Share:
     def _decide(self, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
         with self._watch("policy"):
             situation = situation._replace(poses=situation.poses.astype(np.float32))
-            decision = decide_worlds(self._config, self.engine.robot, self.params, swarm, situation)
+            decision = decide_alike(self._config, self.engine.robot, self.params, swarm, situation)
             needed = jax.tree.map(np.asarray, decision._replace(swarm=None, spoken=None))
             return needed._replace(swarm=decision.swarm, spoken=decision.spoken)
 

@@ -112,6 +112,7 @@ def rollout(
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
     recorded = tuple(poses_of) or (() if record is None else (0,))
     settings = RunSettings(n_robots, steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)
+    n_robots = int(n_robots)
     is_genome = isinstance(strategy, Genome)
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine

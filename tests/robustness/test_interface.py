@@ -118,7 +118,8 @@ def test_each_is_refused_or_makes_sense(attack, small, tmp_path, monkeypatch):
             except Reached:
                 outcome.append("accepted")
             except UserError as error:
-                assert "\n" not in str(error).replace("ä\n", "") and len(str(error)) < 1000, error
+                words = str(error).replace("ä\n", "").replace("9" * 5000, "")
+                assert "\n" not in words and len(words) < 1000, error
                 outcome.append("refused")
     assert list(tmp_path.iterdir()) == []
 

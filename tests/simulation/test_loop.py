@@ -44,6 +44,24 @@ def test_threads_do_not_matter(small, settings, monkeypatch):
         jax.tree.map(np.testing.assert_array_equal, other.arrays()[1], one.arrays()[1])
 
 
+@pytest.mark.parametrize("settings", [MujocoSettings, PlanarSettings])
+def test_a_world_is_the_same_in_any_batch(small, settings, monkeypatch):
+    """Whole states in the last bit, alone and among others, in shares of one world to four, on any threads."""
+    monkeypatch.setattr(share, "WORLDS", 4)
+    most = end_and_state(run_in(small, settings(1), 9, 15))
+    for n_worlds, threads in ((1, 1), (2, 2), (3, 1), (4, 3), (5, 2), (7, 3)):
+        found = end_and_state(run_in(small, settings(threads), n_worlds, 15))
+        of_most = jax.tree.map(lambda a, n=n_worlds: a[:n], most)
+        jax.tree.map(np.testing.assert_array_equal, found, of_most)
+
+
+def end_and_state(run):
+    """Poses of all worlds after the run, and all that their robots remember and that became of the balls."""
+    poses, _ = end_of(run)
+    state = run.arrays()[1]
+    return poses, jax.tree.map(np.asarray, (state.swarm, state.collisions, state.touching))
+
+
 def test_records_are_of_the_worlds_asked_for(small):
     """In their order, whatever shares they are in."""
     picked = (7, 0, 4, 3)
