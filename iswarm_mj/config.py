@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from iswarm_mj.utils.constraints import Above, Within, check, validate
-from iswarm_mj.utils.serialization import added_later, group_added_later
+from iswarm_mj.utils.serialization import absent_before, added_later
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,7 @@ class SwarmConfig:
     optics: OpticsConfig = field(default_factory=OpticsConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
-    energy: EnergyConfig = group_added_later(EnergyConfig)
+    energy: EnergyConfig = field(default_factory=EnergyConfig, metadata=absent_before(EnergyConfig()))
 
     def __post_init__(self):
         validate(self)

@@ -22,8 +22,8 @@ With `leak` above 0 the potential is instead that of a circuit: the ball carries
 u = (Q + C_t V) / (C_t + C_p), with the capacitances to probe and plate (`laws.capacitance`); the probe pulls it with
 the law of picking at V - u, the plate with that of releasing at u (what both fields do together is left out, see
 `tests/gripper/test_capacitance.py`). While it touches the plate, Q relaxes through `plate_contact`; while it touches
-the probe, through the oxide's `leak`, and through `contact` after the oxide broke down, which it does where V - u across
-its thickness `oxide` exceeds the field `breakdown`. A new touch meets whole oxide.
+the probe, through the oxide's `leak`, and through `contact` after the oxide broke down, which it does where V - u
+across its thickness `oxide` exceeds the field `breakdown`. A new touch meets whole oxide.
 
 An impact, a contact that begins, is over within a step: the surface gives the ball the impulse m (1 + e) v, by
 `restitution`, or by plastic yield if `yield_pressure` is above 0, less what adhesion keeps if `modulus` is

@@ -20,9 +20,13 @@ def added_later(default: Any, before: Any = MISSING) -> Any:
     return field(default=default, metadata={_BEFORE: default if before is MISSING else before})
 
 
-def group_added_later(kind: type[Any]) -> Any:
-    """Return a field for a dataclass of settings that files of earlier versions lack; its defaults are as before."""
-    return field(default_factory=kind, metadata={_BEFORE: kind()})
+def absent_before(usual: Any) -> dict[str, Any]:
+    """Return the metadata of a field for a group of settings that files of earlier versions lack.
+
+    Args:
+        usual: the group with its defaults, which stand for what those versions did.
+    """
+    return {_BEFORE: usual}
 
 
 def to_dict(settings: Any) -> dict[str, Any]:
@@ -48,7 +52,7 @@ def completed(cls: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
             found[f.name] = completed(type(inner), found[f.name])
         elif _BEFORE in f.metadata:
             before = f.metadata[_BEFORE]
-            found.setdefault(f.name, to_dict(before) if is_dataclass(before) else before)
+            found.setdefault(f.name, completed(type(before), {}) if is_dataclass(before) else before)
     return found
 
 

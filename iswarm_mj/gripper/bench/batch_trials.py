@@ -73,17 +73,17 @@ def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
     The same forces and the same tool path as in `swarm_trials`, in single precision. A step of the swarm without
     attempts takes no physics step.
     """
-    made = attempts.lifts | attempts.releases
-    count = min(gripper.bench_capacity, len(made))
-    (chosen,) = jnp.nonzero(made, size=count, fill_value=len(made))
-    is_real, place = chosen < len(made), jnp.minimum(chosen, len(made) - 1)
+    made, n_balls = attempts.lifts | attempts.releases, attempts.lifts.shape[0]
+    count = min(gripper.bench_capacity, n_balls)
+    (chosen,) = jnp.nonzero(made, size=count, fill_value=n_balls)
+    is_real, place = chosen < n_balls, jnp.minimum(chosen, n_balls - 1)
     mine = jax.tree.map(lambda a: a[place], attempts)
     with jax.default_matmul_precision("highest"):
         slots = _run(gripper.release_gap, mine, is_real)
     good = slots.succeeded & is_real
 
     def back(values: Array, kind: Any) -> Array:
-        return jnp.zeros(len(made), kind).at[chosen].set(values, mode="drop")
+        return jnp.zeros(n_balls, kind).at[chosen].set(values, mode="drop")
 
     tried = back(is_real, bool)
     return Outcomes(
