@@ -6,7 +6,9 @@ from typing import Annotated, ClassVar, Literal
 
 from iswarm_mj.commands.flags import changed
 from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.utils.constraints import Within, check, validate
 
 OF_CURVES = {"start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time"}
@@ -47,6 +49,12 @@ class Grasp:
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
     protocol: Protocol = field(default_factory=Protocol)
+    contacts: Contacts = Contacts()
+    """Conduction, breakdown and impacts of the ball's contacts."""
+    tool: Surface = Surface()
+    """Roughness, preload and hysteresis of the tool's contact."""
+    plate: Surface = Surface()
+    """Of the plate's contact."""
 
     def __post_init__(self):
         validate(self)
@@ -71,6 +79,9 @@ class Grasp:
             impl=self.impl,
             threads=self.threads,
             protocol=self.protocol,
+            contacts=self.contacts,
+            tool=self.tool,
+            plate=self.plate,
         )
         if self.force_curve:
             run_force_curves(settings, self.voltages, self.out)

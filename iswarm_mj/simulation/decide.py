@@ -190,6 +190,8 @@ def decide_worlds(
 def takes_time(config: SwarmConfig) -> bool:
     """Whether robots ever wait: for an attempt to end, or for energy."""
     return config.energy.model != "none" or config.gripper.grasp_time > 0 or config.gripper.release_time > 0
+
+
 @partial(jax.jit, static_argnames=("config", "robot"))
 def decide_alike(
     config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, situation: Situation

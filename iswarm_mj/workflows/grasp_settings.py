@@ -4,10 +4,12 @@ from dataclasses import asdict, dataclass, field
 from itertools import product
 from typing import Any, NamedTuple
 
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment
+from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 
 CALIBRATION = (
     "WORK_TOOL_OBJECT",
@@ -42,6 +44,12 @@ class GraspSettings:
     """Of MJX."""
     threads: int = 0
     protocol: Protocol = field(default_factory=Protocol)
+    contacts: Contacts = Contacts()
+    """Conduction and impacts."""
+    tool: Surface = Surface()
+    """Roughness, preload and hysteresis of the tool's contact; by default the calibrated work holds them all."""
+    plate: Surface = Surface()
+    """Of the plate's contact."""
 
     @property
     def engine_choice(self) -> EngineChoice:
@@ -57,6 +65,7 @@ class GraspSettings:
         """Everything that determines the rows of a table, for its metadata."""
         settings = asdict(self)
         del settings["threads"]
+        settings |= {name: getattr(self, name)._asdict() for name in ("contacts", "tool", "plate")}
         return {**settings, "calibration": {name: getattr(detachment, name) for name in CALIBRATION}}
 
 
@@ -70,4 +79,13 @@ class Case(NamedTuple):
 def cases(settings: GraspSettings) -> list[Case]:
     """All trials, by radius, then humidity, then repeat."""
     places = product(settings.radii, settings.humidities, range(settings.repeats))
-    return [Case(draw(settings.seed, radius, rh, repeat), repeat) for radius, rh, repeat in places]
+    return [
+        Case(_with_surfaces(settings, draw(settings.seed, radius, rh, repeat)), repeat) for radius, rh, repeat in places
+    ]
+
+
+def _with_surfaces(settings: GraspSettings, trial: Trial) -> Trial:
+    """A trial with the contacts of the settings, and the works of adhesion that their surfaces leave."""
+    works = (trial.work_tool_object, settings.tool), (trial.work_object_substrate, settings.plate)
+    tool, plate = (float(effective_work(work, trial.radius, surface)) for work, surface in works)
+    return trial._replace(work_tool_object=tool, work_object_substrate=plate, contacts=settings.contacts)

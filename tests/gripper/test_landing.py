@@ -8,6 +8,7 @@ import pytest
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
+from iswarm_mj.gripper.bench.landing import landing_map
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.ramps import release
@@ -139,3 +140,11 @@ def test_the_time_step_changes_little():
         np.testing.assert_allclose(found[1], fine[1], rtol=0.01)
         np.testing.assert_allclose(found[2], fine[2], rtol=0.02 * step)
         assert not found[3].any()
+
+
+def test_the_map_of_sticking_is_that_of_the_criterion():
+    """Over impact speed and restitution, under a live tool that pulls up whatever leaves the plate."""
+    cells = landing_map((0.02, 0.15), (0.005, 0.04, 0.2))
+    assert {cell.stays for cell in cells} == {True, False}
+    for cell in cells:
+        assert cell.stays == (cell.restitution <= cell.criterion), cell

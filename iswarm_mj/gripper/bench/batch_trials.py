@@ -75,7 +75,7 @@ def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
     """
     made, n_balls = attempts.lifts | attempts.releases, attempts.lifts.shape[0]
     count = min(gripper.bench_capacity, n_balls)
-    (chosen,) = jnp.nonzero(made, size=count, fill_value=n_balls)
+    (chosen,) = jnp.nonzero(jnp.asarray(made), size=count, fill_value=n_balls)
     is_real, place = chosen < n_balls, jnp.minimum(chosen, n_balls - 1)
     mine = jax.tree.map(lambda a: a[place], attempts)
     with jax.default_matmul_precision("highest"):

@@ -84,6 +84,12 @@ class MujocoBench:
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
 
+    def throw(self, height: float, speed: np.ndarray) -> None:
+        """Put the balls at a height above the plate [m], falling at these speeds (B,) [m/s]."""
+        qpos = self._batch.bind("qpos")
+        qpos[:, self._where.ball + 2] += height / UM
+        self._qvel[:, self._where.ball + 2] = -speed * MS / UM
+
     def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
         ball = slice(self._where.ball, self._where.ball + 3)
         speed = np.linalg.norm(self._qvel[ids, ball], axis=1)

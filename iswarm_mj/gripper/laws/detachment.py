@@ -2,8 +2,7 @@
 
 The default constants are a calibration, not measurements. Fitted to the paper's experiments at 10 % RH:
 W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without contact
-below 50 V", and the two spreads to the widths of the voltage bands. Not fitted: that neither voltage
-depends on the ball's radius. The weakest assumption is that the ball stays at the substrate's potential
+below 50 V", and the two spreads to the widths of the voltage bands. That neither voltage depends on the ball's radius is algebra. The weakest assumption is that the ball stays at the substrate's potential
 while the tool touches it.
 """
 
