@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iswarm_mj.config import READINGS, SwarmConfig
+    from iswarm_mj.envs.make import make_env
     from iswarm_mj.output.saved import load
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
@@ -28,11 +29,13 @@ __all__ = [
     "RunSettings",
     "SwarmConfig",
     "load",
+    "make_env",
     "rollout",
 ]
 
 _MODULES = {
     "config": ("READINGS", "SwarmConfig"),
+    "envs.make": ("make_env",),
     "output.saved": ("load",),
     "workflows.rollout": ("rollout",),
     "simulation.run": ("Run",),

@@ -115,6 +115,8 @@ class Perceived(NamedTuple):
     observation: Observation
     things: Things
     """What became of the task."""
+    around: Around
+    """What the task found."""
     links: Links
     """See `Decision`."""
     spoken: Spoken
@@ -174,7 +176,7 @@ def perceive(
     if takes_time(config):
         observation = observation._replace(waits=waits)
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
-    return Perceived(observation, things, sight.links, spoken, transmit, step_key, policy_key, energy)
+    return Perceived(observation, things, around, sight.links, spoken, transmit, step_key, policy_key, energy)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))

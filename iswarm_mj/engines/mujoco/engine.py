@@ -73,6 +73,15 @@ class MujocoEngine:
         self._batch.forward()
         return Bodies(self._padded(self._qpos[:, self._arena.qpos]), np.zeros(len(poses), int))
 
+    def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W P 3"]) -> Bodies:
+        """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
+        self._batch.reset(ids=worlds, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[np.ix_(worlds, self._arena.qpos.ravel())] = poses[:, : self._n_robots].reshape(len(worlds), -1)
+        self._batch.forward(ids=worlds)
+        n_contacts = bodies.n_contacts.copy()
+        n_contacts[worlds] = 0
+        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), n_contacts)
+
     def poses(self, bodies: Bodies) -> Float[np.ndarray, "B P 3"]:
         """See `Engine.poses`."""
         return bodies.poses

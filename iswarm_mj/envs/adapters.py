@@ -1,0 +1,79 @@
+"""What adapters to other interfaces have in common: packages that may be missing, seeds, actions that are refused."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from iswarm_mj.envs.env import Env
+from iswarm_mj.envs.make import make_env
+from iswarm_mj.envs.observations import bounds
+from iswarm_mj.envs.state import State
+from iswarm_mj.utils.errors import UserError
+
+
+class Worlds:
+    """An environment of B worlds as NumPy arrays, on any engine; keys come from a seed, as those of Gymnasium."""
+
+    def __init__(self, n_worlds: int, **settings: Any):
+        """Make the environment.
+
+        Args:
+            n_worlds: B.
+            settings: of `make_env`.
+        """
+        self.env: Env = make_env(n_worlds=n_worlds, **settings)
+        self.n_worlds = n_worlds
+        is_mapped = self.env.n_worlds is None
+        self._reset = jax.jit(jax.vmap(self.env.reset)) if is_mapped else self.env.reset
+        self._step = jax.jit(jax.vmap(self.env.step)) if is_mapped else self.env.step
+        self._state: State | None = None
+
+    def spaces(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """Return the lowest and highest values of a robot's observation (D,) and of its action (A,)."""
+        return bounds(self.env.observations), bounds(self.env.actions)
+
+    def reset(self, seed: int) -> State:
+        """Begin episodes."""
+        self._state = self._reset(jax.random.split(jax.random.key(seed), self.n_worlds))
+        return _numbers(self._state)
+
+    def step(self, action: np.ndarray) -> State:
+        """Take a step.
+
+        Args:
+            action: (B, N, A) from -1 to 1.
+
+        Raises:
+            UserError: no episode has begun, or an action is not finite, lies beyond, or does not fit.
+        """
+        if self._state is None:
+            raise UserError("step needs an episode; call reset first")
+        check_actions(action)
+        self._state = self._step(self._state, action)
+        return _numbers(self._state)
+
+
+def check_actions(action: Any) -> None:
+    """Refuse actions that are not finite or lie beyond -1 and 1.
+
+    Raises:
+        UserError: one is or does; it names the first.
+    """
+    values = np.asarray(action)
+    if values.dtype.kind not in "fiu":
+        raise UserError(f"an action must hold numbers from -1 to 1 (got {values.dtype}); convert it to float32")
+    is_bad = ~(np.abs(values) <= 1.0 + 1e-6)
+    if is_bad.any():
+        place = tuple(map(int, np.argwhere(is_bad)[0]))
+        raise UserError(f"an action must lie between -1 and 1 (got {values[place]} at {place}); clip it")
+
+
+def fresh_seed(seed: int | None, rng: np.random.Generator) -> int:
+    """Return a seed, drawn where none is given."""
+    return int(rng.integers(2**31)) if seed is None else int(seed)
+
+
+def _numbers(state: State) -> State:
+    """What adapters hand on, as NumPy arrays."""
+    return State(None, *jax.tree.map(np.asarray, state[1:]))  # type: ignore[arg-type]

@@ -1,0 +1,66 @@
+"""Swarms as Gymnasium environments: the robots of a world as one agent, one world or many at once."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from iswarm_mj.envs.adapters import Worlds, fresh_seed
+
+
+class SwarmVectorEnv(VectorEnv):
+    """B worlds: observations (B, N, D), actions (B, N, A), the rewards of a world's robots summed (B,)."""
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(self, num_envs: int = 1, **settings: Any):
+        """Make the worlds, see `make_env`."""
+        self._worlds = Worlds(num_envs, **settings)
+        self.num_envs = num_envs
+        self.single_observation_space, self.single_action_space = _spaces(self._worlds)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+        """Begin all episodes, which the seed determines."""
+        super().reset(seed=seed)
+        return self._worlds.reset(fresh_seed(seed, self.np_random)).obs, {}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+        """Take a control step; a world whose episode has ended begins a new one instead."""
+        state = self._worlds.step(actions)
+        truncated = state.info["truncated"]
+        return state.obs, state.reward.sum(axis=1), state.done & ~truncated, truncated, {**state.metrics}
+
+
+class SwarmEnv(gymnasium.Env):
+    """One world: observations (N, D), actions (N, A), the rewards of its robots summed."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(self, **settings: Any):
+        """Make the world, see `make_env`."""
+        self._worlds = Worlds(1, **settings)
+        self.observation_space, self.action_space = _spaces(self._worlds)
+
+    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+        """Begin an episode, which the seed determines."""
+        super().reset(seed=seed)
+        return self._worlds.reset(fresh_seed(seed, self.np_random)).obs[0], {}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+        """Take a control step."""
+        state = self._worlds.step(np.asarray(action)[None])
+        truncated = bool(state.info["truncated"][0])
+        metrics = {name: value[0] for name, value in state.metrics.items()}
+        return state.obs[0], float(state.reward.sum()), bool(state.done[0]) and not truncated, truncated, metrics
+
+
+def _spaces(worlds: Worlds) -> tuple[Box, Box]:
+    """Of the robots of one world."""
+    n = worlds.env.n_robots
+    seen, done = ([np.tile(end, (n, 1)) for end in ends] for ends in worlds.spaces())
+    return Box(*seen, dtype=np.float32), Box(*done, dtype=np.float32)

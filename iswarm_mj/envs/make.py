@@ -1,0 +1,142 @@
+"""How environments are made."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.envs import actions, observations
+from iswarm_mj.envs.core import Beginnings, Core, Speaker
+from iswarm_mj.envs.env import CompiledEnv, Env, HostEnv
+from iswarm_mj.sensors.fields import Flag
+from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.common import common
+from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.start import compiled_engine, devices_of, host_engine
+from iswarm_mj.simulation.state import SwarmState
+from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of
+from iswarm_mj.simulation.worlds import World, starts_of, world_params
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.payloads import layout_of
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.layout import cell_of, check_robots
+from iswarm_mj.tasks.library import find_task
+from iswarm_mj.tasks.signatures import check_object
+from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.jax_setup import configure_jax
+
+MOST_BITS = 29
+"""That messages of flags carry: two are the number of the LED, one the parity."""
+
+
+def make_env(
+    task: Any = "cleaning",
+    n_robots: int = 20,
+    *,
+    config: SwarmConfig | None = None,
+    engine: EngineSettings | None = None,
+    payload: Any = None,
+    steps: int = 800,
+    stop_at: int | None = None,
+    n_worlds: int | None = None,
+    n_starts: int = 64,
+    seed: int = 0,
+    robot_file: Path | None = None,
+) -> Env:
+    """Make an environment in which each robot of a swarm is told what to do.
+
+    Args:
+        task: `"cleaning"`, FILE.py:CLASS or the name of an installed one, or an object, see `tasks.protocol`.
+        n_robots: N.
+        config: of the swarm, its defaults if not given.
+        engine: settings, by default `PlanarSettings()`. With `MjxSettings()`, `reset` and `step` are of one world, for
+            `jax.vmap`; otherwise of `n_worlds` at once.
+        payload: what robots may say: fields by their names or a `Payload` (`sensors.messages`), or a number of bits,
+            which makes as many flags. Without it, actions are motion alone.
+        steps: of an episode at most.
+        stop_at: progress of the task that ends an episode; by default all that there is to do.
+        n_worlds: B, by default 1; not with MJX, but for the size of Warp's buffers.
+        n_starts: different layouts, of which each episode has one; `seed` draws them, and the keys of `reset` choose.
+        seed: of the layouts.
+        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+
+    Raises:
+        UserError: no such task, or settings that do not fit.
+    """
+    configure_jax()
+    config, engine = config or SwarmConfig(), PlanarSettings() if engine is None else engine
+    kinds = MujocoSettings, PlanarSettings, MjxSettings
+    check("engine", engine, " or ".join(kind.__name__ for kind in kinds), isinstance(engine, kinds))
+    task, speaker, robot = _task(task), Speaker(_payload(payload)), read_robot(robot_file)
+    if config.strategy.update_order != "synchronous":
+        raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
+    settings = RunSettings(n_robots, steps, seed=seed, n_worlds=n_worlds or 1, stop_at=stop_at)
+    check("n_starts", n_starts, "a whole number from 1 to 100000", n_starts in range(1, 100_001))
+    goal, cell = goal_of(task, config, settings), cell_of(robot)
+    check_robots(config.arena, n_robots, cell)
+    layout_of(speaker, len(robot.sides))
+    worlds = [World(PRESETS["type1"], n_robots, seed, index) for index in range(n_starts)]
+    starts = starts_of(config, worlds, cell, task)
+    job = job_of(task, config, robot, starts, n_robots)
+    params: Any = world_params(
+        config, worlds, cast(Any, speaker), ENDLESS if goal is None else goal, n_robots, job.task
+    )
+    senses = {
+        name: (quantity, int(np.prod(job.sensed[name].shape[1:], dtype=int))) for name, quantity in task.senses.items()
+    }
+    shared = common(config).config
+    core = Core(
+        config=shared,
+        robot=robot,
+        params=jax.tree.map(lambda a: jnp.asarray(a[0]), params),
+        beginnings=_beginnings(starts),
+        steps=steps,
+        payload=speaker.payload,
+        observations=observations.rows(config, robot, speaker.payload, senses),
+        actions=actions.rows(config, speaker.payload),
+    )
+    if engine.on_host:
+        made = host_engine(config, engine, n_robots, n_robots, robot_file)(settings.n_worlds, _threads(engine))
+        return HostEnv(core, made, settings.n_worlds)
+    platform = devices_of(engine)[0].platform
+    compiled = compiled_engine(config, engine, n_robots, settings.n_worlds, robot_file, platform)
+    return CompiledEnv(core, compiled, settings.n_worlds if compiled.mapping(platform) == "batch" else None)
+
+
+def _beginnings(starts: Sequence[Start]) -> Beginnings:
+    def stacked(*values: Any) -> jax.Array:
+        return jnp.asarray(np.stack(values))
+
+    balls, own = (jax.tree.map(stacked, *(getattr(start, name) for start in starts)) for name in ("balls", "own"))
+    poses = jnp.asarray(np.stack([start.poses for start in starts]), jnp.float32)
+    return Beginnings(poses, SwarmState(None, balls, stacked(*(start.is_alive for start in starts)), own))
+
+
+def _task(given: Any) -> Any:
+    """A task by its name, or as it was given."""
+    if isinstance(given, str):
+        given = CLEANING if given == "cleaning" else find_task(given)
+        given = given() if isinstance(given, type) else given
+    check_object(given)
+    return given
+
+
+def _payload(given: Any) -> Payload:
+    if given is None or isinstance(given, Payload):
+        return given or Payload()
+    if isinstance(given, int) and not isinstance(given, bool):
+        check("payload", given, f"fields, or a number of bits from 0 to {MOST_BITS}", given in range(MOST_BITS + 1))
+        return Payload({f"bit_{number}": Flag() for number in range(given)})
+    return Payload(given)
+
+
+def _threads(engine: EngineSettings) -> int:
+    return getattr(engine, "threads", 0) or len(os.sched_getaffinity(0))

@@ -1,0 +1,77 @@
+"""A swarm as a PettingZoo environment: robots act in parallel."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+from pettingzoo import ParallelEnv
+
+from iswarm_mj.envs.adapters import Worlds, fresh_seed
+from iswarm_mj.utils.errors import UserError
+
+
+class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
+    """One world of N robots, called robot_0 and so on; all of them stay until the episode ends for all."""
+
+    metadata = {"name": "iswarm_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    render_mode = None
+
+    def __init__(self, **settings: Any):
+        """Make the world, see `make_env`."""
+        self._worlds, self._rng = Worlds(1, **settings), np.random.default_rng()
+        self.possible_agents = [f"robot_{robot}" for robot in range(self._worlds.env.n_robots)]
+        self.agents: list[str] = []
+        seen, done = self._worlds.spaces()
+        self.observation_spaces = {agent: Box(*seen, dtype=np.float32) for agent in self.possible_agents}
+        self.action_spaces = {agent: Box(*done, dtype=np.float32) for agent in self.possible_agents}
+
+    def observation_space(self, agent: str) -> Box:
+        """Return what a robot observes, see `Env.observations`."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Box:
+        """Return what a robot does, see `Env.actions`."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
+        """Begin an episode, which the seed determines."""
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        state = self._worlds.reset(fresh_seed(seed, self._rng))
+        self.agents = list(self.possible_agents)
+        return self._each(state.obs[0]), {agent: {} for agent in self.agents}
+
+    def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
+        """Take a control step; `infos` has the metrics of the task.
+
+        Raises:
+            UserError: actions are missing or of others, or are no numbers between -1 and 1.
+        """
+        if set(actions) != set(self.agents):
+            wrong = sorted(set(self.agents) ^ set(actions)) or ["none: the episode is over, call reset"]
+            raise UserError(f"step needs an action of each agent and no others (differing: {', '.join(wrong[:5])})")
+        shape = self.action_spaces[self.possible_agents[0]].shape
+        for agent in self.agents:
+            if np.shape(actions[agent]) != shape:
+                raise UserError(f"the action of {agent} must have the shape {shape} (got {np.shape(actions[agent])})")
+        state = self._worlds.step(np.stack([np.asarray(actions[agent]) for agent in self.agents])[None])
+        agents, truncated = self.agents, bool(state.info["truncated"][0])
+        terminated, metrics = bool(state.done[0]) and not truncated, {k: v[0] for k, v in state.metrics.items()}
+        result = (
+            self._each(state.obs[0]),
+            {agent: float(reward) for agent, reward in zip(agents, state.reward[0], strict=True)},
+            dict.fromkeys(agents, terminated),
+            dict.fromkeys(agents, truncated),
+            {agent: dict(metrics) for agent in agents},
+        )
+        self.agents = [] if state.done[0] else self.agents
+        return result
+
+    def render(self) -> None:
+        """Nothing; recordings are made by `iswarm run`."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _each(self, obs: np.ndarray) -> dict[str, np.ndarray]:
+        return {agent: row.copy() for agent, row in zip(self.possible_agents, obs, strict=True)}
