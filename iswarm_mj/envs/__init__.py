@@ -50,11 +50,12 @@ def _adapter(module: str, name: str) -> Any:
     try:
         return getattr(import_module(f"{__name__}.{module}"), name)
     except ModuleNotFoundError as error:
-        if error.name not in ("pettingzoo", "gymnasium"):
+        package = (error.name or "").partition(".")[0]
+        if package not in ("pettingzoo", "gymnasium"):
             raise
         from iswarm_mj.utils.errors import UserError
 
-        raise UserError(f"this environment needs the package {error.name}; run pip install 'iswarm-mj[marl]'") from None
+        raise UserError(f"this environment needs the package {package}; run pip install 'iswarm-mj[marl]'") from None
 
 
 def __getattr__(name: str) -> Any:

@@ -63,4 +63,4 @@ def _spaces(worlds: Worlds) -> tuple[Box, Box]:
     """Of the robots of one world."""
     n = worlds.env.n_robots
     seen, done = ([np.tile(end, (n, 1)) for end in ends] for ends in worlds.spaces())
-    return Box(*seen, dtype=np.float32), Box(*done, dtype=np.float32)
+    return Box(seen[0], seen[1], dtype=np.float32), Box(done[0], done[1], dtype=np.float32)

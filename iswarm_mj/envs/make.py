@@ -14,15 +14,16 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.core import Beginnings, Core, Speaker
 from iswarm_mj.envs.env import CompiledEnv, Env, HostEnv
+from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import compiled_engine, devices_of, host_engine
-from iswarm_mj.simulation.state import SwarmState
+from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of
-from iswarm_mj.simulation.worlds import World, starts_of, world_params
+from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -86,8 +87,13 @@ def make_env(
     worlds = [World(PRESETS["type1"], n_robots, seed, index) for index in range(n_starts)]
     starts = starts_of(config, worlds, cell, task)
     job = job_of(task, config, robot, starts, n_robots)
-    params: Any = world_params(
-        config, worlds, cast(Any, speaker), ENDLESS if goal is None else goal, n_robots, job.task
+    params = WorldParams(
+        strategy=cast(Any, speaker),
+        conditions=Conditions(*map(jnp.asarray, conditions_of(config))),
+        key=jax.random.key(0),
+        is_present=jnp.ones(n_robots, bool),
+        goal=jnp.int32(ENDLESS if goal is None else goal),
+        task=jax.tree.map(lambda a: a[0], job.task),
     )
     senses = {
         name: (quantity, int(np.prod(job.sensed[name].shape[1:], dtype=int))) for name, quantity in task.senses.items()
@@ -96,7 +102,7 @@ def make_env(
     core = Core(
         config=shared,
         robot=robot,
-        params=jax.tree.map(lambda a: jnp.asarray(a[0]), params),
+        params=params,
         beginnings=_beginnings(starts),
         steps=steps,
         payload=speaker.payload,

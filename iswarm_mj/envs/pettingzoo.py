@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from pettingzoo import ParallelEnv
 
 from iswarm_mj.envs.adapters import Worlds, fresh_seed
@@ -22,14 +22,14 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.possible_agents = [f"robot_{robot}" for robot in range(self._worlds.env.n_robots)]
         self.agents: list[str] = []
         seen, done = self._worlds.spaces()
-        self.observation_spaces = {agent: Box(*seen, dtype=np.float32) for agent in self.possible_agents}
-        self.action_spaces = {agent: Box(*done, dtype=np.float32) for agent in self.possible_agents}
+        self.observation_spaces = {agent: Box(seen[0], seen[1], dtype=np.float32) for agent in self.possible_agents}
+        self.action_spaces = {agent: Box(done[0], done[1], dtype=np.float32) for agent in self.possible_agents}
 
-    def observation_space(self, agent: str) -> Box:
+    def observation_space(self, agent: str) -> Space:
         """Return what a robot observes, see `Env.observations`."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> Box:
+    def action_space(self, agent: str) -> Space:
         """Return what a robot does, see `Env.actions`."""
         return self.action_spaces[agent]
 
@@ -47,8 +47,10 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         Raises:
             UserError: actions are missing or of others, or are no numbers between -1 and 1.
         """
-        if set(actions) != set(self.agents):
-            wrong = sorted(set(self.agents) ^ set(actions)) or ["none: the episode is over, call reset"]
+        if not self.agents:
+            raise UserError("step needs an episode; call reset first")
+        wrong = sorted(set(self.agents) ^ set(actions))
+        if wrong:
             raise UserError(f"step needs an action of each agent and no others (differing: {', '.join(wrong[:5])})")
         shape = self.action_spaces[self.possible_agents[0]].shape
         for agent in self.agents:

@@ -1,0 +1,112 @@
+"""Adapters: the checks of PettingZoo and Gymnasium, what they add of their own, and what they refuse."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from helpers_envs import FIELDS, SMALL
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from iswarm_mj.envs import parallel_env, single_env, vector_env
+from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.utils.errors import UserError
+
+FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}
+
+
+@pytest.mark.filterwarnings("error:.*:UserWarning:pettingzoo")
+def test_pettingzoo_finds_nothing_wrong():
+    parallel_api_test(parallel_env(**FEW), num_cycles=50)
+    parallel_seed_test(lambda: parallel_env(**FEW), num_cycles=20)
+
+
+def test_gymnasium_finds_nothing_wrong():
+    check_env(single_env(**FEW), skip_render_check=True)
+
+
+def test_all_do_the_same():
+    """By one seed and the same actions, one world of robots, of one agent, and of a batch."""
+    many, one, batch = parallel_env(**FEW), single_env(**FEW), vector_env(num_envs=1, **FEW)
+    rows, _ = many.reset(seed=4)
+    whole, _ = one.reset(seed=4)
+    all_, _ = batch.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for step in range(1, 21):
+        np.testing.assert_array_equal(np.stack(list(rows.values())), whole)
+        np.testing.assert_array_equal(all_[0], whole)
+        action = rng.uniform(-1, 1, (5, 3)).astype(np.float32)
+        rows, rewards, ends, cuts, infos = many.step(dict(zip(many.agents, action, strict=True)))
+        whole, reward, is_end, is_cut, info = one.step(action)
+        all_, summed, ended, cut, _ = batch.step(action[None])
+        assert sum(rewards.values()) == pytest.approx(reward) and summed[0] == pytest.approx(reward)
+        assert set(ends.values()) == {is_end} == {bool(ended[0])} and set(cuts.values()) == {is_cut} == {bool(cut[0])}
+        assert is_cut == (step == 20) and infos["robot_3"]["picked"] == info["picked"]
+    assert many.agents == []
+
+
+def test_worlds_of_a_vector_begin_anew_by_themselves():
+    env = vector_env(num_envs=3, **FEW)
+    assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
+    first, _ = env.reset(seed=1)
+    assert first.shape == (3, 5, env.single_observation_space.shape[1]) and not np.array_equal(first[0], first[1])
+    for step in range(1, 24):
+        obs, reward, ended, cut, info = env.step(env.action_space.sample())
+        assert env.observation_space.contains(obs) and reward.shape == ended.shape == cut.shape == (3,)
+        assert cut.all() == (step == 20) and not ended.any()
+        if step == 21:
+            np.testing.assert_array_equal(info["collisions"], 0)
+            assert not reward.any()
+    again, _ = env.reset(seed=1)
+    np.testing.assert_array_equal(again, first)
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        "change, words",
+        [
+            (lambda a: a.pop("robot_2"), r"an action of each agent and no others \(differing: robot_2\)"),
+            (lambda a: a.update(robot_9=a["robot_0"]), "differing: robot_9"),
+            (
+                lambda a: a.update(robot_1=np.zeros(2)),
+                r"the action of robot_1 must have the shape \(3,\) \(got \(2,\)\)",
+            ),
+            (lambda a: a.update(robot_1=np.array([0, np.nan, 0])), r"between -1 and 1 \(got nan at \(0, 1, 1\)\)"),
+            (
+                lambda a: a.update(robot_1=np.array([0, 0, 1.5])),
+                r"between -1 and 1 \(got 1.5 at \(0, 1, 2\)\); clip it",
+            ),
+            (lambda a: a.update(robot_1=np.array(["a"] * 3)), "must hold numbers from -1 to 1"),
+        ],
+    )
+    def test_actions(self, change, words):
+        env = parallel_env(**FEW)
+        env.reset(seed=0)
+        actions = {agent: np.zeros(3, np.float32) for agent in env.agents}
+        change(actions)
+        with pytest.raises(UserError, match=words):
+            env.step(actions)
+
+    def test_steps_without_an_episode(self):
+        with pytest.raises(UserError, match="call reset first"):
+            vector_env(num_envs=2, **FEW).step(np.zeros((2, 5, 3)))
+        with pytest.raises(UserError, match="call reset first"):
+            parallel_env(**FEW).step({})
+
+    def test_shapes_of_batches(self):
+        env = vector_env(num_envs=2, **FEW)
+        env.reset(seed=0)
+        with pytest.raises(UserError, match=r"must have the shape \(2, 5, 3\)"):
+            env.step(np.zeros((5, 3)))
+
+    def test_unknown_tasks(self):
+        with pytest.raises(UserError, match="cleanin"):
+            parallel_env("cleanin")
+
+    @pytest.mark.parametrize("package", ["pettingzoo", "gymnasium"])
+    def test_a_package_that_is_missing(self, package):
+        code = f"import sys; sys.modules['{package}'] = None\nfrom iswarm_mj.envs import parallel_env\nparallel_env()"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert f"needs the package {package}; run pip install 'iswarm-mj[marl]'" in done.stderr

@@ -1,0 +1,276 @@
+"""Environments do what runs do, alone and in batches; episodes end and begin one by one."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
+
+from iswarm_mj import make_env
+from iswarm_mj.config import DriveConfig, StrategyConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import cell_of
+from iswarm_mj.utils.errors import FaultKind, UserError
+from iswarm_mj.utils.units import mm_from_rd
+
+KEYS = jax.random.split(jax.random.key(5), 3)
+
+
+class Steady:
+    """Robots that turn and walk as robots of an environment whose action is always 0.5 and 1, and say their number."""
+
+    payload = FIELDS
+    recorded = ("heard", "is_heard", "at_dust")
+
+    def init(self, n_robots, key):
+        no = jnp.zeros((n_robots, 4), bool)
+        return {"heard": jnp.zeros((n_robots, 4), jnp.int32), "is_heard": no, "at_dust": no[:, 0], "acts": no[:, 0]}
+
+    def say(self, memory, is_loaded):
+        n = len(is_loaded)
+        return {"number": jnp.where(memory["acts"], jnp.arange(n) % 8, 0)}
+
+    def picks(self, memory):
+        return memory["at_dust"] | True
+
+    def act(self, memory, seen, key):
+        n = len(seen.at_dust)
+        heard = jnp.where(seen.is_heard, seen.payload["number"], 0)
+        turn, forward = jnp.full(n, 0.5 * np.float32(np.pi / 2)), jnp.full(n, np.float32(mm_from_rd(0.5)))
+        after = {"heard": heard, "is_heard": seen.is_heard, "at_dust": seen.at_dust, "acts": jnp.ones(n, bool)}
+        return after, Command(turn, forward)
+
+
+@pytest.mark.parametrize("engine", [PlanarSettings(1), MujocoSettings(1)], ids=["planar", "mujoco"])
+def test_worlds_do_what_they_do_in_a_run(engine):
+    """The same start, noise, messages and errors of the drive: poses, what is heard, and balls, bit by bit."""
+    config = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
+    n, steps = 12, 8
+    env = make_env(n_robots=n, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=3)
+    start_key, key, _ = jax.random.split(KEYS[0], 3)
+    index = int(jax.random.randint(start_key, (), 0, 4))
+    start = starts_of(config, [World(PRESETS["type1"], n, 3, index)], cell_of(read_robot()))[0]
+    start = start._replace(poses=start.poses.astype(np.float32).astype(float))
+    world = World(PRESETS["type1"], n, start=start, key=key)
+    run = Run(config, strategy=Steady(), settings=RunSettings(n, steps), engine=engine, worlds=[world])
+    action = np.zeros((1, n, 3), np.float32)
+    action[..., 0], action[..., 1] = 0.5, 1.0
+    action[..., 2] = (np.arange(n) % 8) / 7 * 2 - 1
+    state = env.reset(KEYS[:1])
+    heard = 0
+    for _ in range(steps):
+        record = run.advance()
+        seen = env.named(np.asarray(state.obs))
+        memory = record.swarm.memory
+        np.testing.assert_array_equal(seen["heard_number"][0], memory["heard"][0, 0])
+        np.testing.assert_array_equal(seen["is_heard"][0], memory["is_heard"][0, 0])
+        np.testing.assert_array_equal(seen["at_dust"][0, :, 0], memory["at_dust"][0, 0])
+        np.testing.assert_array_equal(state.metrics["picked"], record.swarm.balls.was_picked.sum(axis=-1)[0])
+        heard += seen["heard_number"].sum()
+        state = env.step(state, action)
+        np.testing.assert_array_equal(poses_of(env, state), record.poses[0])
+        assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
+    assert heard > 20
+
+
+@pytest.mark.parametrize("engine", ENGINES, ids=["planar", "mujoco", "mjx"])
+class TestEveryEngine:
+    def test_the_same_keys_and_actions_make_the_same_episodes(self, engine):
+        env, step, state = made(engine, KEYS)
+        states = [roll(env, step, state, 4)]
+        states += [roll(env, step, made(engine, KEYS, env)[2], 4)]
+        jax.tree.map(np.testing.assert_array_equal, *(s[1:] for s in states))
+        other = made(engine, KEYS[::-1], env)[2]
+        assert not np.array_equal(other.obs, state.obs)
+        np.testing.assert_array_equal(np.asarray(other.obs)[::-1], state.obs)
+
+    def test_bounds_hold(self, engine):
+        env, step, state = made(engine, KEYS)
+        for seed in range(4):
+            low, high = (np.repeat([getattr(r, end) for r in env.observations], [r.size for r in env.observations])
+                         for end in ("low", "high"))  # fmt: skip
+            obs = np.asarray(state.obs)
+            assert obs.shape == (3, env.n_robots, env.observation_size) and obs.dtype == np.float32
+            assert (obs >= low - 1e-5).all() and (obs <= high + 1e-5).all()
+            state = step(state, act(env, seed))
+        assert np.ptp(np.asarray(state.obs), axis=(0, 1)).astype(bool).sum() > 5
+
+    def test_a_fault_ends_its_own_episode_and_the_next_one_begins(self, engine):
+        env, step, state = made(engine, KEYS)
+        action = act(env, 0)
+        sound = step(state, action)
+        state = made(engine, KEYS, env)[2]
+        bad = action.copy()
+        bad[1, 2, 0] = np.nan
+        state = step(state, bad)
+        np.testing.assert_array_equal(state.done, [False, True, False])
+        np.testing.assert_array_equal(state.info["fault"], [0, int(FaultKind.COMMAND_NOT_FINITE), 0])
+        for world in (0, 2):
+            np.testing.assert_array_equal(state.obs[world], sound.obs[world])
+        assert not np.asarray(state.reward)[1].any()
+        state = step(state, action)
+        np.testing.assert_array_equal(state.done, [False] * 3)
+        np.testing.assert_array_equal(state.info["step"], [2, 0, 2])
+        np.testing.assert_array_equal(state.info["fault"], 0)
+        assert np.isfinite(state.obs).all()
+
+    def test_time_is_up(self, engine):
+        env, step, state = made(engine, KEYS)
+        for count in range(1, 7):
+            state = step(state, act(env, count))
+            np.testing.assert_array_equal(state.info["truncated"], count == 6)
+            np.testing.assert_array_equal(state.done, count == 6)
+        before = poses_of(env, state)
+        state = step(state, act(env, 9))
+        np.testing.assert_array_equal(state.info["step"], 0)
+        np.testing.assert_array_equal(state.metrics["collisions"], 0)
+        assert np.abs(poses_of(env, state) - before).max() > 1
+
+    def test_actions_beyond_the_bounds_are_clipped(self, engine):
+        env, step, state = made(engine, KEYS)
+        action = np.sign(act(env, 3))
+        one, other = step(state, action), step(made(engine, KEYS, env)[2], 7 * action)
+        np.testing.assert_array_equal(one.obs, other.obs)
+
+
+def test_worlds_of_a_batch_are_worlds_alone():
+    env, step, state = made(MjxSettings(), KEYS)
+    alone = [env.reset(key) for key in KEYS]
+    for seed in range(3):
+        action = act(env, seed)
+        state = step(state, action)
+        alone = [env.step(one, a) for one, a in zip(alone, action, strict=True)]
+    for world, one in enumerate(alone):
+        np.testing.assert_allclose(one.obs, state.obs[world], atol=1e-4)
+        np.testing.assert_allclose(poses_of(env, one), poses_of(env, state)[world], atol=1e-4)
+
+
+def test_worlds_of_the_host_do_not_depend_on_their_neighbours():
+    env, step, state = made(PlanarSettings(1), KEYS)
+    one = make_env(n_robots=6, config=SMALL, payload=FIELDS, steps=6, n_worlds=1, engine=PlanarSettings(1))
+    alone = one.reset(KEYS[1:2])
+    for seed in range(8):  # past the end of an episode
+        action = act(env, seed)
+        state, alone = step(state, action), one.step(alone, action[1:2])
+        np.testing.assert_array_equal(alone.obs[0], state.obs[1])
+
+
+def test_steps_are_pure():
+    """A state can be stepped twice, but by MuJoCo in C, which says so."""
+    env, step, state = made(PlanarSettings(1), KEYS)
+    first, second = (step(state, act(env, 1)) for _ in range(2))
+    np.testing.assert_array_equal(first.obs, second.obs)
+    np.testing.assert_array_equal(poses_of(env, first), poses_of(env, second))
+    env, step, state = made(MujocoSettings(1), KEYS)
+    step(state, act(env, 1))
+    with pytest.raises(UserError, match="the latest state alone can be stepped; use PlanarSettings"):
+        step(state, act(env, 1))
+
+
+@pytest.mark.slow
+def test_engines_agree():
+    """A few steps, before rounding grows."""
+    ends = []
+    for engine in (MujocoSettings(1), PlanarSettings(1, refinement=1), MjxSettings()):
+        env, step, state = made(engine, KEYS)
+        ends.append(poses_of(env, roll(env, step, state, 3)))
+    for other in ends[1:]:
+        np.testing.assert_allclose(other, ends[0], atol=0.02)
+
+
+def test_rewards_are_of_the_task():
+    """Robots that stand on dust pick it up: 20 points a ball."""
+    env = make_env(n_robots=40, config=SMALL, n_worlds=2, engine=PlanarSettings(1), steps=100)
+    state, total = env.reset(KEYS[:2]), 0.0
+    first = np.asarray(state.metrics["picked"])
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        state = env.step(state, rng.uniform(-0.3, 1, (2, 40, 2)))
+        total += np.asarray(state.reward).sum(axis=1)
+    balls = np.asarray(state.metrics["picked"]) - first + np.asarray(state.metrics["delivered"])
+    np.testing.assert_array_equal(total, 20 * balls)
+    assert balls.sum() > 3
+
+
+def test_the_goal_ends_an_episode():
+    env = make_env(n_robots=60, config=SMALL, n_worlds=1, engine=PlanarSettings(1), steps=400, stop_at=1)
+    state, rng = env.reset(KEYS[:1]), np.random.default_rng(1)
+    while not state.done[0]:
+        state = env.step(state, rng.uniform(-0.2, 1, (1, 60, 2)))
+    assert state.info["is_finished"][0] and not state.info["truncated"][0] and state.metrics["delivered"][0] >= 1
+
+
+class TestMistakes:
+    ENV = staticmethod(lambda **more: make_env(**({"n_robots": 3, "config": SMALL, "n_starts": 2} | more)))
+
+    @pytest.mark.parametrize(
+        "settings, words",
+        [
+            ({"task": "cleanin"}, "cleanin"),
+            ({"task": 3}, "int has no method lay_out"),
+            ({"n_robots": 0}, "n_robots must be at least 1|n_robots must be a whole number"),
+            ({"n_robots": 5000}, "n_robots must be between 1 and"),
+            ({"steps": 0}, "steps must be"),
+            ({"n_starts": 0}, "n_starts must be a whole number from 1 to 100000"),
+            ({"engine": "planar"}, "engine must be MujocoSettings or PlanarSettings or MjxSettings"),
+            ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
+            ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
+            ({"payload": "words"}, "a payload is a dictionary"),
+            ({"stop_at": 99}, "stop_at must be between 1 and"),
+            ({"config": replace(SMALL, strategy=StrategyConfig(update_order="sequential"))}, "robots .* act at once"),
+        ],
+    )
+    def test_settings(self, settings, words):
+        with pytest.raises(UserError, match=words):
+            self.ENV(**settings)
+
+    @pytest.mark.parametrize(
+        "action, words",
+        [
+            (np.zeros((1, 3, 3)), r"must have the shape \(1, 3, 2\), .* \(got \(1, 3, 3\)\)"),
+            (np.zeros((3, 2)), r"\(got \(3, 2\)\)"),
+            (np.zeros((1, 3, 2), bool), r"must hold numbers from -1 to 1 \(got bool\)"),
+            (np.zeros((1, 3, 2), complex), "got complex128"),
+            ([[["a", 1]] * 3], "must hold numbers"),
+            (None, "must hold numbers"),
+        ],
+    )
+    def test_actions(self, action, words):
+        env = self.ENV()
+        with pytest.raises(UserError, match=words):
+            env.step(env.reset(KEYS[:1]), action)
+
+    def test_actions_of_compiled_engines(self):
+        env = self.ENV(engine=MjxSettings())
+        state = jax.eval_shape(env.reset, jax.random.key(0))
+        with pytest.raises(UserError, match=r"must have the shape \(3, 2\)"):
+            jax.eval_shape(env.step, state, jnp.zeros((2, 2)))
+
+    @pytest.mark.parametrize("key", [0, KEYS, KEYS[0], np.zeros(2)])
+    def test_keys(self, key):
+        with pytest.raises(UserError, match=r"reset needs 1 random keys, .*make them by jax.random.split"):
+            self.ENV().reset(key)
+
+
+@pytest.mark.slow
+def test_ten_thousand_random_steps_without_fault_or_leak():
+    import gc
+    import resource
+
+    env = make_env(n_robots=20, config=SMALL, payload=4, n_worlds=2, engine=PlanarSettings(1), steps=300)
+    state, rng, peak = env.reset(KEYS[:2]), np.random.default_rng(0), []
+    for step in range(10_000):
+        state = env.step(state, rng.uniform(-1, 1, (2, 20, env.action_size)).astype(np.float32))
+        assert not np.asarray(state.info["fault"]).any() and np.isfinite(state.obs).all()
+        if step % 2000 == 1999:
+            gc.collect()
+            peak.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert peak[-1] - peak[0] < 50_000  # KiB

@@ -1,0 +1,129 @@
+"""What robots observe and do: the tables of the page are those of the code; nothing leaks that was not heard."""
+
+import re
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_envs import SMALL
+from helpers_sensing import senses_nothing
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.envs import actions, observations
+from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Layout, Message, Payload
+from iswarm_mj.tasks.protocol import Quantity
+
+FIELDS = {"flag": Flag(), "count": Integer(4, low=-3), "heat": Real(0, 1, 5, unit="K"), "aim": Bearing(3)}
+PAYLOAD = Payload({**FIELDS, "home": Vector(28.3, 4, 4, 2)})
+ROBOT = read_robot()
+TABLE = observations.rows(SwarmConfig(), ROBOT, PAYLOAD, {"light": (Quantity("brightness", "lx", 0, 9), 1)})
+PAGE = (Path(__file__).parents[2] / "docs" / "environments.md").read_text()
+
+
+def of_page(heading):
+    """Cells of the rows of the table under a heading."""
+    part = PAGE.split(f"## {heading}\n")[1].split("\n## ")[0]
+    rows = [line.strip("| ").split("|") for line in part.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in row] for row in rows[2:]]
+
+
+def as_page(table):
+    def number(value):
+        return {round(np.pi, 4): "π", round(-np.pi, 4): "-π"}.get(round(float(value), 4), f"{value:.3g}")
+
+    return [[f"`{r.name}`", str(r.size), r.unit, number(r.low), number(r.high), r.description] for r in table]
+
+
+def test_observations_of_the_page_are_those_of_the_code():
+    assert of_page("What robots observe") == as_page(observations.rows(SwarmConfig(), ROBOT, PAYLOAD, {}))
+
+
+def test_actions_of_the_page_are_those_of_the_code():
+    found = [[name, size, text] for name, size, _, _, _, text in as_page(actions.rows(SwarmConfig(), PAYLOAD))]
+    assert of_page("What robots do") == found
+
+
+def heard(seed, is_heard):
+    """An observation with random content, heard or not."""
+    rng = np.random.default_rng(seed)
+    n, s = is_heard.shape
+    numbers = jnp.asarray(rng.uniform(-9, 9, (n, s)), jnp.float32)
+    values = {
+        "flag": numbers > 0,
+        "count": numbers.astype(jnp.int32),
+        "heat": abs(numbers) / 9,
+        "aim": numbers / 3,
+        "home": VectorMemory(jnp.stack([numbers, 1 - numbers], -1), abs(numbers).astype(jnp.int32) % 3, numbers > 1),
+    }
+    seen = senses_nothing(n)._replace(is_heard=jnp.asarray(is_heard), bearing=numbers, distance=abs(numbers) + 2)
+    led = jnp.asarray(rng.integers(0, 4, (n, s)))
+    return seen._replace(payload=values, led=led, sensed={"light": abs(numbers[:, 0])})
+
+
+def test_nothing_is_known_of_what_was_not_heard():
+    """Two worlds that differ in all that robots did not hear look the same to them."""
+    is_heard = np.zeros((5, 4), bool)
+    one, other = (heard(seed, is_heard)._replace(sensed={"light": jnp.ones(5)}) for seed in (0, 1))
+    ball = one._replace(ball_vector=jnp.full((5, 2), 3.0))  # of a ball that is not there
+    for seen in (other, ball):
+        first, second = (observations.encode(TABLE, PAYLOAD, s) for s in (one, seen))
+        np.testing.assert_array_equal(first, second)
+    assert np.asarray(first).any(axis=0).sum() == 1  # the light
+
+
+def test_rows_are_what_was_sensed():
+    seen = heard(2, np.ones((5, 4), bool))
+    split = observations.split(TABLE, np.asarray(observations.encode(TABLE, PAYLOAD, seen)))
+    assert list(split) == [row.name for row in TABLE]
+    np.testing.assert_allclose(np.exp(1j * split["bearing"]), np.exp(1j * np.asarray(seen.bearing)), atol=1e-5)
+    np.testing.assert_allclose(split["distance"], np.minimum(np.asarray(seen.distance) / 2**1.5, 7), rtol=1e-5)
+    np.testing.assert_array_equal(split["led"], seen.led)
+    for name in ("flag", "count", "heat"):
+        np.testing.assert_allclose(split[f"heard_{name}"], np.clip(seen.payload[name], -3, 12), rtol=1e-6)
+    home = seen.payload["home"]
+    np.testing.assert_allclose(split["heard_home_x"], np.clip(home.vector[..., 0] / 2**1.5, -10, 10), rtol=1e-5)
+    np.testing.assert_array_equal(split["heard_home_hop"], home.hop)
+    np.testing.assert_array_equal(split["light"][:, 0], seen.sensed["light"])
+
+
+def test_actions_mean_what_the_table_says():
+    action = np.zeros((2, sum(row.size for row in actions.rows(SMALL, PAYLOAD))), np.float32)
+    action[0], action[1] = 1.0, -1.0
+    command, said, is_bad = actions.decode(SMALL, PAYLOAD, jnp.asarray(action))
+    np.testing.assert_allclose(command.turn, [np.pi / 2, -np.pi / 2], rtol=1e-6)
+    np.testing.assert_allclose(command.forward, [2**0.5, -(2**0.5)], rtol=1e-5)
+    np.testing.assert_array_equal(said["flag"], [True, False])
+    np.testing.assert_array_equal(said["count"], [12, -3])
+    np.testing.assert_allclose(said["heat"], [1, 0])
+    np.testing.assert_allclose(said["aim"], [np.pi, -np.pi], rtol=1e-6)
+    np.testing.assert_allclose(said["home"].vector, [[28.3, 28.3], [-28.3, -28.3]], rtol=1e-6)
+    np.testing.assert_array_equal(said["home"].hop, [2, 0])
+    np.testing.assert_array_equal(said["home"].known, [True, False])
+    assert not is_bad.any()
+    shapes = jax.tree.map(lambda a: (a.shape, a.dtype), PAYLOAD.shapes(2))
+    assert jax.tree.map(lambda a: (a.shape, a.dtype), said) == shapes
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_actions_that_are_no_numbers_are_named_and_do_nothing(bad):
+    action = np.ones((3, 2), np.float32)
+    action[1, 1] = bad
+    command, _, is_bad = actions.decode(SMALL, Payload(), jnp.asarray(action))
+    np.testing.assert_array_equal(is_bad, [False, True, False])
+    assert np.isfinite(command.turn).all() and command.turn[1] == 0
+
+
+def test_silence_is_sent():
+    layout = Layout(PAYLOAD)
+    message, _ = layout.unpack(layout.pack(Message(jnp.zeros(2, int), actions.silence(PAYLOAD, 2))))
+    assert not message.payload["home"].known.any() and not message.payload["flag"].any()
+    np.testing.assert_array_equal(message.payload["count"], 0)
+
+
+def test_the_page_names_what_it_documents():
+    assert re.search(r"make_env\(", PAGE) and "NaN" in PAGE
