@@ -18,7 +18,8 @@ from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.decide import Decision, Perceived, Situation, executed, perceive
+from iswarm_mj.simulation import power
+from iswarm_mj.simulation.decide import Decision, Perceived, Situation, executed, perceive, takes_time
 from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import account, limited
 from iswarm_mj.strategy.interface import Command
@@ -53,6 +54,8 @@ class Plan(NamedTuple):
     """Robots whose actions are not finite."""
     is_running: Bool[Array, "*B"]
     """The world moves."""
+    energy: Any
+    """What is left in the capacitors (*B, N) [J]; None where there are none."""
     poses: Float[Array, "*B N 3"]
     """Where robots begin the next episode."""
     swarm: SwarmState
@@ -92,21 +95,27 @@ class Core:
         zero, no = jnp.int32(0), jnp.zeros((), bool)
         fault = Fault(zero, zero, zero)
         world = WorldState(None, swarm, jnp.zeros((n, n), bool), zero, no, zero, zero, fault)
-        return Episode(world, key, key, zero), jnp.ones((), bool)
+        waits = jnp.zeros(n, bool) if takes_time(self.config) else None
+        return Episode(world, key, key, zero, swarm.balls, waits), jnp.ones((), bool)
 
     def prepare(self, data: Episode, done: Bool[Array, ""], action: Float[Array, "N A"]) -> Plan:
         """Return what robots are to do, and how the next episode begins."""
-        command, said, is_bad = actions.decode(self.config, self.payload, action)
+        decoded = actions.decode(self.config, self.payload, action)
+        command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         step_key = jax.random.fold_in(unrolled(data.key), data.step)
         command = executed(self.config, self.params.conditions, command, jax.random.fold_in(step_key, 5))
         command, refused = limited(self.config, command)
-        is_alive = data.world.swarm.is_alive
-        command = Command(*(jnp.where(is_alive, part, 0.0) for part in command))
+        swarm = data.world.swarm
+        acts = swarm.is_alive if data.waits is None else swarm.is_alive & ~data.waits
+        command = Command(*(jnp.where(acts, part, 0.0) for part in command))
         refused = (refused | is_bad) & ~done
+        energy = swarm.energy
+        if energy is not None:
+            energy = power.after(self.config, energy, command, (data.before, swarm.balls), acts)
         start_key, key, next_key = jax.random.split(data.next_key, 3)
         index = jax.random.randint(start_key, (), 0, len(self.beginnings.poses))
         poses, swarm = jax.tree.map(lambda a: a[index], self.beginnings)
-        return Plan(command, said, refused, ~done & ~refused.any(), poses, swarm, key, next_key)
+        return Plan(command, said, refused, ~done & ~refused.any(), energy, poses, swarm, key, next_key)
 
     def finish(
         self,
@@ -128,14 +137,14 @@ class Core:
             sight: what they then receive.
         """
         choose = partial(jax.tree.map, lambda new, old: jnp.where(done, new, old))
-        swarm = choose(plan.swarm, data.world.swarm)
+        swarm = choose(plan.swarm, data.world.swarm._replace(energy=plan.energy))
         said = choose(actions.silence(self.payload, len(poses)), plan.said)
         key, next_key = choose((plan.key, plan.next_key), (data.key, data.next_key))
         step = jnp.where(done, 0, data.step + 1)
         params = self.params._replace(key=key)
         situation = Situation(poses, sight, step, jnp.ones((), bool))
         seen = perceive(self.config, self.robot, params, swarm, situation, said, swarm.is_alive)
-        after = SwarmState(None, seen.things.balls, swarm.is_alive, seen.things.own)
+        after = SwarmState(None, seen.things.balls, swarm.is_alive, seen.things.own, seen.energy)
         progress = params.task.progress(seen.things)
         decision = Decision(after, plan.command, plan.refused, seen.links, seen.spoken, progress)
         ran = Situation(poses, sight, data.step, ~done)
@@ -143,7 +152,9 @@ class Core:
         fault = Fault(zero, zero, zero)
         fresh = WorldState(None, after, jnp.zeros_like(motion.touching), zero, no, zero, progress, fault)
         went_on = account(params, data.world, decision, motion, plan.refused, ran)
-        return self._state(Episode(choose(fresh, went_on), key, next_key, step), seen, swarm, params, done)
+        world, waits = choose(fresh, went_on), seen.observation.waits
+        episode = Episode(world, key, next_key, step, swarm.balls, waits)
+        return self._state(episode, seen, swarm, params, done)
 
     def _state(self, data: Episode, seen: Perceived, swarm: SwarmState, params: WorldParams, is_new: Array) -> State:
         world, task = data.world, params.task

@@ -14,6 +14,7 @@ from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.core import Core
 from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
+from iswarm_mj.simulation.decide import alike
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.utils.errors import UserError
 
@@ -146,8 +147,9 @@ class HostEnv(Env):
     def __init__(self, core: Core, engine: Engine, n_worlds: int):
         super().__init__(core, n_worlds)
         self._engine, self._cpu = engine, jax.devices("cpu")[0]
-        self._ended = jax.jit(jax.vmap(core.ended))
-        self._prepare, self._finish = jax.jit(jax.vmap(core.prepare)), jax.jit(jax.vmap(core.finish))
+        self._ended, self._prepare, self._finish = (
+            jax.jit(alike(jax.vmap(function))) for function in (core.ended, core.prepare, core.finish)
+        )
         self._latest: Any = None
 
     def reset(self, key: jax.Array) -> State:

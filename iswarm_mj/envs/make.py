@@ -17,6 +17,7 @@ from iswarm_mj.envs.env import CompiledEnv, Env, HostEnv
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation import power
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
@@ -103,7 +104,7 @@ def make_env(
         config=shared,
         robot=robot,
         params=params,
-        beginnings=_beginnings(starts),
+        beginnings=_beginnings(starts, config),
         steps=steps,
         payload=speaker.payload,
         observations=observations.rows(config, robot, speaker.payload, senses),
@@ -117,13 +118,14 @@ def make_env(
     return CompiledEnv(core, compiled, settings.n_worlds if compiled.mapping(platform) == "batch" else None)
 
 
-def _beginnings(starts: Sequence[Start]) -> Beginnings:
+def _beginnings(starts: Sequence[Start], config: SwarmConfig) -> Beginnings:
     def stacked(*values: Any) -> jax.Array:
         return jnp.asarray(np.stack(values))
 
     balls, own = (jax.tree.map(stacked, *(getattr(start, name) for start in starts)) for name in ("balls", "own"))
     poses = jnp.asarray(np.stack([start.poses for start in starts]), jnp.float32)
-    return Beginnings(poses, SwarmState(None, balls, stacked(*(start.is_alive for start in starts)), own))
+    energy = None if config.energy.model == "none" else jnp.full(poses.shape[:2], power.full(config.energy))
+    return Beginnings(poses, SwarmState(None, balls, stacked(*(start.is_alive for start in starts)), own, energy))
 
 
 def _task(given: Any) -> Any:

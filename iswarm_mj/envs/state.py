@@ -18,6 +18,10 @@ class Episode(NamedTuple):
     """That begins the next episode."""
     step: Int[Array, "*B"]
     """Control steps taken."""
+    before: Any
+    """The balls as robots found them in this step."""
+    waits: Any
+    """The robot stays where it is (*B, N), see `Observation.waits`; None where robots never wait."""
 
 
 class State(NamedTuple):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +28,8 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
+
+Tree = TypeVar("Tree")
 
 
 class Situation(NamedTuple):
@@ -202,12 +204,28 @@ def decide_alike(
 
     Programs for two worlds and more round alike, but from that for one world an axis of size one vanishes.
     """
-    if len(situation.is_running) > 1:
-        return decide_worlds(config, robot, params, swarm, situation)
-    once = params, swarm, situation._replace(step=situation.is_running)
-    params, swarm, same = jax.lax.optimization_barrier(jax.tree.map(lambda a: jnp.concatenate([a, a]), once))
-    decision = decide_worlds(config, robot, params, swarm, same._replace(step=situation.step))
-    return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(decision))
+    step = situation.step
+
+    def of_all(params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
+        return decide_worlds(config, robot, params, swarm, situation._replace(step=step))
+
+    return alike(of_all)(params, swarm, situation._replace(step=situation.is_running))
+
+
+def alike(function: Callable[..., Tree]) -> Callable[..., Tree]:
+    """Return a function of trees of B worlds whose results for a world do not depend on B, to the last bit.
+
+    Args:
+        function: of such trees; programs for two worlds and more round alike.
+    """
+
+    def of_worlds(*trees: Any) -> Tree:
+        if len(jax.tree.leaves(trees)[0]) > 1:
+            return function(*trees)
+        twice = jax.lax.optimization_barrier(jax.tree.map(lambda a: jnp.concatenate([a, a]), trees))
+        return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(function(*twice)))
+
+    return of_worlds
 
 
 def executed(config: SwarmConfig, conditions: Conditions, command: Command, key: Array) -> Command:

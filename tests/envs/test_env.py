@@ -9,7 +9,7 @@ import pytest
 from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
 
 from iswarm_mj import make_env
-from iswarm_mj.config import DriveConfig, StrategyConfig
+from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, StrategyConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.simulation.run import Run
@@ -49,10 +49,18 @@ class Steady:
         return after, Command(turn, forward)
 
 
-@pytest.mark.parametrize("engine", [PlanarSettings(1), MujocoSettings(1)], ids=["planar", "mujoco"])
-def test_worlds_do_what_they_do_in_a_run(engine):
+NOISY = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
+TIRED = EnergyConfig(model="capacitor", light_power=5e-5)
+SLOW = replace(NOISY, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
+
+
+@pytest.mark.parametrize(
+    "engine, config",
+    [(PlanarSettings(1), NOISY), (MujocoSettings(1), NOISY), (PlanarSettings(1), SLOW)],
+    ids=["planar", "mujoco", "slow grasps and little energy"],
+)
+def test_worlds_do_what_they_do_in_a_run(engine, config):
     """The same start, noise, messages and errors of the drive: poses, what is heard, and balls, bit by bit."""
-    config = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
     n, steps = 12, 8
     env = make_env(n_robots=n, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=3)
     start_key, key, _ = jax.random.split(KEYS[0], 3)
@@ -65,7 +73,7 @@ def test_worlds_do_what_they_do_in_a_run(engine):
     action[..., 0], action[..., 1] = 0.5, 1.0
     action[..., 2] = (np.arange(n) % 8) / 7 * 2 - 1
     state = env.reset(KEYS[:1])
-    heard = 0
+    heard = waited = 0
     for _ in range(steps):
         record = run.advance()
         seen = env.named(np.asarray(state.obs))
@@ -75,10 +83,11 @@ def test_worlds_do_what_they_do_in_a_run(engine):
         np.testing.assert_array_equal(seen["at_dust"][0, :, 0], memory["at_dust"][0, 0])
         np.testing.assert_array_equal(state.metrics["picked"], record.swarm.balls.was_picked.sum(axis=-1)[0])
         heard += seen["heard_number"].sum()
+        waited += seen["waits"].sum() if config is SLOW else 0
         state = env.step(state, action)
         np.testing.assert_array_equal(poses_of(env, state), record.poses[0])
         assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
-    assert heard > 20
+    assert heard > 20 and (waited > 5) == (config is SLOW)
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=["planar", "mujoco", "mjx"])
