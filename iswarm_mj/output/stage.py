@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.trajectory import AREA
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, mm_from_m
@@ -28,6 +30,32 @@ class Shot(NamedTuple):
     """Magnification of the balls, since 20 um are invisible beside 139 mm."""
     fine: bool = True
     """With shadows and round shapes; without them a frame takes a tenth of the time on a CPU."""
+
+
+_FLAT = 0.002
+"""Half the height of what is painted on the floor [mm]."""
+
+
+class TaskArea(NamedTuple):
+    """Areas of one kind."""
+
+    colour: np.ndarray
+    """Red, green, blue and alpha from 0 to 1."""
+    shape: str
+    """square or disc."""
+    places: Float[np.ndarray, "T M 3"]
+    """x, y and half the width or the radius [mm]."""
+
+
+def task_areas(frames: Mapping[str, np.ndarray]) -> list[TaskArea]:
+    """Return the areas that the task of a trajectory has, beside dump and dust."""
+    if "scene_area_names" not in frames:
+        return []
+    each = zip(*(frames[f"scene_area_{part}"].tolist() for part in ("names", "colours", "shapes")), strict=True)
+    return [
+        TaskArea(np.array([*colour, 255], np.float32) / 255, shape, mm_from_m(frames[AREA + name].astype(float)))
+        for name, colour, shape in each
+    ]
 
 
 class Stage:
@@ -64,6 +92,11 @@ class Stage:
         check("camera", shot.camera, " or ".join(cameras), shot.camera in cameras)
         for ball in range(len(arena.mocap)):
             model.geom(f"ball{ball}/ball").size[0] *= shot.ball_scale
+        for name, areas in (("dump", frames.get("scene_dump")), ("dust_areas", frames.get("scene_dust_areas"))):
+            if areas is not None and not np.any(areas):  # the task has none
+                for geom in ("dump",) if name == "dump" else ("dust_west", "dust_east"):
+                    model.geom(geom).size[:] = 1e-6
+        self._areas = task_areas(frames)
         if not shot.fine:
             quality = model.vis.quality
             quality.numslices, quality.numstacks, quality.offsamples = 8, 4, 4
@@ -89,17 +122,22 @@ class Stage:
 
     def frame(self, frames: dict[str, np.ndarray], step: int) -> UInt8[np.ndarray, "height width 3"]:
         """Pixels of a step of the trajectory."""
-        return self.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step])
+        return self.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step], step)
 
     def show(
-        self, pose: Float[np.ndarray, "N 3"], is_loaded: Bool[np.ndarray, "N"], balls: Float[np.ndarray, "K 3"]
+        self,
+        pose: Float[np.ndarray, "N 3"],
+        is_loaded: Bool[np.ndarray, "N"],
+        balls: Float[np.ndarray, "K 3"],
+        step: int = 0,
     ) -> UInt8[np.ndarray, "height width 3"]:
-        """Pixels of robots and balls.
+        """Pixels of robots, balls and areas of the task.
 
         Args:
             pose: x [m], y [m], yaw [rad].
             is_loaded: whether each robot carries a ball.
             balls: their centres [m].
+            step: of the trajectory, for the areas.
         """
         import mujoco
 
@@ -112,4 +150,12 @@ class Stage:
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)
         self._renderer.update_scene(data, self._camera)
+        scene = self._renderer.scene
+        for area in self._areas:
+            kind = mujoco.mjtGeom.mjGEOM_CYLINDER if area.shape == "disc" else mujoco.mjtGeom.mjGEOM_BOX
+            for x, y, half in area.places[step]:
+                size = [half, _FLAT, 0.0] if area.shape == "disc" else [half, half, _FLAT]
+                geom = scene.geoms[scene.ngeom]
+                mujoco.mjv_initGeom(geom, kind, size, [x, y, -_FLAT], np.eye(3).ravel(), area.colour)
+                scene.ngeom += 1
         return self._renderer.render()

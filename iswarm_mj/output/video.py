@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from iswarm_mj.output.recorded import load, robot_file_of
 from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -106,11 +107,15 @@ def _pictures(stage: Stage, frames: dict[str, np.ndarray], film: Film, last: int
         step, part = divmod(number, film.frames_per_step)
         share = part / film.frames_per_step
         pose, balls = (interpolated(frames[name], step, share) for name in ("pose", "ball_position"))
-        pixels = stage.show(pose, frames["is_loaded"][step], balls)
-        n_dust = frames["ball_position"].shape[1]
-        yield _captioned(
-            pixels, [film.title, f"step {step}", f"{frames['delivered'][step]} of {n_dust} balls delivered"]
-        )
+        pixels = stage.show(pose, frames["is_loaded"][step], balls, step)
+        yield _captioned(pixels, [film.title, f"step {step}", *_counts(frames, step)])
+
+
+def _counts(frames: dict[str, np.ndarray], step: int) -> list[str]:
+    """Balls delivered, or the metrics of another task than cleaning."""
+    metrics = frames["scene_metric_names"].tolist() if "scene_metric_names" in frames else []
+    delivered = f"{frames['delivered'][step]} of {frames['ball_position'].shape[1]} balls delivered"
+    return [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
 
 
 def interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:

@@ -35,7 +35,6 @@ class Cleaning:
         "dump": Look((250, 205, 50), "square"),
         "dust_areas": Look((150, 190, 240), "square"),
     }
-    senses: ClassVar[Mapping[str, Quantity]] = {}
 
     def lay_out(
         self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float

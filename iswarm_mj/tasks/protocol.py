@@ -1,7 +1,7 @@
 """What a task is: how worlds begin, what robots sense of it, what becomes of it, and how well they do."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -88,14 +88,11 @@ class Task(Protocol):
     A task is a dataclass: its fields are its settings, and flags of `iswarm run --task`. Like a strategy it is made a
     pytree (`strategy.pytrees.as_pytree`), so that numbers are arrays in the methods that say "JAX"; these run under
     `jit` and `vmap`, in every engine. `lay_out` and `goal` are plain Python, called once a world.
-    """
 
-    senses: ClassVar[Mapping[str, Quantity]] = {}
-    """What robots sense beside balls and dump, by the names in `Sensed.own` and `Observation.sensed`."""
-    measured: ClassVar[Mapping[str, Quantity]] = {}
-    """What `metrics` returns."""
-    drawn: ClassVar[Mapping[str, Look]] = {}
-    """What `areas` returns."""
+    Three attributes of its class are dictionaries, and may be left out: `senses`, a `Quantity` for each thing that
+    robots sense beside balls and dump (`Sensed.own`, `Observation.sensed`); `measured`, one for each metric; `drawn`, a
+    `Look` for each kind of areas (`DrawnTask.areas`).
+    """
 
     def lay_out(
         self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
@@ -145,7 +142,7 @@ class Task(Protocol):
         ...
 
     def metrics(self, things: Things) -> dict[str, Array]:
-        """Return the scalars of `measured` so far, float32, int32 or bool; JAX."""
+        """Return the scalars that `measured` names so far, float32, int32 or bool; JAX."""
         ...
 
 

@@ -1,0 +1,151 @@
+"""Foraging from sources that run dry and come back elsewhere, and a strategy of robots that each do it alone."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.vectors import after_motion
+from iswarm_mj.tasks.cleaning import grip
+from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
+from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.constraints import Above, Within
+from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.units import mm_from_rd
+
+
+@dataclass(frozen=True)
+class Foraging:
+    """Items are to be carried home, to the dump; a source whose items are all there comes back elsewhere.
+
+    Items are `arena.n_dust` balls, which stick alike; tools lift and release them as in cleaning.
+    """
+
+    sources: Annotated[int, Within(1, 100)] = 6
+    """Number of sources, which share the items."""
+    source_radius: Annotated[float, Above(0, 75, "rd")] = 2.0
+    """Radius of a source [rd]."""
+
+    measured: ClassVar[dict[str, Quantity]] = {
+        "items": Quantity("items brought home"),
+        "rate": Quantity("items brought home per time", "1/min"),
+        "moves": Quantity("sources that ran dry and came back elsewhere"),
+    }
+    drawn: ClassVar[dict[str, Look]] = {"dump": Look((250, 205, 50), "square"), "sources": Look((120, 190, 110))}
+
+    def lay_out(self, config: SwarmConfig, n_robots: int, rng: Any, shared: Any, cell: float) -> tuple[Array, Things]:
+        """See `Task.lay_out`."""
+        arena, poses = config.arena, place_robots(config.arena, n_robots, rng, cell)
+        nearest, farthest = 0.75 * arena.dump_size + self.source_radius, arena.size / 2 - self.source_radius
+        limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
+        centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
+        position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
+        alike = replace(config.gripper, spread_tool_object=0.0, spread_object_substrate=0.0)
+        own = {"centres": np.asarray(centres), "limits": limits, "home": np.zeros(arena.n_dust, bool)}
+        own |= {"items": np.int32(0), "moves": np.int32(0), "time": np.float32(0)}
+        return poses, Things(lying(alike, position, draw_radii(arena, shared), rng), own)
+
+    def _places(self, limits: Array, n_items: int, key: Array) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
+        """New places of all sources, and of items relative to them [mm]."""
+        near, spread = jax.random.split(key)
+        return _between(limits, self.sources, near), _between((0.0, mm_from_rd(self.source_radius)), n_items, spread)
+
+    def goal(self, config: SwarmConfig, n_robots: int) -> None:
+        """Sources always come back."""
+
+    def advance(self, things: Things, around: Around, key: Array) -> tuple[Things, Sensed]:
+        """Carry, release and lift items; sources of which nothing is left move."""
+        grip_key, place_key = jax.random.split(key)
+        own, old = things.own, things.balls
+        balls, sensed = grip(old, around, grip_key)
+        source = np.arange(len(old.radius)) % self.sources
+        moves = ~jnp.zeros(self.sources, bool).at[source].max(~balls.is_delivered)
+        places, spread = self._places(own["limits"], len(source), place_key)
+        centres, returns = jnp.where(moves[:, None], places, own["centres"]), moves[source]
+        position = jnp.where(returns[:, None], centres[source] + spread, balls.position)
+        home = balls.is_delivered & ~old.is_delivered
+        more = {"items": home.sum(dtype=jnp.int32), "moves": moves.sum(dtype=jnp.int32)}
+        more["time"] = jnp.float32(around.config.drive.control_period)
+        own = own | {"centres": centres, "home": home} | {name: own[name] + value for name, value in more.items()}
+        return Things(balls._replace(position=position, is_delivered=balls.is_delivered & ~returns), own), sensed
+
+    def progress(self, things: Things) -> Int[Array, ""]:
+        """Items brought home."""
+        return things.own["items"]
+
+    def reward(self, before: Things, after: Things, around: Around) -> Float[Array, "N"]:
+        """1 for a robot that brings an item home."""
+        return jnp.zeros(len(around.poses)).at[after.balls.holder].add(after.own["home"].astype(jnp.float32))
+
+    def metrics(self, things: Things) -> dict[str, Array]:
+        """Items brought home, also per minute, and how often sources moved."""
+        own, time = things.own, jnp.maximum(things.own["time"], 1e-3)
+        return {"items": own["items"], "rate": 60.0 * own["items"] / time, "moves": own["moves"]}
+
+    def areas(self, config: SwarmConfig, things: Things) -> dict[str, Float[Array, "M 3"]]:
+        """Home and the sources."""
+        radius = jnp.full((self.sources, 1), mm_from_rd(self.source_radius), jnp.float32)
+        dump = jnp.array([[0.0, 0.0, mm_from_rd(config.arena.dump_size / 2)]])
+        return {"dump": dump, "sources": jnp.hstack([things.own["centres"], radius])}
+
+
+def _between(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
+    """Points spread evenly over a ring around the origin [mm]."""
+    angle, share = jax.random.uniform(key, (2, n))
+    away = jnp.sqrt(limits[0] ** 2 + share * (limits[1] ** 2 - limits[0] ** 2))
+    return away[:, None] * jnp.stack([jnp.cos(2 * jnp.pi * angle), jnp.sin(2 * jnp.pi * angle)], axis=-1)
+
+
+@dataclass(frozen=True)
+class Forager:
+    """Robots search at random; where home and the last item lay they know by their own steps, and go back there."""
+
+    random_turn: Annotated[float, Within(0, 180, "deg")] = 25.0
+    """Largest turn of a random step, to either side [deg]."""
+    reach: Annotated[float | None, Within(0, 100, "mm")] = None
+    """Distance of the tool ahead of a robot's centre [mm]; by default as in its file."""
+
+    recorded: ClassVar = {"home.vector": "mm", "home.known": "", "food.vector": "mm", "food.known": ""}
+
+    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Forager":
+        """Return the strategy of robots with this tool."""
+        return replace(self, reach=robot.probe_tip[0]) if self.reach is None else self
+
+    def init(self, n_robots: int, key: Array) -> dict[str, VectorMemory]:
+        """Nobody knows anything."""
+        return {"home": VectorMemory.empty(n_robots), "food": VectorMemory.empty(n_robots)}
+
+    def picks(self, memory: Any) -> Array:
+        """All robots pick items up."""
+        return jnp.ones(len(memory["home"].known), bool)
+
+    def act(self, memory: Any, observation: Observation, key: Array) -> tuple[Any, Command]:
+        """Go to the item beside, home with an item, back to where the last one lay, or anywhere."""
+        seen, step = observation, mm_from_rd(0.5)
+        chance, aside = jax.random.uniform(key, (2, len(seen.at_dust)), minval=-1.0)
+        takes = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
+        home = _learnt(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
+        food = _learnt(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
+        known = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
+        goal = jnp.where(seen.is_loaded[:, None], home.vector, food.vector)
+        angle = jnp.where(known, jnp.arctan2(goal[:, 1], goal[:, 0]), jnp.deg2rad(self.random_turn) * chance)
+        near = (seen.is_heard & (seen.distance < mm_from_rd(1.4)))[:, 0] & ~takes
+        angle = jnp.where(near | (seen.sees_wall[:, 0] & ~known), jnp.sign(aside) * jnp.pi / 2, angle)
+        turn = jnp.clip(angle, -jnp.pi / 2, jnp.pi / 2)
+        ahead = jnp.where(takes, jnp.hypot(*seen.ball_vector.T) - jnp.asarray(self.reach), step)
+        forward = jnp.where(turn == angle, jnp.clip(ahead, -step, step), 0.0)
+        own = {name: after_motion(known, turn, forward) for name, known in (("home", home), ("food", food))}
+        return own, Command(turn, forward)
+
+
+def _learnt(memory: VectorMemory, is_there: Array, vector: Array, step: float) -> VectorMemory:
+    """Memories with the vector to what a robot senses, and without those that lead no farther than half a step."""
+    old = memory.where(jnp.hypot(*memory.vector.T) > step / 2)
+    return VectorMemory(jnp.where(is_there[:, None], vector, old.vector), old.hop, old.known | is_there)

@@ -1,0 +1,73 @@
+"""Aggregation on the brighter of two spots: the light by hand, and who gathers where."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_sensing import senses_nothing
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.simulation.initial import draw_start
+from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.tasks.protocol import Things
+from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.utils.units import RD
+from iswarm_mj.workflows.rollout import rollout
+
+TASK = Aggregation(spot_radius=4.0, spot_offset=10.0, dim=0.25)
+CONFIG = SwarmConfig()
+
+
+def test_light_by_hand():
+    """1 at the centre of the brighter spot, half of it halfway, 0 at the edge; a quarter of all that in the other."""
+    x = np.array([10, 12, 14, 0, -10, -8, -6]) * RD
+    poses = np.column_stack([x, 0 * x, 0 * x])
+    for east in (1.0, -1.0):
+        light = TASK.light(poses * [east, 1, 1], np.float32(east))
+        np.testing.assert_allclose(light[:, 0], [1, 0.5, 0, 0, 0, 0, 0], atol=1e-6)
+        np.testing.assert_allclose(light[:, 1], [0, 0, 0, 0, 0.25, 0.125, 0], atol=1e-6)
+
+
+def test_either_spot_is_the_brighter_one():
+    starts = [draw_start(CONFIG, 50, 0, index, task=TASK) for index in range(40)]
+    east = [float(start.own["east"]) for start in starts]
+    assert set(east) == {-1.0, 1.0} and abs(np.mean(east)) < 0.5
+    start = starts[0]
+    task, things = as_task(TASK), Things(start.balls, start.own)
+    assert check_task(task, CONFIG, read_robot(), things, 50).keys() == {"light"}
+    assert TASK.areas(CONFIG, things)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
+
+
+class TestBeeclust:
+    def test_waits_as_long_as_it_is_bright(self):
+        """Of robots that meet, one in the dark turns away, one in the light waits 300 l^2 / (l^2 + 0.25) steps."""
+        bees, n = Beeclust(), 3
+        light = jnp.array([0.0, 0.5, 1.0])
+        nothing = senses_nothing(n)._replace(sensed={"light": light})
+        meeting = nothing._replace(is_heard=jnp.ones((n, 4), bool), distance=jnp.full((n, 4), 1.2 * RD))
+        memory, command = bees.act(bees.init(n, None), meeting, jax.random.key(0))
+        assert memory["wait"].tolist() == [0.0, 150.0, 240.0]
+        assert abs(command.turn[0]) >= np.pi / 4 - 1e-6 and command.forward[0] > 0
+        assert command.turn[1:].tolist() == [0, 0] and command.forward[1:].tolist() == [0, 0]
+        for _ in range(149):
+            memory, command = bees.act(memory, meeting, jax.random.key(1))
+        assert memory["wait"].tolist() == [0.0, 1.0, 91.0] and command.forward[1] == 0
+        memory, command = bees.act(memory, meeting, jax.random.key(1))
+        assert memory["wait"][1] == -bees.leaving and command.forward[1] > 0
+        for _ in range(4):
+            memory, _ = bees.act(memory, nothing, jax.random.key(1))
+        assert memory["wait"][1] == 0
+
+    @pytest.mark.slow
+    def test_gathers_on_the_brighter_spot(self):
+        """Three worlds of 150 robots; a random walk of the same robots gathers nowhere."""
+        keys, parts = jax.random.split(jax.random.key(0), 3), {"n_robots": 150, "steps": 2000, "every": 500}
+        engine = PlanarSettings(refinement=4)
+        bees, walk = (
+            rollout(CONFIG, strategy, keys, engine=engine, task=Aggregation(), **parts).metrics
+            for strategy in (Beeclust(), Beeclust(longest_wait=0.0))
+        )
+        assert (bees["bright"] > 0.35).all() and bees["bright"].mean() > 1.5 * bees["dim"].mean()
+        assert (walk["bright"] < 0.25).all()

@@ -1,0 +1,78 @@
+"""Foraging: sources that run dry, and a forager that knows its way by its own steps."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from helpers_runs import records
+from helpers_sensing import senses_nothing
+
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.simulation.initial import draw_start
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.tasks.foraging import Forager, Foraging
+from iswarm_mj.tasks.protocol import Things
+from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.utils.units import RD
+
+SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4))
+TASK = Foraging(sources=2, source_radius=1.0)
+
+
+def test_items_begin_at_their_sources():
+    for index in range(5):
+        start = draw_start(SMALL, 6, 1, index, task=TASK)
+        away = start.balls.position - start.own["centres"][np.arange(4) % 2]
+        assert np.hypot(*away.T).max() <= RD + 1e-4
+        distance = np.hypot(*start.own["centres"].T) / RD
+        assert (distance >= 3.25 - 1e-4).all() and (distance <= 6.5 + 1e-4).all()
+    assert check_task(as_task(TASK), SMALL, read_robot(), Things(start.balls, start.own), 6) == {}
+
+
+def test_a_source_moves_when_its_last_item_is_home():
+    """Counted from the balls themselves; what is home stays home until then, and items lie at their new source."""
+    settings = RunSettings(10, 500, stop_at=6)
+    run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
+    before, items, moved = jax.tree.map(lambda a: a[0], run.start), 0, 0
+    for after in records(run):
+        old, new = before.swarm.balls, after.swarm.balls
+        home = after.swarm.own["home"][0]
+        assert (old.is_held[0][home]).all() and not new.is_held[0][home].any()
+        items += home.sum()
+        moves = (after.swarm.own["centres"] != before.swarm.own["centres"]).any(axis=-1)[0]
+        source = np.arange(4) % 2
+        for place in range(2):
+            was_last = (new.is_delivered[0] | home)[source == place].all() or moves[place]
+            assert moves[place] == (was_last and home[source == place].any())
+        back = moves[source]
+        assert not new.is_delivered[0][back].any()
+        away = new.position[0] - after.swarm.own["centres"][0][source]
+        assert (np.hypot(*away[back].T) <= RD + 1e-4).all()
+        assert (new.is_delivered[0][~back] == (old.is_delivered[0] | home)[~back]).all()
+        moved, before = moved + moves.sum(), after
+    found = {name: values[0] for name, values in run.metrics().items()}
+    assert found["items"] == items == run.progress()[0] >= 6 and found["moves"] == moved >= 2
+    assert run.measures(0).finished_at == run.step
+    np.testing.assert_allclose(found["rate"], 60 * items / run.step, rtol=1e-6)
+
+
+def test_a_forager_knows_where_home_is():
+    """After any walk the remembered vectors end where they did in the world."""
+    forager = replace(Forager(), reach=1.0)
+    nothing, key = senses_nothing(1), jax.random.key(3)
+    home = nothing._replace(on_dump=jnp.ones(1, bool))
+    memory, command = forager.act(forager.init(1, key), home, key)
+    pose = np.zeros(3)
+    for step in range(20):
+        pose[2] += command.turn[0]
+        pose[:2] += command.forward[0] * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        at = np.array(memory["home"].vector[0])
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        np.testing.assert_allclose(pose[0] + c * at[0] - s * at[1], 0.0, atol=1e-3)
+        np.testing.assert_allclose(pose[1] + s * at[0] + c * at[1], 0.0, atol=1e-3)
+        seen = nothing if step < 12 else nothing._replace(is_loaded=jnp.ones(1, bool))
+        memory, command = forager.act(memory, seen, jax.random.fold_in(key, step))
+    assert bool(memory["home"].known[0]) and np.hypot(*pose[:2]) < 12
