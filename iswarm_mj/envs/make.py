@@ -97,7 +97,8 @@ def make_env(
         task=jax.tree.map(lambda a: a[0], job.task),
     )
     senses = {
-        name: (quantity, int(np.prod(job.sensed[name].shape[1:], dtype=int))) for name, quantity in task.senses.items()
+        name: (quantity, int(np.prod(job.sensed[name].shape[1:], dtype=int)))
+        for name, quantity in getattr(task, "senses", {}).items()  # a task without has no such attribute
     }
     shared = common(config).config
     core = Core(
