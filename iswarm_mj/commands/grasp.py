@@ -49,11 +49,11 @@ class Grasp:
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
     protocol: Protocol = field(default_factory=Protocol)
-    contacts: Contacts = Contacts()
+    contacts: Contacts = field(default_factory=Contacts)
     """Conduction, breakdown and impacts of the ball's contacts."""
-    tool: Surface = Surface()
+    tool: Surface = field(default_factory=Surface)
     """Roughness, preload and hysteresis of the tool's contact."""
-    plate: Surface = Surface()
+    plate: Surface = field(default_factory=Surface)
     """Of the plate's contact."""
 
     def __post_init__(self):

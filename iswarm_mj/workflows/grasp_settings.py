@@ -44,11 +44,11 @@ class GraspSettings:
     """Of MJX."""
     threads: int = 0
     protocol: Protocol = field(default_factory=Protocol)
-    contacts: Contacts = Contacts()
+    contacts: Contacts = field(default_factory=Contacts)
     """Conduction and impacts."""
-    tool: Surface = Surface()
+    tool: Surface = field(default_factory=Surface)
     """Roughness, preload and hysteresis of the tool's contact; by default the calibrated work holds them all."""
-    plate: Surface = Surface()
+    plate: Surface = field(default_factory=Surface)
     """Of the plate's contact."""
 
     @property

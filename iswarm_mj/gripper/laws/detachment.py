@@ -2,8 +2,10 @@
 
 The default constants are a calibration, not measurements. Fitted to the paper's experiments at 10 % RH:
 W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without contact
-below 50 V", and the two spreads to the widths of the voltage bands. That neither voltage depends on the ball's radius is algebra. The weakest assumption is that the ball stays at the substrate's potential
-while the tool touches it.
+below 50 V", and the two spreads to the widths of the voltage bands. That neither voltage depends on the
+ball's radius is algebra: pull-off and electrical force are proportional to it. The ratio of the two works,
+10.4, is fitted; `roughness` says which roughnesses would make it. The weakest assumption is that the ball
+stays at the substrate's potential while the tool touches it, see `bench.contacts`.
 """
 
 import math
