@@ -51,7 +51,7 @@ class Steady:
 
 NOISY = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
 TIRED = EnergyConfig(model="capacitor", light_power=5e-5)
-SLOW = replace(NOISY, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
+SLOW = replace(SMALL, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ SLOW = replace(NOISY, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
     ids=["planar", "mujoco", "slow grasps and little energy"],
 )
 def test_worlds_do_what_they_do_in_a_run(engine, config):
-    """The same start, noise, messages and errors of the drive: poses, what is heard, and balls, bit by bit."""
+    """The same start, noise, messages and errors of the drive: poses, what is heard, and balls."""
     n, steps = 12, 8
     env = make_env(n_robots=n, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=3)
     start_key, key, _ = jax.random.split(KEYS[0], 3)
