@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.output.frame_store import FrameStore
+from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -110,10 +111,9 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
         part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def write_trajectory(out: Path, scene: Scene, frames: Frames, about: Mapping[str, Any]) -> None:
+def write_trajectory(out: Path, scene: Scene, frames: FrameStore, about: Mapping[str, Any]) -> None:
     """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
-    arrays: dict[str, Any] = frames.arrays()
-    arrays |= {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
-    arrays[ABOUT] = np.bytes_(json.dumps(about).encode())
+    more: dict[str, Any] = {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
+    more[ABOUT] = np.bytes_(json.dumps(about).encode())
     with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+        frames.write(file, more)

@@ -13,6 +13,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.metrics import Measures, measure
+from iswarm_mj.simulation.room import check_room
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
@@ -111,6 +112,7 @@ class Run:
         self.config, self.genome, self.settings = config, genome, settings
         self.engine = MujocoSettings() if engine is None else engine
         check_kind("engine", self.engine, (MujocoSettings, PlanarSettings, MjxSettings))
+        check_room(self.engine, settings.n_worlds, settings.capacity or settings.n_robots)
         if worlds is not None:
             are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
             check("worlds", type(worlds).__name__, "a list of World", are_worlds)

@@ -117,13 +117,24 @@ def leave(code: int) -> None:
     os._exit(code)
 
 
-def _arrived(number: int, _: Any) -> None:
-    """Handle a signal, unless it is the second one."""
+def _arrived(number: int, frame: Any) -> None:
+    """Handle a signal, unless it is the second one; where a library is loaded, leave it to the thread."""
     if _State.depth:
         _State.waiting = number
+    elif _is_loading(frame):
+        return
     elif not _State.is_noticed:
         _State.is_noticed, _State.number = True, number
         raise Interrupted
+
+
+def _is_loading(frame: Any) -> bool:
+    """Whether a module is being imported; libraries in C may crash if an exception comes while they begin."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _swallowed(about: Any) -> None:

@@ -1,13 +1,13 @@
-"""Recording of one world of a run, for Rerun and as trajectory.npz."""
+"""Recording of one world of a run, for Rerun and as trajectory.npz; its frames are kept on disk."""
 
 from dataclasses import asdict
 from pathlib import Path
 
 from iswarm_mj import __version__
 from iswarm_mj.output import results
+from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
 from iswarm_mj.output.task_arrays import watch
-from iswarm_mj.output.trajectory import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
@@ -47,7 +47,7 @@ class Recorder:
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]
-        self._blocks: list[Frames] = []
+        self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
         identity = {"version": __version__, "seed": run.settings.seed, "n_robots": run.settings.n_robots}
         self._recording = Recording(recording, self._scene, metadata, identity)
@@ -62,8 +62,9 @@ class Recorder:
                 self._write()
                 self._recording.__exit__(None, None, None)
             finally:
-                if self._out is not None:
-                    results.write_trajectory(self._out, self._scene, Frames.concatenate(self._blocks), self._about)
+                if self._out is not None and self._frames is not None:
+                    results.write_trajectory(self._out, self._scene, self._frames, self._about)
+                    self._frames.close()
 
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""
@@ -77,5 +78,5 @@ class Recorder:
             pending, self._pending = self._pending, []
             block = frames_of(pending, self._index, self._recorded, self._watched)
             self._recording.append(block)
-            if self._out is not None:
-                self._blocks.append(block)
+            if self._frames is not None:
+                self._frames.append(block)

@@ -1,0 +1,58 @@
+"""Memory that a run needs, estimated before any of it is taken."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+
+from iswarm_mj.simulation.settings import EngineSettings
+from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.memory import available_memory, gigabytes
+
+PER_ROBOT = {"mujoco": 1_000, "planar": 1_000, "mjx": 4_000, "mjx jax": 25_000}
+"""Bytes for each robot of each world at least, by engine and implementation; on GPUs after `docs/performance.md`."""
+PER_PAIR = 8
+"""Likewise for each pair of robots of a world: who touches whom, before and after a step [bytes]."""
+
+
+def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> int:
+    """Return how many bytes a run needs at least, beside what the libraries take.
+
+    Args:
+        engine: that carries it out.
+        n_worlds: of this process.
+        n_robots: places for robots in each world.
+    """
+    identity = engine.identity
+    each = PER_ROBOT.get(f"{identity['engine']} {identity.get('impl')}", PER_ROBOT[identity["engine"]])
+    return n_worlds * n_robots * (each + PER_PAIR * n_robots)
+
+
+def check_room(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:
+    """Refuse a run for which there is not enough memory.
+
+    Args:
+        engine: that carries it out.
+        n_worlds: of this process.
+        n_robots: places for robots in each world.
+
+    Raises:
+        ConfigError: with what is needed and what is free.
+    """
+    devices = None if engine.on_host else getattr(engine, "devices", None) or jax.local_devices()
+    needed, free = needed_memory(engine, n_worlds, n_robots), _free_memory(devices)
+    if free is not None and needed > free:
+        most = free // needed_memory(engine, 1, n_robots)
+        share = f"so that the run fits into the {gigabytes(free)} of memory that are free, for it needs"
+        constraint = f"at most {most} with {n_robots} robots in each, {share} {gigabytes(needed)}"
+        raise ConfigError("n_worlds", n_worlds, constraint, "use fewer worlds or robots")
+
+
+def _free_memory(devices: Sequence[Any] | None) -> int | None:
+    """Bytes that are free on the host, or on the devices if they have memory of their own; None if unknown."""
+    if devices is None or any(device.platform == "cpu" for device in devices):
+        return available_memory()
+    stats = [device.memory_stats() or {} for device in devices]
+    if not all("bytes_limit" in found for found in stats):
+        return None
+    return sum(found["bytes_limit"] - found.get("bytes_in_use", 0) for found in stats)

@@ -1,0 +1,66 @@
+"""Frames on disk become the file that all at once would have become."""
+
+import io
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from helpers_files import full_disk
+
+from iswarm_mj.output.frame_store import FrameStore
+from iswarm_mj.output.trajectory import ARRAYS, Frames
+from iswarm_mj.utils.errors import UserError
+
+SIZES = {"N": 3, "K": 2, "S": 4}
+
+
+def made(n_frames, seed):
+    """Frames of any values."""
+    rng = np.random.default_rng(seed)
+
+    def values(kind, dtype):
+        shape = [n_frames, *(SIZES.get(axis) or int(axis) for axis in kind.dim_str.split()[1:])]
+        return rng.integers(0, 2, shape).astype(dtype) if dtype is np.bool_ else (99 * rng.random(shape)).astype(dtype)
+
+    arrays = {f.name: values(f.type, f.metadata["dtype"]) for f in fields(Frames) if f.name in ARRAYS}
+    return Frames(**arrays, memory={"turned": rng.normal(size=(n_frames, 3)).T.copy().T})  # not in C's order
+
+
+def stored(tmp_path, blocks):
+    store = FrameStore(tmp_path)
+    for block in blocks:
+        store.append(block)
+    return store
+
+
+def test_the_file_is_that_of_numpy(tmp_path):
+    blocks = [made(n, n) for n in (1, 64, 64, 7)]
+    found, wanted = io.BytesIO(), io.BytesIO()
+    stored(tmp_path, blocks).write(found, {"about": np.bytes_(b"{}"), "size": np.arange(3.0)})
+    together = {name: np.ascontiguousarray(values) for name, values in Frames.concatenate(blocks).arrays().items()}
+    np.savez(wanted, **together, about=np.bytes_(b"{}"), size=np.arange(3.0))
+    assert found.getvalue() == wanted.getvalue()
+
+
+def test_nothing_is_seen_of_it(tmp_path):
+    store = stored(tmp_path, [made(5, 0)])
+    assert list(tmp_path.iterdir()) == []
+    store.close()
+
+
+def test_long_arrays_are_copied_in_pieces(tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.output.frame_store._PIECE", 100)
+    found, block = io.BytesIO(), made(300, 1)
+    stored(tmp_path, [block, block]).write(found, {})
+    found.seek(0)
+    np.testing.assert_array_equal(np.load(found)["pose"], np.concatenate([block.pose, block.pose]))
+
+
+def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):
+    store, block = stored(tmp_path, [made(64, 2)]), made(64, 3)
+    with full_disk(3000), pytest.raises(UserError, match=r"cannot be written \(File too large\); make room"):
+        store.append(block)
+    found = io.BytesIO()
+    store.write(found, {})
+    found.seek(0)
+    np.testing.assert_array_equal(np.load(found)["pose"], made(64, 2).pose)

@@ -1,0 +1,55 @@
+"""Runs that do not fit into memory are refused before it is taken, with both numbers."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from iswarm_mj.simulation import room
+from iswarm_mj.simulation.room import check_room, needed_memory
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.utils.errors import ConfigError
+
+HOST = MujocoSettings()
+
+
+@pytest.fixture
+def four_gigabytes(monkeypatch):
+    monkeypatch.setattr(room, "available_memory", lambda: 4_000_000_000)
+
+
+def test_worlds_that_fit_are_allowed(four_gigabytes):
+    most = 4_000_000_000 // (283 * (1000 + 8 * 283))
+    check_room(HOST, most, 283)
+    said = rf"n_worlds must be at most {most} with 283 robots in each, so that the run fits into the 4 GB .* needs 4 GB"
+    with pytest.raises(ConfigError, match=said):
+        check_room(HOST, most + 1, 283)
+
+
+def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small):
+    with pytest.raises(ConfigError, match=r"needs 10\.8 GB \(got 1000000\); use fewer worlds or robots"):
+        Run(small, settings=RunSettings(10, 3, n_worlds=1_000_000, record_worlds=()))
+
+
+@pytest.mark.parametrize(("impl", "times"), [("jax", 25), ("warp", 4)])
+def test_a_gpu_has_memory_of_its_own(four_gigabytes, impl, times):
+    def settings(*limits):
+        stats = [{"bytes_limit": limit, "bytes_in_use": 10**9} for limit in limits]
+        devices = [SimpleNamespace(platform="gpu", memory_stats=lambda found=found: found) for found in stats]
+        return MjxSettings(impl, devices=tuple(devices))
+
+    n_worlds = int(6e9 / (10 * (1000 * times + 80)))
+    check_room(settings(4 * 10**9, 5 * 10**9), n_worlds, 10)
+    with pytest.raises(ConfigError, match="the 3 GB of memory that are free"):
+        check_room(settings(4 * 10**9), n_worlds, 10)
+
+
+def test_nothing_is_refused_where_nothing_is_known(monkeypatch):
+    monkeypatch.setattr(room, "available_memory", lambda: None)
+    check_room(HOST, 10**9, 1000)
+    unknown = SimpleNamespace(platform="gpu", memory_stats=lambda: None)
+    check_room(MjxSettings(devices=(unknown,)), 10**9, 1000)
+
+
+def test_pairs_count_in_large_worlds():
+    assert needed_memory(PlanarSettings(), 1, 10_000) > 5 * needed_memory(PlanarSettings(), 10, 1000)
