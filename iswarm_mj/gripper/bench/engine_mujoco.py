@@ -16,7 +16,9 @@ from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
-BLOCK = 64
+MEMORY = 2**18
+"""Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
+BLOCK = 256
 """Physics steps in one call of MuJoCo."""
 
 
@@ -30,6 +32,7 @@ class MujocoBench:
         threads: int = 0,
         spec: mujoco.MjSpec | None = None,
         hanging: float | None = None,
+        timestep: float | None = None,
     ):
         """Place the balls.
 
@@ -39,8 +42,9 @@ class MujocoBench:
             threads: 0 for one a core.
             spec: of the bench, by default `bench_spec`.
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
+            timestep: instead of that of the specification [s].
         """
-        make = partial(sized, spec) if spec is not None else _compiled
+        make = partial(sized, spec) if spec is not None else partial(_compiled, timestep)
         models = [make(trial) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
@@ -116,14 +120,18 @@ class MujocoBench:
         self._batch.state[:] = state
 
 
-def _compiled(trial: Trial) -> mujoco.MjModel:
-    """The default bench with a trial's sizes."""
-    return _model(trial.radius, trial.probe_radius)
+def _compiled(timestep: float | None, trial: Trial) -> mujoco.MjModel:
+    """The default bench with a trial's sizes and a time step [s]."""
+    return _model(timestep, trial.radius, trial.probe_radius)
 
 
 @lru_cache(maxsize=4096)
-def _model(radius: float, probe_radius: float) -> mujoco.MjModel:
-    return sized(bench_spec(), Trial(radius, 0.0, 0.0, probe_radius=probe_radius))
+def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
+    spec = bench_spec()
+    spec.memory = MEMORY
+    if timestep is not None:
+        spec.option.timestep = timestep / MS
+    return sized(spec, Trial(radius, 0.0, 0.0, probe_radius=probe_radius))
 
 
 class _Contacts:
