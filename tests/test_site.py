@@ -1,7 +1,9 @@
 """The documentation: its tables are those of the code, its commands work, the site builds without the network."""
 
+import os
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -114,9 +116,13 @@ QUICK = {
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_commands_run(page, example):
     """One after the other, as a reader types them, with fewer steps and runs."""
-    from iswarm_mj.commands.main import main
 
-    main(["clean", "--steps", "101"])  # what pages look at
+    def run(arguments):
+        command = [sys.executable, "-m", "iswarm_mj", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+        assert done.returncode == 0, f"{shlex.join(arguments)}: {done.stderr}"
+
+    run(["clean", "--steps", "101"])  # what pages look at
     for words in commands(page):
         if "--help" in words or any(part in shlex.join(words) for part in INSTALLED):
             continue
@@ -126,7 +132,7 @@ def test_commands_run(page, example):
         if words[1] == "picture":
             more += ["--width", "64", "--height", "64", "--step", "5"]
         out = [part for part in words if part.startswith("docs/")]
-        main([part if part not in out else "picture.png" for part in words[1:]] + more)
+        run([part if part not in out else "picture.png" for part in words[1:]] + more)
 
 
 class TestSite:

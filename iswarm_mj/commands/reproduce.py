@@ -21,6 +21,7 @@ class Reproduce(ManyRunsOptions):
         "only",
         "list",
         "tables",
+        "figures",
         "quick",
         "again",
         "reading",
@@ -37,6 +38,8 @@ class Reproduce(ManyRunsOptions):
     """Say which parts are there, and why the others have to be made."""
     tables: bool = False
     """Make no runs; write the findings and the tables anew from the results that are there."""
+    figures: bool = False
+    """Make no runs; draw the figures of the results anew from their tables."""
     quick: bool = False
     """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
     again: bool = False
@@ -64,6 +67,7 @@ class Reproduce(ManyRunsOptions):
         places = {"tables", "results", "beside", "out", "pages"}
         rules = [
             ([name for name in changed(self) if name not in places], self.tables, "with `tables`, which makes no runs"),
+            ([name for name in changed(self) if name not in ("figures", "results")], self.figures, "with `figures`"),
             (("again", "beside"), self.list, "with `list`"),
             (("replicates", "trials"), self.quick, "with `quick`"),
         ]
@@ -75,6 +79,11 @@ class Reproduce(ManyRunsOptions):
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
         places = Places(results, out, self._pages, self.beside)
+        if self.figures:
+            from iswarm_mj.experiments.report.redraw import redraw
+
+            print("\n".join(map(str, redraw(results))))
+            return
         if self.tables:
             rewrite(places)
             return

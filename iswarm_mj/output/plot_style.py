@@ -30,7 +30,9 @@ STYLE: Any = {
 
 
 @contextmanager
-def figure(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)) -> Iterator[list[Axes]]:
+def figure(
+    path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2), caption: str = ""
+) -> Iterator[list[Axes]]:
     """Axes to draw on, row by row; on exit the figure is written as PNG and SVG, each completely or not at all.
 
     Args:
@@ -38,9 +40,12 @@ def figure(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float
         rows: of axes.
         columns: of axes.
         size: of one of the axes, width and height [inch].
+        caption: what is drawn, of how many runs, and by which test; below the axes.
     """
     with matplotlib.rc_context(STYLE):
         drawing, axes = blank(rows, columns, size)
+        if caption:
+            drawing.supxlabel(caption, x=0.01, ha="left", fontsize=7, color=DARK)
         yield axes
         for suffix, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
             with atomic_write(path.with_name(path.name + suffix)) as part:

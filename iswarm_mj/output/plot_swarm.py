@@ -57,7 +57,8 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
         lying = frames["ball_position"][step][frames["ball_state"][step] == 0] * _MM
         axes.plot(lying[:, 0], lying[:, 1], "o", color="black", markersize=1.6, zorder=4)
         axes.add_patch(Rectangle((-half, -half), 2 * half, 2 * half, fill=False, edgecolor="0.25", linewidth=1.5))
-        axes.set(xlim=(-1.02 * half, 1.02 * half), ylim=(-1.02 * half, 1.02 * half))
+        _scale(axes, half)
+        axes.set(xlim=(-1.02 * half, 1.02 * half), ylim=(-1.09 * half, 1.02 * half))
         axes.axis("off")
         axes.set_aspect("equal")
         axes.set_title(title, pad=10)
@@ -87,6 +88,14 @@ def links(frames: Mapping[str, np.ndarray], step: int) -> Float[np.ndarray, "L 2
 def _area(axes: Axes, rectangle: np.ndarray, hue: str) -> None:
     left, low, right, high = rectangle * _MM
     axes.add_patch(Rectangle((left, low), right - left, high - low, color=hue, linewidth=0, zorder=0))
+
+
+def _scale(axes: Axes, half: float) -> None:
+    """A bar with its length below the arena, about a seventh of its edge."""
+    length = next(x for x in (1, 2, 5, 10, 20, 50, 100, 200) if x >= half / 4.5 or x == 200)
+    left, low = -half, -1.05 * half
+    axes.plot([left, left + length], [low, low], color="black", linewidth=2.5, solid_capstyle="butt", label="scale")
+    axes.text(left + 1.08 * length, low, f"{length} mm", ha="left", va="center", fontsize=8)
 
 
 def _legend() -> list[Line2D]:

@@ -1,22 +1,18 @@
-"""Figures of the gripper's experiments: voltages, force-distance curves, single trials. Axes in µm, V, nN and ms."""
+"""Figures of the gripper's experiments: voltages and single trials. Axes in µm, V, nN and ms."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.gripper.reference import PAPER_HUMIDITY
 from iswarm_mj.output.plot_style import DARK, GREEN, ORANGE, YELLOW, figure
-from iswarm_mj.output.plot_voltages import Laws, Rows, column, draw_attempts, draw_voltages, entries
+from iswarm_mj.output.plot_voltages import Laws, Rows, draw_attempts, draw_voltages
 
-_UM, _NM, _NN, _MS = 1e6, 1e9, 1e9, 1e3
-
-_NEAR = 30.0
-"""Gaps up to which a force-distance curve is near contact [nm]."""
+_UM, _NN, _MS = 1e6, 1e9, 1e3
 
 _FORCES = (
     ("electrostatic", "electrostatic, positive to the tool", YELLOW),
@@ -56,53 +52,6 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Pat
     if attempts:
         drawn.append(draw_attempts(out / "no_contact", attempts, laws))
     return drawn
-
-
-def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path:
-    """Draw force-distance curves: on the left the whole force near contact, on the right its parts at all gaps.
-
-    A colour for each voltage, lines for each radius; retract is dashed.
-
-    Args:
-        rows: in the order of time; gap between tool and ball [m], voltage [V], direction ("approach" or "retract"),
-            the forces electrostatic, adhesion and total [N], positive if they attract, and radius [m].
-        settings: of the run; `relative_humidity` [%] goes into the title if it is one number.
-        out: directory.
-
-    Returns:
-        Path of the PNG file.
-    """
-    path = out / "force_curve"
-    curves: dict[tuple[float, str, float], list[Mapping[str, Any]]] = {}
-    for row in rows:
-        curves.setdefault((row["voltage"], row["direction"], row["radius"]), []).append(row)
-    voltages, radii = sorted({key[0] for key in curves}), sorted({key[2] for key in curves})
-    hues = dict(zip(voltages, colormaps["viridis"](np.linspace(0, 0.85, len(voltages))), strict=True))
-    humidity = settings.get("relative_humidity")
-    condition = f" at {humidity:g} % RH" if isinstance(humidity, int | float) else ""
-    with figure(path, columns=2, size=(4.8, 3.9)) as (near, parts):
-        for (voltage, direction, _), curve in sorted(curves.items()):
-            style = {"ls": "-" if direction == "approach" else "--", "color": hues[voltage], "lw": 1.1}
-            gap, force = column(curve, "gap"), column(curve, "total") * _NN
-            near.plot(gap * _NM, force, label=f"{voltage:g} V, {direction}", **style)
-            if voltage:
-                force, label = column(curve, "electrostatic") * _NN, f"electrostatic, {voltage:g} V"
-                parts.plot(gap * _UM, force, label=label, **style)
-            style |= {"color": DARK, "lw": 0.8, "zorder": 3}
-            parts.plot(gap * _UM, column(curve, "adhesion") * _NN, label="adhesion", **style)
-        least, most = (pick(column(rows, "total")) * _NN for pick in (np.min, np.max))
-        near.set_xlim(max(-_NEAR, 1.1 * column(rows, "gap").min() * _NM), _NEAR)
-        near.set_ylim(max(1.1 * least, -max(most, 1.0)), 1.1 * max(most, 1.0))
-        near.axvline(0, color="0.6", lw=0.8)
-        near.set(xlabel="gap between tool and ball [nm]", ylabel="force, positive if it attracts [nN]")
-        near.set_title(f"Near contact{condition}")
-        parts.set(xlabel="gap between tool and ball [µm]", ylabel="attraction [nN]", title="Parts, without contact")
-        parts.set(xscale="log", yscale="log", xlim=(1e-3, None), ylim=(0.1, 2 * max(most, 1.0)))
-        span = f"R = {radii[0] * _UM:g} µm" if len(radii) == 1 else f"R = {radii[0] * _UM:g} to {radii[-1] * _UM:g} µm"
-        for axes in (near, parts):
-            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.18), "ncols": 2}
-            axes.legend(*entries(axes), **place, fontsize=7, title=span)
-    return path.with_name(path.name + ".png")
 
 
 def draw_trace(trace: Trace, path: Path) -> Path:

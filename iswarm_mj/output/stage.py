@@ -103,6 +103,8 @@ class Stage:
         model.vis.global_.offwidth, model.vis.global_.offheight = shot.size
         self._arena, self._camera, self._is_scout = arena, shot.camera, frames["scene_is_scout"]
         self._data = mujoco.MjData(model)
+        if shot.camera == "oblique":
+            _step_back(model, self._data, shot, float(frames["scene_arena_size"]) / 2 / MM)
         try:
             self._renderer = mujoco.Renderer(model, shot.size[1], shot.size[0], max_geom=model.ngeom + 100)
         except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
@@ -159,3 +161,37 @@ class Stage:
                 mujoco.mjv_initGeom(geom, kind, size, [x, y, -_FLAT], np.eye(3).ravel(), area.colour)
                 scene.ngeom += 1
         return self._renderer.render()
+
+
+MARGIN = 1.06
+"""Of what the camera shows to what it must."""
+
+
+def _step_back(model: Any, data: Any, shot: Shot, half: float) -> None:
+    """Move a camera along its line from the arena's centre, until the picture just holds the corners of the arena.
+
+    Args:
+        model: of the arena.
+        data: of the model.
+        shot: camera and size of the picture.
+        half: half the edge of the arena, walls left out [mm].
+    """
+    import mujoco
+
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    camera = model.camera(shot.camera)
+    axes, place = data.cam_xmat[camera.id].reshape(3, 3), np.array(camera.pos)
+    corners = np.array([(x, y, 0.0) for x in (-half, half) for y in (-half, half)]) * MARGIN
+    upright = np.tan(np.radians(model.cam_fovy[camera.id]) / 2)
+    limits = np.array([upright * shot.size[0] / shot.size[1], upright])
+
+    def is_seen(scale: float) -> bool:
+        seen = (corners - scale * place) @ axes
+        return bool((seen[:, 2] < 0).all() and (np.abs(seen[:, :2]) <= -seen[:, 2:] * limits).all())
+
+    low, high = 0.1, 20.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (low, middle) if is_seen(middle) else (middle, high)
+    model.cam_pos[camera.id] = high * place

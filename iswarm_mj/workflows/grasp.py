@@ -98,7 +98,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
 
 
 def _run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
-    from iswarm_mj.output.plot_trials import draw_force_curve
+    from iswarm_mj.output.plot_force_curve import draw_force_curve
 
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []

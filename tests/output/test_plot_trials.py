@@ -10,7 +10,7 @@ from helpers_trace import SCRIPT, bench_trace
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.output import plot_trials, plot_voltages
 from iswarm_mj.output.plot_style import STYLE, blank
-from iswarm_mj.output.plot_trials import draw_figures, draw_force_curve, draw_trace
+from iswarm_mj.output.plot_trials import draw_figures, draw_trace
 
 RADII = (15e-6, 20e-6, 25e-6)
 
@@ -208,45 +208,6 @@ def test_no_rows(tmp_path):
     assert draw_figures([], {}, tmp_path) == [] and list(tmp_path.iterdir()) == []
 
 
-def make_curves(voltages=(0.0, 40.0), directions=("approach", "retract"), radii=(20e-6,)):
-    return [
-        {
-            "gap": gap,
-            "voltage": voltage,
-            "direction": direction,
-            "radius": radius,
-            "electrostatic": voltage * 1e-8,
-            "adhesion": 1.8e-7 * (gap < 1e-8),
-            "total": voltage * 1e-8 + 1.8e-7 * (gap < 1e-8),
-        }
-        for voltage in voltages
-        for direction in directions
-        for radius in radii
-        for gap in (0.0, 1e-8, 1e-6)
-    ]
-
-
-def test_force_curve(tmp_path, shown):
-    path = draw_force_curve(make_curves(), {"relative_humidity": 30.0}, tmp_path)
-    assert path == tmp_path / "force_curve.png"
-    near, parts = shown["force_curve"]
-    assert labels(near) == ["0 V, approach", "0 V, retract", "40 V, approach", "40 V, retract"]
-    assert "at 30 % RH" in near.get_title() and caption(near) == "R = 20 µm"
-    np.testing.assert_allclose(line(near, "40 V, retract"), [(0, 580), (10, 400), (1000, 400)])
-    assert [one.get_linestyle() for one in near.lines[:4]] == ["-", "--", "-", "--"]
-    np.testing.assert_allclose(line(parts, "electrostatic, 40 V"), [(0, 400), (0.01, 400), (1, 400)])
-    np.testing.assert_allclose(line(parts, "adhesion"), [(0, 180), (0.01, 0), (1, 0)])
-    assert set(labels(parts)) == {"electrostatic, 40 V", "adhesion"}
-
-
-@pytest.mark.parametrize("directions", [("approach",), ("retract",)])
-def test_force_curves_of_several_radii(tmp_path, shown, directions):
-    draw_force_curve(make_curves((40.0,), directions, RADII), {}, tmp_path)
-    near, _ = shown["force_curve"]
-    assert labels(near) == [f"40 V, {directions[0]}"] and caption(near) == "R = 15 to 25 µm"
-    assert [one.get_label() for one in near.lines].count(labels(near)[0]) == 3
-
-
 def test_trace(tmp_path, shown):
     trace = bench_trace()
     path = draw_trace(trace, tmp_path / "trial")
@@ -263,7 +224,7 @@ def test_trace(tmp_path, shown):
 
 def test_figures_are_written(tmp_path):
     rows = [*make_rows("grasp"), make_row("grasp", voltage=None), make_row("no_contact")]
-    paths = [*draw_figures(rows, {}, tmp_path), draw_force_curve(make_curves(), {}, tmp_path)]
+    paths = draw_figures(rows, {}, tmp_path)
     paths.append(draw_trace(bench_trace(), tmp_path / "trial"))
-    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact", "force_curve", "trial"]
+    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact", "trial"]
     assert all(path.with_suffix(end).stat().st_size > 10_000 for path in paths for end in (".png", ".svg"))

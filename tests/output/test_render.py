@@ -41,6 +41,25 @@ def directory(tmp_path_factory):
 
 
 @needs_opengl
+@pytest.mark.parametrize(("width", "height"), [(400, 400), (240, 400), (640, 200)])
+def test_the_oblique_camera_shows_the_whole_arena(directory, tmp_path, width, height):
+    """Between arena and edge of the picture there is the plain surface around, which is bright; walls are dark."""
+    from PIL import Image
+
+    out = tmp_path / "a.png"
+    code = "import sys; from iswarm_mj.commands.main import main; main(sys.argv[1:])"
+    arguments = f"picture {directory} --step 0 --camera oblique --width {width} --height {height} --out {out}".split()
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    with Image.open(out) as image:
+        grey = np.asarray(image.convert("L")).astype(int)
+    edges = np.concatenate([grey[0], grey[-1], grey[:, 0], grey[:, -1]])
+    assert edges.min() > 150 > 120 > grey.min()
+    dark = np.argwhere(grey < 120)
+    assert max(np.ptp(dark[:, 0]) / height, np.ptp(dark[:, 1]) / width) > 0.8  # and it fills the picture
+
+
+@needs_opengl
 def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_path):
     from PIL import Image
 
