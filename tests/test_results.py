@@ -31,6 +31,9 @@ OTHER_TABLES = (
     "where | length | angle",
     "engine | where | use it for",
     "I want to | page",
+    "method | returns",
+    "eight worlds, 3000 control steps",
+    "name | numbers | ",
     "robots | worlds | `planar --refinement 1`: ms per control step",
 )
 """Beginnings of the heads of tables that are not of results: on the code, and on speed with commands beside them."""

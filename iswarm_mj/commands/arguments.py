@@ -24,7 +24,9 @@ def flag_kinds(command: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
         named = [extra.name for extra in extras if getattr(extra, "name", None) is not None]
         name = named[-1] if named else f.name
         group = kind if is_dataclass(kind) else type(f.default_factory()) if callable(f.default_factory) else None
-        if group is not None and is_dataclass(group):
+        if isinstance(kind, type) and hasattr(kind, "_fields"):  # a named tuple
+            yield from ((f"{prefix}{name}.{part}", of) for part, of in get_type_hints(kind).items())
+        elif group is not None and is_dataclass(group):
             yield from flag_kinds(group, f"{prefix}{name}." if name else prefix)
         elif not set(_POSITIONAL) & set(extras) and tyro.conf.Suppress not in extras:
             yield f"{prefix}{name}", kind

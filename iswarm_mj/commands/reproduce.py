@@ -26,9 +26,7 @@ class Reproduce(ManyRunsOptions):
         "again",
         "reading",
         "engine",
-        "workers",
         "results",
-        "beside",
         "out",
     )
 

@@ -9,3 +9,6 @@ NN = 1e-9
 CLEARANCE = 0.02
 """Gap at which a ball that rebounds has left a surface: there van der Waals attraction is a thousandth of the pull-off
 [um]."""
+
+PRESSURE = NN / UM**2
+"""Unit of pressure of the bench [Pa]."""

@@ -13,7 +13,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import AREA
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.units import MM, mm_from_m
+from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
 EMPTY, LOADED, SCOUT = (0.86, 0.1, 0.08, 1.0), (0.12, 0.25, 0.85, 1.0), (0.1, 0.6, 0.25, 1.0)
 """Colours of the robots: those of the paper's Figs. 12 and 16, and green for scouts."""
@@ -104,7 +104,7 @@ class Stage:
         self._arena, self._camera, self._is_scout = arena, shot.camera, frames["scene_is_scout"]
         self._data = mujoco.MjData(model)
         if shot.camera == "oblique":
-            _step_back(model, self._data, shot, float(frames["scene_arena_size"]) / 2 / MM)
+            _step_back(model, self._data, shot, mm_from_rd(config.arena.size) / 2)
         try:
             self._renderer = mujoco.Renderer(model, shot.size[1], shot.size[0], max_geom=model.ngeom + 100)
         except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:

@@ -196,8 +196,8 @@ def draw(rows: Rows, out: Path) -> list[Path]:
     label = "mean time minus that of the default [steps], 95 % interval\nat the right edge: runs that reached the goal"
     usual = select(rows, choice=DEFAULT)
     caption = (
-        f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap. Runs that did not\n"
-        f"reach the goal count as {usual[0]['max_steps']} steps. Tests, corrected for all choices, stand in the findings."
+        f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
+        f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. Tests stand in the findings."
     )
     return [draw_forest(listed, label, out / "sensitivity", caption)]
 

@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, MODULUS_PROBE, YIELD_PRESSURE
-from iswarm_mj.gripper.native.impact import PRESSURE
-from iswarm_mj.gripper.units import UM
+from iswarm_mj.gripper.units import PRESSURE, UM
 
 OHM = 1e-12
 """Unit of resistance of the bench, ms / fF [1/Ohm]."""

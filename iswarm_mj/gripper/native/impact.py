@@ -4,14 +4,11 @@ import math
 
 from iswarm_mj.gripper.laws import restitution
 from iswarm_mj.gripper.native.fields import compiled
-from iswarm_mj.gripper.units import MS, NN, UM
+from iswarm_mj.gripper.units import MS, PRESSURE, UM
 
 _ratio = compiled(restitution.plastic_ratio)
 _yield_speed = compiled(restitution.yield_speed)
 _sticking_speed = compiled(restitution.sticking_speed)
-
-PRESSURE = NN / UM**2
-"""Unit of pressure of the bench [Pa]."""
 
 
 @compiled
