@@ -32,7 +32,7 @@ OTHER_TABLES = (
     "engine | where | use it for",
     "I want to | page",
     "method | returns",
-    "eight worlds, 3000 control steps",
+    "eight worlds, ",
     "name | numbers | ",
     "robots | worlds | `planar --refinement 1`: ms per control step",
 )

@@ -12,6 +12,7 @@ from iswarm_mj.config import (
     READINGS,
     ArenaConfig,
     DriveConfig,
+    EnergyConfig,
     GripperConfig,
     OpticsConfig,
     StrategyConfig,
@@ -33,6 +34,7 @@ class ConfigOptions:
     optics: OpticsConfig = field(default_factory=OpticsConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
+    energy: EnergyConfig = field(default_factory=EnergyConfig)
 
     @property
     def config(self) -> SwarmConfig:
@@ -41,7 +43,7 @@ class ConfigOptions:
         Raises:
             ConfigError: two settings contradict each other.
         """
-        return SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy)
+        return SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy, self.energy)
 
 
 def with_reading(command: Any, arguments: Sequence[str]) -> Any:
