@@ -155,6 +155,7 @@ def join(timeout_s: float) -> Hosts:
             jax.distributed.initialize(
                 *given,
                 initialization_timeout=round(timeout_s) + 3600,
+                coordinator_bind_address=given[0] if _is_loopback(given[0]) else None,
                 heartbeat_timeout_seconds=HEARTBEAT_S,
                 shutdown_timeout_seconds=PARTING_S,
             )
@@ -189,14 +190,20 @@ def _given() -> tuple[str | None, int | None, int | None]:
         if port is None or int(port[1]) > 65535:
             raise UserError(f"{_GIVEN[0]} must be host:port of process 0, such as node1:4321 (got {address})")
         if index is not None and int(index) == 0:
-            _check_port(int(port[1]))
+            _check_port("localhost" if _is_loopback(address) else "", int(port[1]))
     return address, None if count is None else int(count), None if index is None else int(index)
 
 
-def _check_port(port: int) -> None:
+def _is_loopback(address: str | None) -> bool:
+    """Whether this is an address that only processes of this machine reach, so that the service listens there alone."""
+    host = (address or "").rpartition(":")[0].strip("[]")
+    return host in ("localhost", "::1") or re.fullmatch(r"127\.[0-9.]+", host) is not None
+
+
+def _check_port(host: str, port: int) -> None:
     """Check that process 0 can bind the port; JAX 0.10 dies with a segmentation fault where it cannot."""
     try:
-        socket.create_server(("", port)).close()
+        socket.create_server((host, port)).close()
     except OSError as error:
         raise _refusal(f"cannot bind port {port}: {error.strerror}") from None
 

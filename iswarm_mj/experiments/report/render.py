@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup, escape
 
+from iswarm_mj.experiments.report import markdown
 from iswarm_mj.experiments.report.reproduction import command
 
 SVG_LIMIT = 400_000
@@ -31,7 +32,14 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"command": command, "data_uri": data_uri, "prose": prose}
+    environment.filters |= {
+        "command": command,
+        "data_uri": data_uri,
+        "prose": prose,
+        "md": markdown.text,
+        "code": markdown.code,
+        "target": markdown.target,
+    }
     return environment.get_template(template).render(content)
 
 

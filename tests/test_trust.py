@@ -1,0 +1,72 @@
+"""What files of others can do, by the code that reads them; and what listens."""
+
+import ast
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import iswarm_mj
+from iswarm_mj.experiments.report.markdown import code, target, text
+from iswarm_mj.simulation.distributed import _is_loopback
+
+ROOT = Path(iswarm_mj.__file__).parent
+FILES = sorted(ROOT.rglob("*.py"))
+FORBIDDEN_MODULES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "yaml"}
+NETWORK = {"socket", "socketserver", "http", "http.server", "asyncio", "xmlrpc", "urllib.request", "ssl"}
+FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
+LOADS_CODE = {"strategy/library.py"}
+"""A strategy's file is code; it is executed because the user names it."""
+LISTENS = {"simulation/distributed.py"}
+"""Looks whether the port is free that processes on several hosts meet at."""
+
+
+def calls(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), {word.arg: ast.unparse(word.value) for word in node.keywords}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nothing_that_is_read_is_executed(path):
+    tree, name = ast.parse(path.read_text(encoding="utf-8")), str(path.relative_to(ROOT))
+    for node in ast.walk(tree):
+        modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        modules += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        assert not FORBIDDEN_MODULES.intersection(modules), modules
+        assert not NETWORK.intersection(modules) or name in LISTENS, modules
+    for function, words in calls(tree):
+        assert function not in FORBIDDEN_CALLS and not function.startswith(("pickle.", "joblib.load")), function
+        assert words.get("allow_pickle", "False") == "False" and words.get("shell", "False") == "False"
+        assert not function.endswith(("exec_module", "runpy.run_path")) or name in LOADS_CODE
+
+
+@given(st.text())
+def test_text_is_no_markup(words):
+    shown = text(words)
+    assert "\n" not in shown and "](" not in shown
+    assert "<a" not in shown and "<!" not in shown and "</" not in shown
+    assert "|" not in shown.replace("\\|", "")
+
+
+@given(st.text(alphabet="`ab |<"))
+def test_code_ends_where_it_ends(words):
+    shown = code(words)
+    fence = shown[: len(shown) - len(shown.lstrip("`"))]
+    inner = shown[len(fence) : -len(fence)]
+    assert shown.endswith(fence) and fence not in inner and inner.strip() == " ".join(words.split())
+
+
+def test_words_by_hand():
+    assert text("p < 0.001 | a") == "p < 0.001 \\| a"
+    assert text("<script>x</script> ![i](http://a)") == "&lt;script>x&lt;/script> ![i]\\(http://a)"
+    assert code("a`b") == "``a`b``" and code("`") == "`` ` ``"
+    assert target("a b).png") == "a%20b%29.png"
+
+
+def test_what_only_this_machine_reaches():
+    for address in ("localhost:1", "127.0.0.1:80", "[::1]:5", "127.3.2.1:9"):
+        assert _is_loopback(address)
+    for address in (None, "node1:1", "10.0.0.1:2", "127.example.com:3"):
+        assert not _is_loopback(address)
