@@ -22,6 +22,7 @@ BALLS, BALL_MARKERS = "world/balls/true_size", "world/balls/marker"
 LINKS, TRAILS = "world/links", "world/trails"
 MEMORY = "memory"
 CONFIG = "config"
+KEY = "legend"
 
 SERIES = {
     "series/balls/picked": ("picked up", (230, 140, 40)),
@@ -35,38 +36,41 @@ _HUES = ((80, 150, 230), (225, 180, 40), (110, 200, 120), (220, 110, 160))
 """Colours of what robots remember, in turn."""
 
 ROBOT_CLASSES = (
-    (0, "empty", (214, 48, 42)),
-    (1, "empty, sends priority", (140, 20, 50)),
-    (2, "scout", (60, 175, 75)),
-    (3, "scout, sends priority", (20, 105, 60)),
-    (4, "loaded", (70, 150, 255)),
-    (5, "loaded, sends priority", (25, 70, 220)),
+    (0, "empty", (213, 94, 0)),
+    (1, "empty, sends priority", (135, 55, 0)),
+    (2, "scout", (0, 158, 115)),
+    (3, "scout, sends priority", (0, 95, 70)),
+    (4, "loaded", (0, 114, 178)),
+    (5, "loaded, sends priority", (0, 60, 105)),
 )
-"""Class, label and colour: load goes before scout, scout before worker; priority is the darker shade."""
+"""Class, label and colour: load goes before scout, scout before worker; priority is the darker shade.
+
+The colour-blind can tell them apart (Okabe and Ito 2008), and none is that of the floor or an area on it.
+"""
 
 BALL_CLASS_OFFSET = 10
 """A ball's class is this plus its state."""
 _BALL_CLASSES = (
     (10, "on the floor", (25, 25, 25)),
-    (11, "held", (255, 225, 90)),
-    (12, "delivered", (20, 110, 45)),
+    (11, "held", (255, 240, 60)),
+    (12, "delivered", (170, 60, 140)),
 )
 
 FRONT_RADIUS = 0.1
 """Radius of the dot at a robot's front, in lengths of a robot."""
 
-_FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (150, 190, 240)
-_LINK, _TRAIL, _FRONT = (95, 95, 105), (40, 90, 230), (255, 255, 255)
-LEGEND = """**Robots**: red empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
+_FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (205, 195, 175)
+_LINK, _TRAIL, _FRONT = (95, 95, 105), (86, 180, 233), (255, 255, 255)
+LEGEND = """**Robots**: orange empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
 
-**Balls**: black on the floor, yellow held, dark green delivered; drawn enlarged, above the robots.
+**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
 
 **Lines**: grey from a robot to the one it hears, blue the trail of a loaded robot.
 
 **Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its
 turn and its way; a line the numbers of receiver and sender, and whether the message was heard.
 
-**Floor**: yellow the dump, light blue the dust. All lengths are in millimetres."""
+**Floor**: yellow the dump, sand the dust. All lengths are in millimetres."""
 _SHEET = 0.02
 """Thickness of the areas that are painted on the floor [mm]."""
 
@@ -154,6 +158,7 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     floor = np.array([[-arena / 2, -arena / 2, arena / 2, arena / 2]])
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
     yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES])
+    yield KEY, rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
     yield "world/arena/floor", _sheet(floor, 0.0, _FLOOR)
     yield "world/arena/walls", _walls(arena, size[2])
     if scene.dump[2] > scene.dump[0]:
@@ -169,11 +174,11 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
     radii = np.asarray(scene.ball_radius) * MILLIMETRES
     yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False)
-    yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(2.5), show_labels=False)
+    yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(4.0), show_labels=False)
     yield LINKS, rr.LineStrips3D.from_fields(colors=_LINK, radii=rr.Radius.ui_points(0.6))
     yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
     for name, colour in zip(scene.arrows, cycle(_HUES)):
-        yield arrows(name), rr.Arrows3D.from_fields(colors=colour, radii=0.03 * size[0])
+        yield arrows(name), rr.Arrows3D.from_fields(colors=colour, radii=0.06 * size[0])
     for entity, (name, colour) in series(scene).items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
 
@@ -217,11 +222,15 @@ def layout(scene: Scene) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             views,
-            rrb.Tabs(
-                plots,
-                *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []),
-                rrb.TextDocumentView(origin=CONFIG, name="Configuration"),
-                active_tab=0,
+            rrb.Vertical(
+                rrb.Tabs(
+                    plots,
+                    *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []),
+                    rrb.TextDocumentView(origin=CONFIG, name="Configuration"),
+                    active_tab=0,
+                ),
+                rrb.TextDocumentView(origin=KEY, name="Legend"),
+                row_shares=[3, 1],
             ),
             column_shares=[2, 1],
         ),

@@ -418,3 +418,27 @@ def test_bytes_per_frame(tmp_path):
         write(tmp_path / name, scene, cut(frames, 0, stop), cuts=())
     grown = (tmp_path / "long").stat().st_size - (tmp_path / "short").stat().st_size
     assert grown / 64 < 25e3
+
+
+def test_colours_differ_from_what_lies_beneath():
+    """Robots from floor, dump and dust, and held balls from loaded robots, also in luminance."""
+    from iswarm_mj.output import rerun_swarm_view as view
+
+    robots = {label: colour for _, label, colour in view.ROBOT_CLASSES}
+    beneath = (view._FLOOR, view._DUMP, view._DUST_AREA)
+    assert min(_luminance(b) / _luminance(c) for b in beneath for c in robots.values()) > 1.5
+    held = next(colour for _, label, colour in view._BALL_CLASSES if label == "held")
+    assert _luminance(held) / max(_luminance(c) for label, c in robots.items() if "loaded" in label) > 4
+
+
+def _luminance(colour):
+    """Relative luminance of sRGB, plus flare, as WCAG 2 compares contrasts."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255 for v in colour)]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear)) + 0.05
+
+
+def test_the_legend_is_a_view_of_its_own():
+    from iswarm_mj.output import rerun_swarm_view as view
+
+    text = [archetype for entity, archetype in view.static_entities(make_scene()) if entity == view.KEY]
+    assert len(text) == 1 and "orange empty" in text[0].text.as_arrow_array()[0].as_py()
