@@ -451,7 +451,10 @@ def test_the_parser_explains_what_it_cannot_read_in_a_few_lines(arguments, facts
 @pytest.mark.parametrize(
     "arguments, fact",
     [
-        (["claen"], "'claen' is not a command; perhaps you meant clean. Commands: clean, run, inspect, picture, bench, "),
+        (
+            ["claen"],
+            "'claen' is not a command; perhaps you meant clean. Commands: clean, run, inspect, picture, bench, ",
+        ),
         (["experimnt", "types"], "'experimnt' is not a command; perhaps you meant experiment. "),
         (["wash"], "'wash' is not a command. Commands: clean, "),
         ([], "no command was given. Commands: clean, "),
