@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.obstacles import checked
 from iswarm_mj.utils.serialization import absent_before, added_later
 
 
@@ -30,9 +31,13 @@ class ArenaConfig:
     """Smallest radius of a solder ball (section 3.2.2) [m]."""
     ball_radius_max: Annotated[float, Within(1e-6, 1e-4, "m")] = 25e-6
     """Largest radius of a solder ball (section 3.2.2) [m]."""
+    obstacles: tuple[tuple[float, float, float, float, float], ...] = added_later(())
+    """Boxes that robots cannot enter and light does not pass: x, y, half edges along their own x and y [rd], and yaw
+    [deg], five numbers each."""
 
     def __post_init__(self):
         validate(self, "arena")
+        object.__setattr__(self, "obstacles", checked(self.obstacles, self.size / 2, self.dump_size / 2))
         half, edge = self.size / 2, self.dust_area_size / 2
         nearest, farthest = self.dust_area_offset - edge, self.dust_area_offset + edge
         check("arena.dump_size", self.dump_size, "at most half of `arena.size`", self.dump_size <= half)

@@ -68,6 +68,7 @@ def example(tmp_path, monkeypatch):
     (tmp_path / "walk.py").write_text(re.search(r"```python\n(# walk.py.*?)```", strategies, re.S)[1])
     tasks = (ROOT / "docs/tasks.md").read_text(encoding="utf-8")
     (tmp_path / "gather.py").write_text(re.search(r"```python\n(# gather.py.*?)```", tasks, re.S)[1])
+    (tmp_path / "boxes.json").write_text(re.search(r"```json\n(.*?)```", tasks, re.S)[1])
     start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')

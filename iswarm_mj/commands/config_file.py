@@ -60,7 +60,8 @@ class ConfigFile:
     def _argument(self, name: str, value: Any) -> list[str]:
         flag = f"--{name.replace('_', '-')}"
         if isinstance(value, list):
-            return [flag, *(self._word(name, element) for element in value)]
+            value = [part for one in value for part in (one if isinstance(one, list) else [one])]
+            return [] if not value else [flag, *(self._word(name, element) for element in value)]
         return [f"{flag}={self._word(name, value)}"]
 
     def _word(self, name: str, value: Any) -> str:

@@ -17,6 +17,7 @@ from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import can_use_warp
+from iswarm_mj.utils.obstacles import read_obstacles
 from iswarm_mj.utils.progress import waiting
 
 GenomeOverrides = make_dataclass(
@@ -56,6 +57,9 @@ class Swarm(ConfigOptions):
     """Number of robots; by default it follows from the density."""
     robot: Path | None = None
     """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
+    obstacles: Path | None = None
+    """A JSON file of boxes in the arena, in place of `arena.obstacles`: a list of objects with x, y, half_x, half_y
+    [rd] and yaw [deg]."""
     density: Annotated[float | None, Above(0, 1)] = None
     """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
     seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
@@ -86,6 +90,17 @@ class Swarm(ConfigOptions):
 
     def __post_init__(self):
         validate(self)
+
+    @property
+    def config(self) -> SwarmConfig:
+        """See `ConfigOptions.config`; with the obstacles of the file."""
+        if self.obstacles is None:
+            return super().config
+        if self.arena.obstacles:
+            raise UserError("--obstacles and --arena.obstacles exclude each other; give one of them.")
+        config = super().config
+        boxes: Any = read_obstacles(self.obstacles)
+        return replace(config, arena=replace(config.arena, obstacles=boxes))
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """Return the configuration, the genome and the number of robots.

@@ -1,5 +1,6 @@
 """The arena with its robots and balls, composed from the MJCF files in `models/`."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -9,8 +10,9 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.robot_file import models_directory, read_robot, robot_spec, without_visual
+from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
-from iswarm_mj.utils.units import mm_from_m, mm_from_rd
+from iswarm_mj.utils.units import RD, mm_from_m, mm_from_rd
 
 
 class ArenaModel(NamedTuple):
@@ -23,6 +25,8 @@ class ArenaModel(NamedTuple):
     """(N,) body ids of the robots."""
     walls: np.ndarray
     """(4,) geom ids of the walls."""
+    obstacles: np.ndarray
+    """(M,) geom ids of the obstacles."""
     qpos: np.ndarray
     """(N, 3) addresses of x, y, yaw in qpos, and in qvel."""
     mocap: np.ndarray
@@ -100,6 +104,7 @@ def compile_arena(
         hull=np.array([model.geom(r + "hull").id for r in robots]),
         body=np.array([model.body(r + "robot").id for r in robots]),
         walls=np.array([model.geom(f"wall_{side}").id for side in ("east", "north", "west", "south")]),
+        obstacles=np.array([model.geom(f"obstacle{k}").id for k in range(len(config.arena.obstacles))], int),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
         servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
@@ -125,8 +130,26 @@ def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
         area = spec.geom(f"dust_{side}")
         area.pos[0] = x * mm_from_rd(arena.dust_area_offset)
         area.size[:2] = mm_from_rd(arena.dust_area_size) / 2
+    _add_obstacles(spec, numbers(arena.obstacles, RD))
     for camera in ("above", "oblique"):
         spec.camera(camera).pos *= zoom
+
+
+def _add_obstacles(spec: mujoco.MjSpec, boxes: np.ndarray) -> None:
+    """Add boxes as high as the walls' panels, with the walls' contacts; what one sees is another geom, as of a wall."""
+    wall, panel = spec.geom("wall_east"), spec.geom("panel_east")
+    for k, (x, y, c, s, half_x, half_y) in enumerate(boxes):
+        place = {"pos": [x, y, panel.pos[2]], "size": [half_x, half_y, panel.size[2]]}
+        yaw = math.atan2(s, c)
+        place["quat"] = [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
+        for name, like in ((f"obstacle{k}", wall), (f"block{k}", panel)):
+            geom = spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, **place)
+            for trait in _TRAITS:
+                setattr(geom, trait, getattr(like, trait))
+
+
+_TRAITS = ("contype", "conaffinity", "condim", "solref", "solimp", "solmix", "margin", "gap", "group", "material")
+"""Of walls and their panels, that obstacles share."""
 
 
 def _tune_drive(spec: mujoco.MjSpec, robot: Robot, timestep: float) -> None:

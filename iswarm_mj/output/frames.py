@@ -83,6 +83,7 @@ def scene_of(
         memory_names=tuple(map(array_name, recorded or {})),
         memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in (recorded or {}).values()),
         memory_sizes=tuple(math.prod(np.shape(part_of(memory, name))[3:]) for name in recorded or {}),
+        obstacles=np.array(arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
         area_names=tuple(areas),
         area_colours=tuple(look.colour for look in areas.values()),
         area_shapes=tuple(look.shape for look in areas.values()),

@@ -93,6 +93,20 @@ def _walls(arena_size: float, height: float) -> rr.Boxes3D:
     return rr.Boxes3D(centers=centres, half_sizes=half_sizes, colors=_WALL, fill_mode="solid")
 
 
+def _obstacles(boxes: np.ndarray, height: float) -> rr.Boxes3D:
+    """Boxes (O, 5) of x, y, half edges [m] and yaw [rad], as high as the walls [mm]."""
+    xy, half, yaw = boxes[:, :2] * MILLIMETRES, boxes[:, 2:4] * MILLIMETRES, boxes[:, 4]
+    middle, zero = np.full(len(boxes), height / 2), np.zeros(len(boxes))
+    turned = np.column_stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)])
+    return rr.Boxes3D(
+        centers=np.column_stack([xy, middle]),
+        half_sizes=np.column_stack([half, middle]),
+        quaternions=turned,
+        colors=_WALL,
+        fill_mode="solid",
+    )
+
+
 def stem(name: str) -> str:
     """Return what a recorded vector is called, as `dust` for dust_vector."""
     return name.removesuffix("_vector")
@@ -166,6 +180,8 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     areas = np.reshape(scene.dust_areas, (-1, 4)) * MILLIMETRES
     if len(areas):
         yield "world/arena/dust_areas", _sheet(areas, 2 * _SHEET, _DUST_AREA)
+    if len(scene.obstacles):
+        yield "world/arena/obstacles", _obstacles(scene.obstacles, size[2])
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
         kind = rr.Cylinders3D if shape == "disc" else rr.Boxes3D
         yield area(name), kind.from_fields(colors=colour, fill_mode="solid")

@@ -61,6 +61,8 @@ class Scene(NamedTuple):
     metric_units: tuple[str, ...] = ()
     """Unit of each; empty for numbers without one."""
     metric_descriptions: tuple[str, ...] = ()
+    obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
+    """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
 
     @property
     def arrows(self) -> list[str]:

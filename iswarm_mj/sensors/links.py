@@ -107,6 +107,7 @@ def find_links(
     optics: OpticsConfig,
     reaches: LedHit,
     sends: Bool[np.ndarray, "B N"] | None = None,
+    boxes: Float[np.ndarray, "M 6"] | None = None,
 ) -> Links:
     """Links of all robots: for each side the nearest senders in sight, of equally near ones that of lowest index first.
 
@@ -116,6 +117,7 @@ def find_links(
         optics: range, cones and mode; and of how many senders, see `Links`.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
         sends: which robots send light, by default all; the others still block it.
+        boxes: obstacles, see `utils.obstacles.numbers`.
     """
     n_worlds, n_robots = poses.shape[:2]
     farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
@@ -125,7 +127,8 @@ def find_links(
     found = find_candidates(flat, around, robot, optics, sending)
     clear = np.ones(len(found.slot), bool)
     if optics.line_of_sight:
-        clear = _by_rays(flat, around, found, robot, n_robots, reaches, optics.n_senders)
+        boxes = np.zeros((0, 6)) if boxes is None else boxes
+        clear = _by_rays(flat, around, found, robot, n_robots, reaches, optics.n_senders, boxes)
     pick, rank = _first(clear, found.slot, optics.n_senders)
     shape = (n_worlds, n_robots, len(robot.sides), optics.n_senders)
 
@@ -151,6 +154,7 @@ def _by_rays(
     n_robots: int,
     reaches: LedHit,
     n_senders: int,
+    boxes: np.ndarray,
 ) -> np.ndarray:
     """Whether nothing blocks the light (P,) bool; False, too, where enough nearer ones of the same side are clear."""
     positions = receiver_positions(poses, robot)
@@ -158,7 +162,7 @@ def _by_rays(
     leds = positions if robot.leds == robot.receivers else led_positions(poses, robot)
     target = leds[found.sender, found.reception.led]
     paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)
-    verdict = judge(paths, poses, around, circles(robot), n_senders)
+    verdict = judge(paths, poses, around, circles(robot), n_senders, boxes)
     clear = verdict == CLEAR
     ask = np.flatnonzero(verdict == OPEN)
     world, receiver = np.divmod(found.receiver[ask], n_robots)

@@ -47,7 +47,29 @@ def circles(robot: Robot) -> Circles:
 
 
 @njit(cache=True)
-def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles, enough: int) -> np.ndarray:
+def meets_boxes(x: float, y: float, vx: float, vy: float, boxes: np.ndarray) -> bool:
+    """Whether the straight way from a point by a vector leads through one of the boxes (M, 6)."""
+    for box in boxes:
+        dx, dy = x - box[0], y - box[1]
+        enters, leaves = 0.0, 1.0
+        for along in range(2):
+            c, s = (box[2], box[3]) if along == 0 else (-box[3], box[2])
+            at, step, half = c * dx + s * dy, c * vx + s * vy, box[4 + along]
+            if step == 0.0:
+                if abs(at) > half:
+                    leaves = -1.0
+            else:
+                one, other = (-half - at) / step, (half - at) / step
+                enters, leaves = max(enters, min(one, other)), min(leaves, max(one, other))
+        if enters <= leaves:
+            return True
+    return False
+
+
+@njit(cache=True)
+def judge(
+    paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles, enough: int, boxes: np.ndarray
+) -> np.ndarray:
     """Verdicts (P,) on P paths; once enough paths of a slot are clear, the rest of that slot count as cut.
 
     Args:
@@ -56,6 +78,7 @@ def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles,
         around: pairs of robots near each other, complete up to `circles.behind` beyond the longest path's distance.
         circles: around each robot.
         enough: number of clear paths of a slot.
+        boxes: (M, 6) obstacles, see `utils.obstacles.numbers` [mm].
     """
     verdict = np.zeros(len(paths.slot), np.int8)
     last, n_clear = -1, 0
@@ -66,6 +89,8 @@ def judge(paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles,
             continue
         receiver, x0, y0 = paths.receiver[k], paths.origin[k, 0], paths.origin[k, 1]
         x, y = paths.target[k, 0] - x0, paths.target[k, 1] - y0
+        if meets_boxes(x0, y0, x, y, boxes):
+            continue
         length = max(np.sqrt(x * x + y * y), 1e-9)
         x, y = x / length, y / length
         nearest = np.inf

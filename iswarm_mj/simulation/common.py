@@ -7,10 +7,11 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.rules import ELSEWHERE
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.obstacles import Obstacle
 
 _PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
 _SHARED = {
-    "arena": {"size", "n_dust"},
+    "arena": {"size", "n_dust", "obstacles"},
     "gripper": {
         *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
         *("spot_spread_tool_object", "spot_spread_object_substrate", "grasp_time", "release_time"),
@@ -39,6 +40,8 @@ class Common(NamedTuple):
     """Edge of the arena [rd]."""
     n_dust: int
     """Balls."""
+    obstacles: tuple[Obstacle, ...]
+    """Boxes in the arena."""
 
 
 def common(config: SwarmConfig) -> Common:
@@ -49,7 +52,7 @@ def common(config: SwarmConfig) -> Common:
         for part, mine in vars(config).items()
         if part != "arena"
     }
-    return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.size, config.arena.n_dust)
+    return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.size, config.arena.n_dust, config.arena.obstacles)
 
 
 def check_common(config: SwarmConfig, other: SwarmConfig) -> None:

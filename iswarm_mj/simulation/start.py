@@ -134,7 +134,17 @@ def compiled_engine(
         robot_file: MJCF file of the robots; None for `models/robot.xml`.
         platform: of the devices.
         is_masked: some worlds have fewer robots than places.
+
+    Raises:
+        UserError: there are obstacles, which it does not know.
     """
+    if config.arena.obstacles:
+        name = " with impl ".join(
+            str(part) for part in (engine.identity["engine"], engine.identity.get("impl")) if part
+        )
+        raise UserError(
+            f"arena.obstacles run on the engine mujoco and on planar with impl numba (got {name}); use one of these"
+        )
     if isinstance(engine, MjxSettings):
         # Here, since importing MJX takes seconds, which the other engines need not wait for.
         from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity

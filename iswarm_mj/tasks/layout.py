@@ -10,18 +10,29 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD
 
 
 @lru_cache(maxsize=16)
 def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
-    """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena."""
+    """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena.
+
+    A robot in a cell touches no obstacle at any heading.
+
+    Raises:
+        ConfigError: obstacles leave no cell.
+    """
     n = int(arena.size / cell)
     centre = (np.arange(n) - (n - 1) / 2) * (cell * RD)
     x, y = (a.ravel() for a in np.meshgrid(centre, centre, indexing="ij"))
     outside = np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD
     cells = np.column_stack([x, y])[outside]
+    if arena.obstacles:
+        cells = cells[distances(cells, numbers(arena.obstacles, RD)) >= cell * RD / 2]
+        if not len(cells):
+            raise ConfigError("arena.obstacles", arena.obstacles, "such that a cell is left on which a robot can start")
     cells.flags.writeable = False  # all callers share it
     return cells
 
@@ -67,6 +78,8 @@ def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
     k = arena.n_dust
     offset = rng.uniform(-0.5, 0.5, (k, 2)) * arena.dust_area_size
     offset[:, 0] += np.where(np.arange(k) < k // 2, -1, 1) * arena.dust_area_offset
+    if arena.obstacles and (distances(offset, numbers(arena.obstacles)) == 0).any():
+        raise ConfigError("arena.obstacles", arena.obstacles, "outside the dust areas, where balls lie")
     return offset * RD
 
 

@@ -1,4 +1,4 @@
-"""Light in MuJoCo in C: links and walls in sight, decided by the rays of the physics engine."""
+"""Light in MuJoCo in C: links, walls and obstacles in sight, decided by the rays of the physics engine."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -9,7 +9,8 @@ from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.obstacles import distances, numbers
+from iswarm_mj.utils.units import RD, mm_from_rd
 
 _RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
 _FAR = 1e6  # where robots are looked for that a world does not have [mm]
@@ -24,7 +25,10 @@ class Scene:
         self.object_of = np.full(arena.model.ngeom + 1, 2 * n + 1)
         """Robot that a geom is, or a number from N on for a wall; the last entry stands for no hit."""
         self.object_of[arena.hull] = np.arange(n)
-        self.object_of[arena.walls] = n + np.arange(len(arena.walls))
+        solid = np.concatenate([arena.walls, arena.obstacles])
+        self.object_of[solid] = n + np.arange(len(solid))
+        self.boxes = numbers(config.arena.obstacles, RD)
+        """(M, 6) of the obstacles."""
 
     def cast_rays(
         self,
@@ -84,28 +88,35 @@ def sense(
         share, hit = scene.cast_rays(world, origin, target - origin, receiver)
         return (hit == sender) | (share >= 1.0)
 
-    links = find_links(poses, scene.robot, scene.config.optics, reaches, emits & is_present)
+    links = find_links(poses, scene.robot, scene.config.optics, reaches, emits & is_present, scene.boxes)
     return Sight(links, find_walls(scene, poses, is_present))
 
 
 def find_walls(
     scene: Scene, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]
 ) -> Bool[np.ndarray, "B N S"]:
-    """Whether a wall is the first thing on the axis of each LED, within range.
+    """Whether a wall or an obstacle is the first thing on the axis of each LED, within range.
 
     A LED that a robot presses slightly into a wall sees it too.
     """
     length = mm_from_rd(scene.config.optics.wall_range)
     edge = mm_from_rd(scene.config.arena.size) / 2
     sees = np.zeros((*poses.shape[:2], len(scene.robot.sides)), bool)
-    may_see = np.abs(poses[..., :2]).max(axis=-1) + scene.robot.circumradius + length > edge
+    reach = scene.robot.circumradius + length
+    may_see = np.abs(poses[..., :2]).max(axis=-1) + reach > edge
+    if len(scene.boxes):
+        may_see |= distances(poses[..., :2].reshape(-1, 2), scene.boxes).reshape(may_see.shape) < reach
     world, robot = np.nonzero(may_see & is_present)
     leds = led_positions(poses[world, robot], scene.robot)
     outward = led_axes(poses[world, robot], scene.robot) * length
     beyond = np.abs(leds + outward).max(axis=-1) > edge
+    if len(scene.boxes):  # rays tell
+        beyond[:] = True
     near, _ = np.nonzero(beyond)
     share, hit = scene.cast_rays(world[near], leds[beyond], outward[beyond], robot[near])
     found = np.abs(leds).max(axis=-1) > edge
+    if len(scene.boxes):
+        found |= distances(leds.reshape(-1, 2), scene.boxes).reshape(found.shape) == 0
     found[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
     sees[world, robot] = found
     return sees

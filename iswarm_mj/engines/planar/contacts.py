@@ -1,5 +1,6 @@
 """Contacts of one world: the touching pairs, with what the solver needs of each."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from iswarm_mj.engines.planar.compiled import compiled
 from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.contact_law import ContactLaw, impedance, offset, regularisation
+from iswarm_mj.engines.planar.obstacle_contact import box_contact, box_separation
 from iswarm_mj.engines.planar.plane import Plane
 
 _WALLS = ((-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))  # normals of the east, north, west and south wall
@@ -34,7 +36,7 @@ _NUMBERS = (
 )
 
 CONTACT = np.dtype([(name, np.int64) for name in ("first", "second", "n_rows")] + [(n, np.float64) for n in _NUMBERS])
-"""A touching pair: two robots, or a wall, as body N of infinite mass, and a robot.
+"""A touching pair: two robots, or a wall or an obstacle, as body N of infinite mass, and a robot.
 
 Each of one or two rows is a contact point. There the surfaces separate with velocity J v = n (v2 - v1) + lever w2 - arm
 w1; arm and lever are the vector products of the point's position, seen from the first and the second centre, with the
@@ -50,6 +52,7 @@ def find_contacts(
     velocities: np.ndarray,
     is_present: np.ndarray,
     plane: Plane,
+    boxes: np.ndarray,
     contacts: np.ndarray,
 ) -> int:
     """Write the contacts of N robots and return their number.
@@ -61,7 +64,8 @@ def find_contacts(
         velocities: (N + 1, 3) of the robots, and zero for the walls [mm/s, mm/s, rad/s].
         is_present: (N,) bool; the others touch nothing.
         plane: robots and arena.
-        contacts: (P + 4 N,) of type CONTACT, the output.
+        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+        contacts: (P + (4 + M) N,) of type CONTACT, the output.
     """
     n, n_robots, hx, hy = 0, len(poses), plane.half_x, plane.half_y
     for k in range(len(pairs)):
@@ -79,6 +83,19 @@ def find_contacts(
             law = plane.between_robots
             rows = (x1, y1, x1 - dx, y1 - dy, d1), (x2, y2, x2 - dx, y2 - dy, d2)
             n += _set_rows(contact, rows, velocities, plane, law)
+    for m in range(len(boxes)):
+        box, radius = boxes[m], math.sqrt(hx * hx + hy * hy)
+        for i in range(n_robots):
+            dx, dy, c, s = poses[i, 0] - box[0], poses[i, 1] - box[1], headings[i, 0], headings[i, 1]
+            is_far = max(abs(dx), abs(dy)) > radius + math.sqrt(box[4] * box[4] + box[5] * box[5])
+            if is_far or not is_present[i] or box_separation(dx, dy, box, c, s, hx, hy)[0] >= 0.0:
+                continue
+            nx, ny, x1, y1, d1, x2, y2, d2 = box_contact(dx, dy, box, c, s, hx, hy)
+            contact = contacts[n]
+            contact.first, contact.second, contact.nx, contact.ny = n_robots, i, nx, ny
+            contact.inverse_mass, contact.inverse_inertia = 0.0, 0.0
+            rows = (0.0, 0.0, x1, y1, d1), (0.0, 0.0, x2, y2, d2)
+            n += _set_rows(contact, rows, velocities, plane, plane.at_walls)
     for i in range(n_robots):
         c, s = headings[i, 0], headings[i, 1]
         reach = max(hx * abs(c) + hy * abs(s), hx * abs(s) + hy * abs(c))

@@ -18,6 +18,8 @@ from iswarm_mj.engines.planar.sight import darkness, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.obstacles import numbers
+from iswarm_mj.utils.units import RD
 
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
@@ -33,7 +35,7 @@ class PlanarEngine:
         """Read the model.
 
         Args:
-            config: optics.
+            config: optics and obstacles.
             arena: compiled; any number of its robots stands for all.
             n_threads: threads, 0 for one a core.
 
@@ -42,6 +44,7 @@ class PlanarEngine:
         """
         self.plane, self.robot = read_plane(arena), arena.robot
         self._light = read_light(arena.robot, config.optics)
+        self._boxes = numbers(config.arena.obstacles, RD)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
@@ -59,7 +62,7 @@ class PlanarEngine:
         n_worlds, n_robots = bodies.is_present.shape
         sight = darkness(n_worlds, n_robots, len(self._light.leds), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
-        self._spread(sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light)
+        self._spread(sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._boxes)
         if self._light.n_senders > 1:
             return sight
         return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
@@ -73,7 +76,7 @@ class PlanarEngine:
             targets = np.ascontiguousarray(phase.velocity(new.poses), float)
             worlds = np.flatnonzero(is_running & is_solved)
             n_steps = phase.n_substeps * self.plane.refinement
-            self._spread(take_steps, worlds, n_steps, new, targets, touching, is_solved)
+            self._spread(take_steps, worlds, n_steps, new, targets, touching, is_solved, self._boxes)
         fault, robot = find_lost(new.poses, bodies.is_present & is_running[:, None], self.plane.edge)
         fault |= np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED)).astype(np.int32)
         failed = fault != 0

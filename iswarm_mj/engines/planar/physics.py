@@ -37,6 +37,7 @@ def take_steps(
     targets: np.ndarray,
     touching: np.ndarray,
     is_solved: np.ndarray,
+    boxes: np.ndarray,
     plane: Plane,
 ) -> None:
     """Take physics steps of some of B worlds in place.
@@ -48,6 +49,7 @@ def take_steps(
         targets: (B, N, 3) set points of the servos [mm/s, mm/s, rad/s].
         touching: (B, N, N) bool, in which the pairs in contact in the last step are set, in the upper triangle.
         is_solved: (B,) bool, set to False where the contact solver fails, which ends the steps of the world.
+        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
         plane: robots and arena.
     """
     for world in worlds:
@@ -61,12 +63,15 @@ def take_steps(
             ),
             targets[world],
             touching[world],
+            boxes,
             plane,
         )
 
 
 @compiled
-def _take_steps(n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, plane: Plane) -> bool:
+def _take_steps(
+    n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, boxes: np.ndarray, plane: Plane
+) -> bool:
     """As `take_steps`, of one world, without an axis of worlds; return whether the contact solver succeeded."""
     poses, n_robots = bodies.poses, len(bodies.poses)
     velocities = np.zeros((n_robots + 1, 3))  # the last row is that of the walls
@@ -80,8 +85,8 @@ def _take_steps(n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: 
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
             pairs, moved = near_pairs(poses, bodies.is_present, diameter + SKIN, plane.edge), 0.0
-            contacts = np.empty(len(pairs) + 4 * n_robots, CONTACT)
-        n_contacts = find_contacts(pairs, poses, headings, velocities, bodies.is_present, plane, contacts)
+            contacts = np.empty(len(pairs) + (4 + len(boxes)) * n_robots, CONTACT)
+        n_contacts = find_contacts(pairs, poses, headings, velocities, bodies.is_present, plane, boxes, contacts)
         for contact in contacts[:n_contacts]:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
         for i in range(n_robots):

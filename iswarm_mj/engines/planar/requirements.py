@@ -83,9 +83,9 @@ def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
 
 
 def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
-    model, hulls, solid = arena.model, arena.hull, np.concatenate([arena.hull, arena.walls])
+    model, hulls, solid = arena.model, arena.hull, np.concatenate([arena.hull, arena.walls, arena.obstacles])
     collides = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
-    yield "contacts of hulls and walls alone", set(collides) == set(solid)
+    yield "contacts of hulls, walls and obstacles alone", set(collides) == set(solid)
     types, affinities = model.geom_contype[solid], model.geom_conaffinity[solid]
     meet = (types[:, None] & affinities) | (affinities[:, None] & types)
     yield "hulls that collide with each other and with walls", bool(meet[: len(hulls)].all())
@@ -99,6 +99,9 @@ def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
         for name in ("size", "solref", "solimp", "solmix", "priority"):
             values = getattr(model, f"geom_{name}")[same]
             yield f"the same {name} for all hulls and for all walls", bool((values == values[0]).all())
+    for name in ("solref", "solimp", "solmix"):
+        values = getattr(model, f"geom_{name}")[np.concatenate([arena.walls[:1], arena.obstacles])]
+        yield f"the same {name} for walls and obstacles", bool((values == values[0]).all())
     yield "the same priority for hulls and walls", len(set(model.geom_priority[solid])) == 1
 
 

@@ -9,11 +9,13 @@ from numba.extending import register_jitable
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.planar.compiled import cached, inlined
 from iswarm_mj.engines.planar.near_pairs import cell_of, fill_cells
+from iswarm_mj.engines.planar.obstacle_contact import is_near
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.ray_geometry import meets_rectangle, meets_walls
 from iswarm_mj.engines.planar.receivers import receive
 from iswarm_mj.engines.planar.reception import Light, is_crossed
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.sensors.occlusion import meets_boxes
 
 _SPARE = 1e-6  # of the radius within which robots are looked for, for rounding
 
@@ -65,14 +67,15 @@ def sense(
     is_present: np.ndarray,
     sight: Sight,
     light: Light,
+    boxes: np.ndarray,
     plane: Plane,
 ) -> None:
     """Find the light in some of B worlds.
 
-    Each side hears the senders of least effective distance that no third robot hides; of equal ones that of lowest
-    index comes first. Links do not end at walls: the arena is convex, and what little of a robot is pressed into a wall
-    stays visible. A wall is in sight where it is the first thing on the axis of a LED; one that a robot presses
-    slightly into a wall sees it too.
+    Each side hears the senders of least effective distance that no third robot and no obstacle hides; of equal ones
+    that of lowest index comes first. Links do not end at walls: the arena is convex, and what little of a robot is
+    pressed into a wall stays visible. A wall or an obstacle is in sight where it is the first thing on the axis of a
+    LED; one that a robot presses slightly into it sees it too.
 
     Args:
         worlds: indices of these worlds.
@@ -81,6 +84,7 @@ def sense(
         is_present: (B, N) bool; the others neither send nor receive nor block light.
         sight: of all worlds, the output.
         light: optics.
+        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
         plane: robots and walls.
     """
     within = search_radius(light, plane)
@@ -101,8 +105,8 @@ def sense(
                         receive(one, *_heading(robots, i), *_heading(robots, one.robot), light)
                         if one.effective < np.inf:
                             _insert(k, near, nearest)
-                _find_links(i, robots, near, n_near, nearest, sight.links, world, light, plane)
-                _find_walls(i, robots, near, n_near, sight.sees_wall[world], light, plane)
+                _find_links(i, robots, near, n_near, nearest, sight.links, world, light, boxes, plane)
+                _find_walls(i, robots, near, n_near, sight.sees_wall[world], light, boxes, plane)
 
 
 @inlined
@@ -169,13 +173,14 @@ def _find_links(
     links: Links,
     world: int,
     light: Light,
+    boxes: np.ndarray,
     plane: Plane,
 ) -> None:
     """Find the nearest senders in sight of each side of robot i, of those listed from `nearest` (S,) on."""
     for side in range(len(light.leds)):
         k, n_found = nearest[side], 0
         while k >= 0 and n_found < light.n_senders:
-            if not light.needs_sight or _is_clear(i, k, robots, near, n_near, light, plane):
+            if not light.needs_sight or _is_clear(i, k, robots, near, n_near, light, boxes, plane):
                 found = near[k]
                 links.sender[world, i, side, n_found] = found.robot
                 links.valid[world, i, side, n_found] = True
@@ -187,12 +192,16 @@ def _find_links(
 
 
 @inlined
-def _is_clear(i: int, k: int, robots: _Robots, near: np.ndarray, n_near: int, light: Light, plane: Plane) -> bool:
-    """Whether no third robot blocks the light that robot i receives from the one of number k near it."""
+def _is_clear(
+    i: int, k: int, robots: _Robots, near: np.ndarray, n_near: int, light: Light, boxes: np.ndarray, plane: Plane
+) -> bool:
+    """Whether neither a third robot nor an obstacle blocks the light that robot i receives from number k near it."""
     found = near[k]
     x, y = _turned(robots, i, light.receivers[found.side])
     x_led, y_led = _turned(robots, found.robot, light.leds[found.led])
     vx, vy = found.dx + x_led - x, found.dy + y_led - y
+    if meets_boxes(robots.poses[i, 0] + x, robots.poses[i, 1] + y, vx, vy, boxes):
+        return False
     squared = vx * vx + vy * vy
     spare = math.sqrt((plane.half_x**2 + plane.half_y**2) * squared)
     farthest = found.distance + (1.0 + _SPARE) * math.sqrt(plane.half_x**2 + plane.half_y**2) + light.optical_offset
@@ -212,18 +221,31 @@ def _is_clear(i: int, k: int, robots: _Robots, near: np.ndarray, n_near: int, li
 
 @inlined
 def _find_walls(
-    i: int, robots: _Robots, near: np.ndarray, n_near: int, sees: np.ndarray, light: Light, plane: Plane
+    i: int,
+    robots: _Robots,
+    near: np.ndarray,
+    n_near: int,
+    sees: np.ndarray,
+    light: Light,
+    boxes: np.ndarray,
+    plane: Plane,
 ) -> None:
-    """Set for each LED of robot i whether it sees a wall (N, S)."""
+    """Set for each LED of robot i whether it sees a wall or an obstacle (N, S)."""
     reach, radius = light.wall_reach, math.sqrt(plane.half_x**2 + plane.half_y**2)
     at_x, at_y = robots.poses[i, 0], robots.poses[i, 1]
-    if max(abs(at_x), abs(at_y)) < plane.edge - reach - radius:
+    is_inside = max(abs(at_x), abs(at_y)) < plane.edge - reach - radius
+    if is_inside and not is_near(at_x, at_y, boxes, reach + radius):
         return
     for side in range(len(light.leds)):
         x, y = _turned(robots, i, light.leds[side])
         vx, vy = _turned(robots, i, light.led_axes[side])
         vx, vy = reach * vx, reach * vy
         share = meets_walls(at_x + x, at_y + y, vx, vy, plane.edge)
+        for m in range(len(boxes)):
+            ox, oy, c, s = at_x + x - boxes[m, 0], at_y + y - boxes[m, 1], boxes[m, 2], boxes[m, 3]
+            if abs(c * ox + s * oy) <= boxes[m, 4] and abs(c * oy - s * ox) <= boxes[m, 5]:
+                share = 0.0
+            share = min(share, meets_rectangle(ox, oy, vx, vy, c, s, boxes[m, 4], boxes[m, 5]))
         sees[i, side] = share <= 1.0
         if share > 0.0 and share <= 1.0:
             for q in range(n_near):

@@ -78,7 +78,7 @@ REFUSED = {
     "along x, along y": set_array("jnt_axis", [0, 0, 1], joint),
     "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
     "one mass": set_array("dof_M0", 20.0, joint),
-    "hulls and walls alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
+    "hulls, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
     "collide with each other": set_array("geom_contype", 0, hull),
     "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),
     "four walls": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),

@@ -1,0 +1,98 @@
+"""Boxes that stand in the arena, as numbers: where they are, how far points are from them; lists of them in files."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from iswarm_mj.utils.errors import ConfigError, UserError
+
+Obstacle = tuple[float, float, float, float, float]
+"""x and y of the centre, half the edges along the box's own x and y [rd], yaw [deg]."""
+FIELDS = ("x", "y", "half_x", "half_y", "yaw")
+
+
+def checked(given: Any, half_arena: float, half_dump: float) -> tuple[Obstacle, ...]:
+    """Return obstacles as tuples of floats.
+
+    Args:
+        given: a sequence of five numbers each.
+        half_arena: half the arena's edge [rd].
+        half_dump: half the dump's edge [rd].
+
+    Raises:
+        ConfigError: one has other numbers, no size, or is not inside the walls, or on the dump.
+    """
+    what = "arena.obstacles"
+    is_list = isinstance(given, Sequence) and not isinstance(given, str)
+    if not is_list or not all(isinstance(one, Sequence) and len(one) == len(FIELDS) for one in given):
+        raise ConfigError(what, given, f"boxes of {len(FIELDS)} numbers each, {', '.join(FIELDS)} [rd, deg]")
+    found = []
+    for number, one in enumerate(given):
+        place = f"{what}[{number}]"
+        if not all(isinstance(value, int | float) and math.isfinite(value) for value in one):
+            raise ConfigError(place, tuple(one), f"finite numbers {', '.join(FIELDS)}")
+        x, y, half_x, half_y, yaw = map(float, one)
+        if min(half_x, half_y) <= 0:
+            raise ConfigError(place, tuple(one), "a box with half edges above 0 rd")
+        box = numbers([(x, y, half_x, half_y, yaw)])
+        if np.abs(corners(box)).max() > half_arena:
+            raise ConfigError(place, tuple(one), "inside the walls")
+        if _overlaps_square(box[0], half_dump):
+            raise ConfigError(place, tuple(one), "outside the dump", "move it, or make `arena.dump_size` smaller")
+        found.append((x, y, half_x, half_y, yaw))
+    return tuple(found)
+
+
+def numbers(obstacles: Sequence[Obstacle], scale: float = 1.0) -> Float[np.ndarray, "M 6"]:
+    """Return x, y, cosine and sine of the yaw, and half edges, lengths times a factor."""
+    each = np.array(obstacles, float).reshape(-1, len(FIELDS))
+    yaw = np.deg2rad(each[:, 4])
+    return np.column_stack([scale * each[:, :2], np.cos(yaw), np.sin(yaw), scale * each[:, 2:4]])
+
+
+def corners(boxes: Float[np.ndarray, "M 6"]) -> Float[np.ndarray, "M 4 2"]:
+    """Corners of boxes, one after the other anticlockwise."""
+    x, y, c, s, a, b = (boxes[:, None, k] for k in range(6))
+    u, v = a * np.array([1, -1, -1, 1]), b * np.array([1, 1, -1, -1])
+    return np.stack([x + c * u - s * v, y + s * u + c * v], axis=-1)
+
+
+def distances(points: Float[np.ndarray, "P 2"], boxes: Float[np.ndarray, "M 6"]) -> Float[np.ndarray, "P"]:
+    """Distance of points from the nearest of the boxes; 0 inside, infinite without boxes."""
+    x, y, c, s, a, b = boxes.T
+    dx, dy = points[:, :1] - x, points[:, 1:] - y
+    u, v = np.abs(c * dx + s * dy) - a, np.abs(c * dy - s * dx) - b
+    return np.hypot(np.maximum(u, 0.0), np.maximum(v, 0.0)).min(axis=1, initial=np.inf)
+
+
+def read_obstacles(path: Path) -> list[list[float]]:
+    """Return the obstacles of a JSON file: a list of objects with `x`, `y`, `half_x`, `half_y` [rd] and `yaw` [deg].
+
+    Raises:
+        UserError: it cannot be read, or holds something else.
+    """
+    form = f"a list of objects with {', '.join(FIELDS[:4])} [rd] and, if not 0, yaw [deg]"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"--obstacles {path} cannot be read ({error.strerror}); name a JSON file of boxes") from None
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"--obstacles {path} is not JSON ({' '.join(str(error).split())}); write {form}") from None
+    is_list = isinstance(content, list) and all(isinstance(one, Mapping) for one in content)
+    if not is_list or any(set(one) - {"yaw"} != set(FIELDS[:4]) for one in content):
+        raise UserError(f"--obstacles {path} must be {form}")
+    return [[one.get(name, 0.0) for name in FIELDS] for one in content]
+
+
+def _overlaps_square(box: np.ndarray, half: float) -> bool:
+    """Whether a box overlaps the square around the origin: by the separating axes of both."""
+    x, y, c, s, a, b = box
+    if max(abs(x) - a * abs(c) - b * abs(s), abs(y) - a * abs(s) - b * abs(c)) >= half:
+        return False
+    reach = half * (abs(c) + abs(s))
+    return abs(c * x + s * y) < a + reach and abs(c * y - s * x) < b + reach

@@ -1,0 +1,87 @@
+"""Obstacles by flags and files, and those that cannot be."""
+
+import json
+
+import pytest
+
+from iswarm_mj.commands.main import parse
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings, RunSettings
+from iswarm_mj.tasks.layout import free_cells
+from iswarm_mj.utils.errors import UserError
+
+
+def test_flags_and_files_say_the_same(tmp_path):
+    path = tmp_path / "boxes.json"
+    path.write_text(
+        json.dumps([{"x": 8, "y": 8, "half_x": 2, "half_y": 0.5, "yaw": 30}, dict(x=0, y=9, half_x=1, half_y=1)])
+    )
+    numbers = ["8", "8", "2", "0.5", "30", "0", "9", "1", "1", "0"]
+    by_file = parse(["clean", "--obstacles", str(path)]).config
+    assert by_file == parse(["clean", "--arena.obstacles", *numbers]).config
+    assert by_file.arena.obstacles == ((8.0, 8.0, 2.0, 0.5, 30.0), (0.0, 9.0, 1.0, 1.0, 0.0))
+    with pytest.raises(UserError, match=r"--obstacles and --arena.obstacles exclude each other"):
+        parse(["clean", "--obstacles", str(path), "--arena.obstacles", *numbers]).checked()
+
+
+WRONG = {
+    "on the dump": ((3.0, 0.0, 1.0, 1.0, 0.0), r"arena.obstacles\[0\] must be outside the dump \(got"),
+    "a corner on the dump": ((3.4, 3.4, 2.0, 0.5, 45.0 + 90.0), None),
+    "turned onto the dump": ((3.4, 3.4, 2.0, 0.5, 45.0), r"arena.obstacles\[0\] must be outside the dump \(got"),
+    "outside": ((24.0, 0.0, 1.0, 1.0, 0.0), r"arena.obstacles\[0\] must be inside the walls \(got"),
+    "no number": ((8.0, float("nan"), 1.0, 1.0, 0.0), r"arena.obstacles\[0\] must be finite numbers x, y, half_x"),
+    "negative": ((8.0, 8.0, -1.0, 1.0, 0.0), r"arena.obstacles\[0\] must be a box with half edges above 0 rd \(got"),
+    "four numbers": ((8.0, 8.0, 1.0, 1.0), r"arena.obstacles must be boxes of 5 numbers each"),
+}
+
+
+@pytest.mark.parametrize("box, sentence", WRONG.values(), ids=WRONG)
+def test_what_cannot_be(box, sentence):
+    if sentence is None:  # it just misses the dump
+        assert ArenaConfig(obstacles=(box,)).obstacles == (box,)
+        return
+    with pytest.raises(UserError, match=sentence):
+        ArenaConfig(obstacles=(box,))
+
+
+def test_no_room_is_left():
+    around = (
+        (0.0, 4.0, 7.4, 3.4, 0.0),
+        (0.0, -4.0, 7.4, 3.4, 0.0),
+        (4.0, 0.0, 3.4, 7.4, 0.0),
+        (-4.0, 0.0, 3.4, 7.4, 0.0),
+    )
+    arena = ArenaConfig(size=15, dump_size=1, dust_area_size=2, dust_area_offset=5, obstacles=around)
+    with pytest.raises(UserError, match=r"arena.obstacles must be such that a cell is left on which a robot can start"):
+        free_cells(arena)
+
+
+def test_no_obstacle_where_balls_lie():
+    config = SwarmConfig(ArenaConfig(obstacles=((16.0, 0.0, 3.0, 3.0, 0.0),)))
+    with pytest.raises(UserError, match=r"arena.obstacles must be outside the dust areas, where balls lie"):
+        Run(config, settings=RunSettings(3, 5), engine=PlanarSettings())
+
+
+@pytest.mark.parametrize("engine", [MjxSettings(), PlanarSettings(impl="warp")], ids=["mjx", "warp"])
+def test_engines_without_obstacles_say_so(engine):
+    config = SwarmConfig(ArenaConfig(obstacles=((8.0, 8.0, 1.0, 1.0, 0.0),)))
+    with pytest.raises(UserError, match="obstacles run on the engine mujoco and on planar with impl numba"):
+        Run(config, settings=RunSettings(3, 5), engine=engine)
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("[", "is not JSON"),
+        ("{}", "must be a list of objects with x, y, half_x, half_y"),
+        ('[{"x": 1}]', "must be a list of objects with x, y, half_x, half_y"),
+        (None, "cannot be read"),
+    ],
+)
+def test_files_that_hold_something_else(tmp_path, text, sentence):
+    path = tmp_path / "boxes.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(UserError, match=sentence):
+        parse(["clean", "--obstacles", str(path)]).checked()
