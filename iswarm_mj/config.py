@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.obstacles import checked
 from iswarm_mj.utils.serialization import absent_before, added_later
 
@@ -196,11 +197,9 @@ class GripperConfig:
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
     """Probability per step that a carried ball falls."""
     resolution: Literal["quasi-static", "dynamic"] = added_later("quasi-static")
-    """What decides whether an attempt to lift or to release succeeds: the balance of the forces, or a trial on the
-    bench with this ball and this attempt's adhesion, voltage and misalignment, in steps of a microsecond."""
+    """What decides whether an attempt to lift or release succeeds: the balance of the forces, or a trial on the bench."""
     bench: Literal["auto", "c", "mjx"] = added_later("auto")
-    """Where trials run: MuJoCo in C with the plugins, called between sensing and acting, or a batch in MJX inside the
-    compiled program; auto: the one for CPU engines, the other for compiled ones."""
+    """Where trials run: MuJoCo in C with the plugins (auto: for CPU engines), or a batch in MJX (compiled ones)."""
     bench_capacity: Annotated[int, Within(1, 1024)] = added_later(8)
     """Trials of one world in one control step at most, in MJX; robots beyond that try again in the next step."""
     spot_spread_tool_object: Annotated[float, Within(0, 2)] = added_later(0.0)
@@ -209,11 +208,9 @@ class GripperConfig:
     spot_spread_object_substrate: Annotated[float, Within(0, 2)] = added_later(0.0)
     """Coefficient of variation of `work_object_substrate` likewise."""
     tool_error: Annotated[float, Within(0, 1)] = added_later(0.0)
-    """Standard deviation of the tool's position beside the ball, relative to the way by which it reaches for it from
-    its rest position, which the robot's pose decides. The paper does not say."""
+    """Standard deviation of the tool's position beside the ball, relative to the way by which it reaches for it."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
-    """Time for which a robot stays at a ball that it tries to lift, charging its tool included [s]; in whole control
-    steps. The paper does not say."""
+    """Time for which a robot stays at a ball that it tries to lift, charging its tool included [s]; whole steps."""
     release_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
     """Time for which a robot stays on the dump while it releases a ball [s]."""
 
@@ -224,33 +221,6 @@ class GripperConfig:
     def differs(self) -> bool:
         """Whether attempts at the same ball differ."""
         return max(self.spot_spread_tool_object, self.spot_spread_object_substrate, self.tool_error) > 0
-
-
-@dataclass(frozen=True)
-class EnergyConfig:
-    """A capacitor on board that light charges, and what draws on it.
-
-    The paper names "a capacitor up to the desired voltage level" of 20 to 40 V and negligible costs of manipulation
-    (section 5); it gives no capacitance, no power and no cost of walking and LEDs. All values are choices.
-    """
-
-    model: Literal["none", "capacitor"] = added_later("none")
-    """Robots have whatever they need, or what is left in their capacitor."""
-    capacitance: Annotated[float, Within(1e-9, 1e-3, "F")] = added_later(1e-6)
-    """Of the capacitor [F]."""
-    largest_voltage: Annotated[float, Within(1, 69, "V")] = added_later(60.0)
-    """To which light charges it, and which it has at the start [V]."""
-    light_power: Annotated[float, Within(0, 1, "W")] = added_later(0.48e-3)
-    """That charges it [W]: a cell of 4 mm^2 and 12 % in sunlight of 1000 W/m^2."""
-    walking_power: Annotated[float, Within(0, 1, "W")] = added_later(0.3e-3)
-    """While a robot walks at full speed or turns at full rate [W]."""
-    message_energy: Annotated[float, Within(0, 1e-3, "J")] = added_later(80e-6)
-    """Of the LEDs in one control step [J]: 1 mW for 20 ms on each of four sides."""
-    tool_capacitance: Annotated[float, Within(0, 1e-6, "F")] = added_later(10e-12)
-    """Of tool and leads, charged in each attempt [F]; the ball adds some 10 fF."""
-
-    def __post_init__(self):
-        validate(self, "energy")
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,11 @@ from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.capacitance import capacitance
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.laws.restitution import plastic_restitution, sticking_speed, with_adhesion, yield_speed
+from iswarm_mj.gripper.mjx_contacts import ON_PROBE, Circuit, State, next_potential, rebound_ratio
 from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
-from iswarm_mj.gripper.units import CLEARANCE, MS, NN, UM
+from iswarm_mj.gripper.units import CLEARANCE, NN, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-
-ON_PLATE, ON_PROBE = 0.0, 1.0
-"""The electrode whose potential the ball has; it starts with the probe's, and takes the plate's on contact."""
 
 
 class Joint(NamedTuple):
@@ -167,21 +164,6 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
     )
 
 
-class State(NamedTuple):
-    """What a ball keeps from one step to the next; see the docstring of `plugin`."""
-
-    potential: Float[Array, ""]
-    """`ON_PLATE` or `ON_PROBE`; in a circuit the nearer of the two."""
-    charge: Float[Array, ""]
-    """In a circuit [fC]."""
-    broken: Float[Array, ""]
-    """1 if the oxide of the present contact broke down."""
-    before: Float[Array, "P"]
-    """Gaps one step earlier [um]."""
-    rebound: Float[Array, "P"]
-    """1 while an impact throws the ball back."""
-
-
 def first_state(forces: GripperForces) -> State:
     """State of a ball after a reset."""
     zeros = jnp.zeros_like(forces.work)
@@ -223,7 +205,7 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
         radius = model.geom_size[ball, 0]
         hits = (gap <= 0) & (state.before[i] > 0)
         speed = jnp.where(hits, (state.before[i] - gap) / model.opt.timestep, 1.0)
-        ratio = jnp.where(hits, _rebound_ratio(forces, i, speed, mass, radius), 0.0)
+        ratio = jnp.where(hits, rebound_ratio(forces, i, speed, mass, radius), 0.0)
         push = jnp.where(ratio > 0, mass * (1 + ratio) * speed / model.opt.timestep, 0.0)
         rebounds_now = (ratio > 0) | (state.rebound[i] > 0)
         force = _adhesion(forces.work[i], forces.humidity[i], forces.hamaker[i], radius, gap)
@@ -240,7 +222,7 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
         capacitance(task, gap * UM, radius, probe_radius, forces.contact_gap * UM) / 1e-15
         for task, gap in (("pick", probe_gap), ("release", plate_gap))
     ]
-    circuit = _Circuit(capacities[0], capacities[1], voltage, forces.leak > 0)
+    circuit = Circuit(capacities[0], capacities[1], voltage, forces.leak > 0)
     release = (state.potential > 0.5) & (plate_gap > 0)
     switched = jnp.where(release, voltage, 0.0)
     mine = jnp.where(circuit.is_on, circuit.ball_voltage(state.charge), switched)
@@ -249,60 +231,8 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
     total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
     kept = state._replace(before=jnp.stack(gaps), rebound=jnp.stack(rebounds))
-    new = _next_potential(forces, circuit, kept, mine, (probe_gap, plate_gap), model.opt.timestep)
+    new = next_potential(forces, circuit, kept, mine, (probe_gap, plate_gap), model.opt.timestep)
     return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, new)
-
-
-class _Circuit(NamedTuple):
-    """Capacitances of the ball to probe and plate [fF], the probe's voltage, and whether the circuit decides."""
-
-    above: Array
-    below: Array
-    voltage: Array
-    is_on: Array
-
-    def ball_voltage(self, charge: Array) -> Array:
-        """Voltage of a ball with this charge [V]."""
-        return (charge + self.above * self.voltage) / (self.above + self.below)
-
-
-def _next_potential(
-    forces: GripperForces, circuit: _Circuit, state: State, mine: Array, gaps: tuple[Array, Array], time: Array
-) -> State:
-    """State after a step of a ball with this voltage at these gaps to probe and plate."""
-    probe_gap, plate_gap = gaps
-    across = circuit.voltage - mine
-    breaks = (probe_gap <= 0) & (jnp.abs(across) >= forces.oxide * forces.breakdown)
-    broken = jnp.where(breaks, 1.0, jnp.where(probe_gap > forces.contact_gap, 0.0, state.broken))
-    leak = jnp.where(circuit.is_on, forces.leak, 1.0)
-    to_probe = jnp.where(probe_gap <= 0, 1 / jnp.where(broken > 0, forces.contact, leak), 0.0)
-    to_plate = jnp.where(plate_gap <= 0, 1 / forces.plate_contact, 0.0)
-    conductance = to_probe + to_plate
-    conducts = circuit.is_on & (conductance > 0)
-    end = circuit.voltage * to_probe / jnp.where(conducts, conductance, 1.0)
-    relaxed = end + (mine - end) * jnp.exp(-conductance * time / (circuit.above + circuit.below))
-    charge = jnp.where(conducts, circuit.below * relaxed - circuit.above * (circuit.voltage - relaxed), state.charge)
-    equalises = (probe_gap <= forces.contact_gap) & (jnp.abs(circuit.voltage) <= forces.off_voltage)
-    switched = jnp.where(plate_gap <= 0, ON_PLATE, jnp.where(equalises, ON_PROBE, state.potential))
-    nearer = jnp.where(jnp.abs(mine) > jnp.abs(across), ON_PROBE, ON_PLATE)
-    return state._replace(
-        potential=jnp.where(circuit.is_on, nearer, switched),
-        charge=charge,
-        broken=jnp.where(circuit.is_on, broken, state.broken),
-    )
-
-
-def _rebound_ratio(forces: GripperForces, i: int, speed: Array, mass: Array, radius: Array) -> Array:
-    """Speed after an impact of the i-th pair over that before [um/ms], 0 if the ball stays."""
-    pressure, modulus = (number[i] * (NN / UM**2) for number in (forces.yield_pressure, forces.modulus))
-    work = forces.work[i] * humidity_factor(forces.humidity[i]) * (NN / UM)
-    speed, density = speed * (UM / MS), mass / (4 / 3 * math.pi * radius**3) * 1e9
-    has_modulus = modulus > 0
-    safe = jnp.where(has_modulus, modulus, 1.0)
-    yields_at = yield_speed(pressure, safe, density)
-    ratio = jnp.where((pressure > 0) & has_modulus, plastic_restitution(speed, yields_at), forces.restitution[i])
-    kept = jnp.where(has_modulus, sticking_speed(work, radius * UM, safe, density), 0.0)
-    return jnp.where(ratio > 0, with_adhesion(ratio, speed, kept), 0.0)
 
 
 def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, State]:

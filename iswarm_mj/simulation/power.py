@@ -3,10 +3,11 @@
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import EnergyConfig, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.units import mm_from_rd
 
 

@@ -12,9 +12,8 @@ from mujoco import mjx
 
 import iswarm_mj.gripper.plugin as plugin
 from iswarm_mj.gripper.laws.detachment import release_voltage
+from iswarm_mj.gripper.mjx_contacts import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.mjx_forces import (
-    ON_PLATE,
-    ON_PROBE,
     first_state,
     gripper_force,
     gripper_forces,
