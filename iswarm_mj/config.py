@@ -197,14 +197,13 @@ class GripperConfig:
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
     """Probability per step that a carried ball falls."""
     resolution: Literal["quasi-static", "dynamic"] = added_later("quasi-static")
-    """What decides whether an attempt to lift or release succeeds: the balance of the forces, or a trial on the bench."""
+    """What decides about attempts to lift and release: the balance of the forces, or a trial on the bench."""
     bench: Literal["auto", "c", "mjx"] = added_later("auto")
-    """Where trials run: MuJoCo in C with the plugins (auto: for CPU engines), or a batch in MJX (compiled ones)."""
+    """Where trials run: MuJoCo in C with the plugins (auto: CPU engines), or a batch in MJX (compiled ones)."""
     bench_capacity: Annotated[int, Within(1, 1024)] = added_later(8)
-    """Trials of one world in one control step at most, in MJX; robots beyond that try again in the next step."""
+    """Trials of a world in a control step at most, in MJX; robots beyond that try again in the next step."""
     spot_spread_tool_object: Annotated[float, Within(0, 2)] = added_later(0.0)
-    """Coefficient of variation of `work_tool_object` from attempt to attempt at the same ball, since adhesion varies
-    with the spot that is touched (log-normal); 0: a ball always sticks alike."""
+    """Coefficient of variation of `work_tool_object` from attempt to attempt at the same ball (log-normal)."""
     spot_spread_object_substrate: Annotated[float, Within(0, 2)] = added_later(0.0)
     """Coefficient of variation of `work_object_substrate` likewise."""
     tool_error: Annotated[float, Within(0, 1)] = added_later(0.0)
@@ -216,11 +215,6 @@ class GripperConfig:
 
     def __post_init__(self):
         validate(self, "gripper")
-
-    @property
-    def differs(self) -> bool:
-        """Whether attempts at the same ball differ."""
-        return max(self.spot_spread_tool_object, self.spot_spread_object_substrate, self.tool_error) > 0
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,11 @@ RULES = Rules()
 """Of the balance of the forces, and a control step of a second."""
 
 
+def attempts_differ(gripper: GripperConfig) -> bool:
+    """Whether attempts at the same ball differ."""
+    return max(gripper.spot_spread_tool_object, gripper.spot_spread_object_substrate, gripper.tool_error) > 0
+
+
 def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
     """Whether each robot stays at an attempt that has not ended."""
     return jnp.zeros(n_robots, bool).at[balls.worker].max(balls.wait > 0)
@@ -168,7 +173,7 @@ def _attempts(
     asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
     tool, floor = balls.work_tool_object, balls.work_object_substrate
     misalignment = jnp.zeros_like(balls.radius)
-    if gripper.differs:
+    if attempts_differ(gripper):
         if key is None:
             raise UserError("attempts that differ need a random key; pass `key`.")
         draws = jax.random.normal(key, (3, len(balls.radius)))

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.bench.deciders import decider_for
-from iswarm_mj.gripper.handling import Balls, Rules, carry, handle
+from iswarm_mj.gripper.handling import Balls, Rules, attempts_differ, carry, handle
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.layout import draw_radii, lying, place_balls, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
@@ -114,7 +114,7 @@ def grip(balls: Balls, around: Around, key: Array) -> tuple[Balls, Sensed]:
         around.picks,
         falls,
         rules=rules,
-        key=jax.random.fold_in(key, 1) if gripper.differs else None,
+        key=jax.random.fold_in(key, 1) if attempts_differ(gripper) else None,
         voltage=around.voltage,
     )
     return balls, Sensed(floor.at_dust, floor.ball_vector, floor.on_dump, grasp_failed, {})
