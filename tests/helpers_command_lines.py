@@ -30,8 +30,6 @@ PATHS = [
 WALK = """
 from dataclasses import dataclass
 import jax.numpy as jnp
-from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Message
 from iswarm_mj.strategy.interface import Command
 
 @dataclass
@@ -40,10 +38,6 @@ class Walk:
 
     def init(self, n_robots, key):
         return jnp.zeros(n_robots)
-
-    def say(self, memory, is_loaded):
-        nothing = VectorMemory.empty(len(is_loaded))
-        return Message(jnp.zeros(len(is_loaded), int), is_loaded, nothing, nothing)
 
     def picks(self, memory):
         return memory < jnp.inf

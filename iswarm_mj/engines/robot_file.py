@@ -48,7 +48,7 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
         check_file(path, LARGEST_FILE)
         spec = mujoco.MjSpec.from_file(str(path))
         found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}
-        found["mesh"] = {mesh.file for mesh in spec.meshes}  # names that are no text raise here
+        found["mesh"] = {spec.meshdir, *(mesh.file for mesh in spec.meshes)}  # names that are no text raise here
     except (ValueError, OSError) as error:
         raise UserError(f"the robot's file {path} cannot be read as MJCF ({_one_line(error)}).") from None
     missing = [

@@ -61,7 +61,10 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
     lacking = [name for name in NEEDED if name not in arrays]
     if lacking:
         raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{lacking[0]}`; {REMEDY}.")
-    _check_shapes(path, arrays)
+    try:
+        _check_shapes(path, arrays)
+    except (TypeError, ValueError, IndexError) as error:
+        raise UserError(f"{path}: its arrays do not fit each other ({error}); {REMEDY}.") from None
     return arrays
 
 

@@ -103,7 +103,10 @@ class SavedRun:
 
     def _table(self, name: str) -> pa.Table:
         self._check_recorded()
-        tables = [table_of(name, arrays, world) for world, arrays in self._arrays.items()]
+        try:
+            tables = [table_of(name, arrays, world) for world, arrays in self._arrays.items()]
+        except (ValueError, TypeError, IndexError, KeyError, pa.ArrowException) as error:
+            raise UserError(f"{self.path}: the recorded arrays do not fit each other ({error}); {REMEDY}.") from None
         shared = [c for c in tables[0].column_names if all(c in table.column_names for table in tables)]
         try:
             return pa.concat_tables([table.select(shared) for table in tables])
@@ -152,6 +155,7 @@ def load(path: str | Path) -> SavedRun:
         genome = restored(Genome, about["genome"]) if strategy is None else None
         worlds = _by_number(read)
         settings = _settings(about, tuple(worlds))
+        task = dict(about.get("task", {"class": type(CLEANING).__name__}))
         measures = _measures(about, settings.n_worlds)
         metrics = _metrics(about, settings.n_worlds)
         scenes = {number: _scene(arrays, number, config) for number, arrays in worlds.items()}
@@ -161,7 +165,10 @@ def load(path: str | Path) -> SavedRun:
         ) from None
     except UserError as error:
         raise UserError(f"{source}: {error}") from None
-    lacking = {name: sorted({c for arrays in worlds.values() for c in missing(name, arrays)}) for name in TABLES}
+    try:
+        lacking = {name: sorted({c for arrays in worlds.values() for c in missing(name, arrays)}) for name in TABLES}
+    except (ValueError, TypeError, IndexError) as error:
+        raise UserError(f"{source}: the recorded arrays do not fit each other ({error}); {REMEDY}.") from None
     lacking = {name: columns for name, columns in lacking.items() if columns}
     if lacking:
         columns = "; ".join(f"{name}: {', '.join(columns)}" for name, columns in lacking.items())
@@ -172,7 +179,7 @@ def load(path: str | Path) -> SavedRun:
         config=config,
         genome=genome,
         strategy=strategy,
-        task=dict(about.get("task", {"class": type(CLEANING).__name__})),
+        task=task,
         settings=settings,
         engine={name: about[name] for name in ENGINE if name in about},
         measures=measures,

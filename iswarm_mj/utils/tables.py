@@ -57,7 +57,7 @@ def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
             raise ValueError("it has more values than experiments make")
         table = pyarrow.parquet.read_table(path)
         settings = json.loads(table.schema.metadata[_KEY])
-    except (OSError, pa.ArrowException, TypeError, KeyError, ValueError):
+    except (OSError, pa.ArrowException, TypeError, KeyError, ValueError, RecursionError):
         raise UserError(
             f"{path} is not a readable table of iswarm; give the directory of a finished run or run it again."
         ) from None

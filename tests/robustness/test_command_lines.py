@@ -84,7 +84,8 @@ def check(code, out, error):
     if code is None:
         return "accepted"
     if code == 2:
-        assert REFUSAL.fullmatch(error) or BOX.search(error), error
+        last = error.splitlines(keepends=True)[-1:]  # those before tell how far it came
+        assert REFUSAL.fullmatch("".join(last)) or BOX.search(error), error
         return "refused"
     assert code == 0 and (out or error), (code, error)
     return "answered"
@@ -138,7 +139,7 @@ def test_what_is_accepted_runs(attack, place):
         with attack.case(line, 600) as outcome:
             code, out, error = answer(line)
             if code == 1:
-                assert REFUSAL.fullmatch(error), error
+                assert REFUSAL.search(error), error
                 outcome.append("fault")
                 continue
             outcome.append(check(code, out, error))

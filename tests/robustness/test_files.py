@@ -20,7 +20,6 @@ from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
-from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
 from iswarm_mj.strategy.pytrees import check_methods
@@ -120,7 +119,7 @@ def test_runs(attack, recorded_run, tmp_path, name, odd):
 
 def same(jobs, *_):
     """Outcomes of jobs that are not computed."""
-    yield from ((index, Outcome(*Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
+    yield from ((index, Outcome(1, 1, 1, 2.0, None, 9, 0.5)) for index in range(len(jobs)))
 
 
 @pytest.mark.attack(0.05)
