@@ -308,21 +308,19 @@ def test_interruption_ends_quietly(capfd, here, monkeypatch):
     assert result("out")["interrupted"] and result("out")["steps"] == 0
 
 
-@pytest.mark.parametrize(("module", "ends"), [("warp", ""), ("json", "Python has ended")])
-def test_an_interruption_leaves_at_once_where_programs_of_warp_may_run(module, ends):
-    """Else they would call Python from their own threads while it shuts down, and crash or wait for ever."""
-    code = f"""
-import atexit, sys, types
+def test_an_interruption_leaves_at_once():
+    """Else programs of Warp would call Python from their own threads while it shuts down, and crash or wait for ever."""
+    code = """
+import atexit, types
 from iswarm_mj.commands import main as cli
 def interrupted():
-    sys.modules.setdefault({module!r}, types.ModuleType({module!r}))
     raise KeyboardInterrupt
 atexit.register(print, "Python has ended")
 cli.parse = lambda _: types.SimpleNamespace(run=interrupted)
 cli.main()
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout.strip()) == (130, ends)
+    assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr.splitlines()[-1].startswith("iswarm: interrupted")
 
 

@@ -255,7 +255,8 @@ def test_a_whole_run_of_such_robots(file):
 def scene(file):
     memory, balls = SimpleNamespace(is_scout=np.zeros((1, 1, N), bool)), SimpleNamespace(radius=np.zeros((1, 1, 0)))
     swarm = SimpleNamespace(memory=memory, balls=balls, is_alive=np.ones((1, 1, N), bool))
-    start = StepRecord(**dict.fromkeys(StepRecord._fields) | {"swarm": swarm})
+    parts = {"swarm": swarm, "poses": np.zeros((1, 1, N, 3))}
+    start = StepRecord(**dict.fromkeys(StepRecord._fields) | parts)
     return scene_of(CONFIG, read_robot(file), start, 0, 0)
 
 

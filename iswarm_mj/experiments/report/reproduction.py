@@ -1,5 +1,6 @@
 """Command lines that reproduce a table of results."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -51,7 +52,7 @@ def _engine(settings: Mapping[str, Any]) -> str:
 
 def _unlike_the_paper(settings: Mapping[str, Any]) -> list[str]:
     """Values of the arena, and the steps of a search, that differ from the paper's; trials have neither."""
-    default = asdict(ArenaConfig())
+    default = _stored(asdict(ArenaConfig()))
     arena = settings.get("config", {}).get("arena", {})
     found = [f"{_dashed('arena', name)} {value}" for name, value in arena.items() if default.get(name) != value]
     steps = settings.get("steps", Search.steps)
@@ -60,8 +61,8 @@ def _unlike_the_paper(settings: Mapping[str, Any]) -> list[str]:
 
 def _changed(config: Mapping[str, Any], **others: Mapping[str, Any]) -> str:
     """Flags of the values that differ from the defaults, by groups of the configuration, or `operators`."""
-    default = asdict(SwarmConfig()) | {"operators": asdict(Operators())}
-    groups = completed(SwarmConfig, config) | others
+    default = _stored(asdict(SwarmConfig()) | {"operators": asdict(Operators())})
+    groups = _stored(completed(SwarmConfig, config) | others)
     return "".join(
         f" {_flag(group, name, value)}"
         for group, values in groups.items()
@@ -74,7 +75,13 @@ def _flag(group: str, name: str, value: Any) -> str:
     """Flag of the command line; that of a Boolean contains its value."""
     if isinstance(value, bool):
         return f"--{_dashed(group, name if value else f'no-{name}')}"
-    return f"--{_dashed(group, name)} {value}"
+    numbers = " ".join(f"{number:g}" for box in value for number in box) if isinstance(value, list) else value
+    return f"--{_dashed(group, name)} {numbers}"
+
+
+def _stored(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as the metadata of a table has them."""
+    return json.loads(json.dumps(settings))
 
 
 def _dashed(group: str, name: str) -> str:
