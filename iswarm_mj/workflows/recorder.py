@@ -13,8 +13,8 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.interruption import BUSY, postponed
 
-BLOCK = 64
-"""Frames that are written at a time."""
+BLOCK, LONG = 64, 1024
+"""Frames that are written at a time at first, and at most; Rerun keeps some kB in memory for each block."""
 
 
 class Recorder:
@@ -47,6 +47,7 @@ class Recorder:
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]
+        self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
         identity = {"version": __version__, "seed": run.settings.seed, "n_robots": run.settings.n_robots}
@@ -70,7 +71,7 @@ class Recorder:
         """Take in the record of some steps; write a block when there are enough."""
         with postponed(), BUSY, self._watch("record"):
             self._pending.append(record)
-            if sum(len(pending.step) for pending in self._pending) >= BLOCK:
+            if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
 
     def _write(self) -> None:
@@ -78,5 +79,7 @@ class Recorder:
             pending, self._pending = self._pending, []
             block = frames_of(pending, self._index, self._recorded, self._watched)
             self._recording.append(block)
+            self._n_written += len(block)
+            self._block = min(max(BLOCK, self._n_written // 16), LONG)
             if self._frames is not None:
                 self._frames.append(block)
