@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from types import NoneType
 from typing import Any, cast
 
 import jax
@@ -31,7 +32,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.library import find_task
 from iswarm_mj.tasks.signatures import check_object
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import configure_jax
 
@@ -51,7 +52,7 @@ def make_env(
     n_worlds: int | None = None,
     n_starts: int = 64,
     seed: int = 0,
-    robot_file: Path | None = None,
+    robot_file: Path | str | None = None,
 ) -> Env:
     """Make an environment in which each robot of a swarm is told what to do.
 
@@ -75,9 +76,12 @@ def make_env(
     """
     configure_jax()
     config, engine = config or SwarmConfig(), PlanarSettings() if engine is None else engine
+    check_kind("robot_file", robot_file, (Path, str, NoneType))
     kinds = MujocoSettings, PlanarSettings, MjxSettings
     check("engine", engine, " or ".join(kind.__name__ for kind in kinds), isinstance(engine, kinds))
-    task, speaker, robot = _task(task), Speaker(_payload(payload)), read_robot(robot_file)
+    task, speaker = _task(task), Speaker(_payload(payload))
+    robot_file = None if robot_file is None else Path(robot_file)
+    robot = read_robot(robot_file)
     if config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
     settings = RunSettings(n_robots, steps, seed=seed, n_worlds=n_worlds or 1, stop_at=stop_at)

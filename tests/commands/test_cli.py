@@ -309,7 +309,7 @@ def test_interruption_ends_quietly(capfd, here, monkeypatch):
 
 
 def test_an_interruption_leaves_at_once():
-    """Else programs of Warp would call Python from their own threads while it shuts down, and crash or wait for ever."""
+    """Else programs of Warp would call Python from their own threads while it shuts down, and crash or hang."""
     code = """
 import atexit, types
 from iswarm_mj.commands import main as cli

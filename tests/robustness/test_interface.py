@@ -10,7 +10,18 @@ import pytest
 from helpers_broken_files import ODD_VALUES
 
 import iswarm_mj
-from iswarm_mj import PRESETS, MjxSettings, MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig, load, rollout
+from iswarm_mj import (
+    PRESETS,
+    MjxSettings,
+    MujocoSettings,
+    PlanarSettings,
+    Run,
+    RunSettings,
+    SwarmConfig,
+    load,
+    make_env,
+    rollout,
+)
 from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.worlds import World
@@ -76,7 +87,7 @@ def odd_start(rng, config):
 
 def misuse(rng, small):
     """What is tried, and a call that does it."""
-    kind = rng.integers(6)
+    kind = rng.integers(7)
     given = {"config": small, "genome": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
     match kind:
         case 0 | 1:
@@ -99,6 +110,11 @@ def misuse(rng, small):
             call = {"config": small, "strategy": PRESETS["type1"], "keys": jax.random.split(jax.random.key(0), 2)}
             call |= {"n_robots": N, "steps": 2, "engine": MujocoSettings(1), name: value}
             return f"rollout({name}={value!r:.60})", lambda: rollout(**call)
+        case 5:
+            names = ["task", "n_robots", "n_worlds", "engine", "config", "seed", "payload", "steps", "n_starts"]
+            name = [*names, "stop_at", "robot_file"][rng.integers(len(names) + 2)]
+            value = odd(rng)
+            return f"make_env({name}={value!r:.60})", lambda: make_env(**{"config": small, "n_robots": N, name: value})
         case _:
             value = odd(rng)
             return f"load({value!r:.60})", lambda: load(value)
@@ -136,5 +152,5 @@ def check_types(settings):
 
 def test_all_names_are_tried():
     """A new name of the package belongs into `misuse`, unless it is a table of settings."""
-    tried = {cls.__name__ for cls in CLASSES} | {"Run", "rollout", "load"}
+    tried = {cls.__name__ for cls in CLASSES} | {"Run", "rollout", "load", "make_env"}
     assert set(iswarm_mj.__all__) - {"PRESETS", "READINGS"} <= tried

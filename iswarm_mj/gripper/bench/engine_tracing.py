@@ -182,5 +182,5 @@ def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: fl
     watch = rung(bench, protocol, highest if voltage is None else voltage)
     if watch.gap_plate[0] > protocol.away:
         hang(bench, protocol, gap)
-        release(bench, protocol, np.array([True]), gap)
+        release(bench, protocol, np.array([True]), gap, to_the_end=True)
     return bench.trace()

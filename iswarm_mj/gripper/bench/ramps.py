@@ -56,7 +56,9 @@ class Attempt(NamedTuple):
     """Whether the state became infinite or nan."""
 
 
-def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, rise: Rise | None = None) -> Release:
+def release(
+    bench: Bench, protocol: Protocol, held: Mask, gap: float, rise: Rise | None = None, to_the_end: bool = False
+) -> Release:
     """Ramp the voltage on balls that hang at the tool until each of them has left, landed and come to rest.
 
     A ball that bounces on the plate without voltage, too slowly to reach the tool again, counts as at rest.
@@ -67,6 +69,7 @@ def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, rise: Rise
         held: (B,) benches whose ball hangs; the others are left out.
         gap: between ball and plate [m].
         rise: of the voltage; by default the protocol's ramp.
+        to_the_end: follow also those that bounce until they lie still.
     """
     ramp = _Ramp(bench, protocol, held, rise or Rise(protocol.ramp_rate, protocol.release_limit, protocol.dwell), gap)
     duration = np.zeros(len(held))
@@ -92,7 +95,7 @@ def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, rise: Rise
         reach = watch.speed**2 / (2 * GRAVITY) + np.maximum(watch.gap_plate, 0.0)
         bounces = np.isfinite(landed_at) & ramp.is_off(freed_at) & (reach < gap / 2)
         stays |= bounces & ramp.active
-        over = is_still | bounces | (ramp.now > left_at + protocol.flight_limit)
+        over = is_still | (bounces & (not to_the_end)) | (ramp.now > left_at + protocol.flight_limit)
         duration = np.where(ramp.active, ramp.now, duration)
         ramp.finish(over | (np.isinf(left_at) & ramp.at_limit))
     landed = np.isfinite(landed_at)
