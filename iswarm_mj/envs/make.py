@@ -82,10 +82,16 @@ def make_env(
     task, speaker = _task(task), Speaker(_payload(payload))
     robot_file = None if robot_file is None else Path(robot_file)
     robot = read_robot(robot_file)
+    config, engine = SwarmConfig() if config is None else config, PlanarSettings() if engine is None else engine
+    check_kind("config", config, SwarmConfig)
+    check_kind("engine", engine, (MujocoSettings, PlanarSettings, MjxSettings))
+    task, speaker, robot = _task(task), Speaker(_payload(payload)), read_robot(robot_file)
     if config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
-    settings = RunSettings(n_robots, steps, seed=seed, n_worlds=n_worlds or 1, stop_at=stop_at)
-    check("n_starts", n_starts, "a whole number from 1 to 100000", n_starts in range(1, 100_001))
+    settings = RunSettings(n_robots, steps, seed=seed, n_worlds=1 if n_worlds is None else n_worlds, stop_at=stop_at)
+    is_number = isinstance(n_starts, int) and n_starts in range(1, 100_001)
+    check("n_starts", n_starts, "a whole number from 1 to 100000", is_number)
+    n_robots, seed = int(n_robots), int(seed)
     goal, cell = goal_of(task, config, settings), cell_of(robot)
     check_robots(config.arena, n_robots, cell)
     layout_of(speaker, len(robot.sides))

@@ -229,7 +229,7 @@ class TestMistakes:
             ({"n_robots": 5000}, "n_robots must be between 1 and"),
             ({"steps": 0}, "steps must be"),
             ({"n_starts": 0}, "n_starts must be a whole number from 1 to 100000"),
-            ({"engine": "planar"}, "engine must be MujocoSettings or PlanarSettings or MjxSettings"),
+            ({"engine": "planar"}, "engine must be a MujocoSettings or PlanarSettings or MjxSettings"),
             ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
             ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
             ({"payload": "words"}, "a payload is a dictionary"),
