@@ -75,16 +75,11 @@ def make_env(
         UserError: no such task, or settings that do not fit.
     """
     configure_jax()
-    config, engine = config or SwarmConfig(), PlanarSettings() if engine is None else engine
-    check_kind("robot_file", robot_file, (Path, str, NoneType))
-    kinds = MujocoSettings, PlanarSettings, MjxSettings
-    check("engine", engine, " or ".join(kind.__name__ for kind in kinds), isinstance(engine, kinds))
-    task, speaker = _task(task), Speaker(_payload(payload))
-    robot_file = None if robot_file is None else Path(robot_file)
-    robot = read_robot(robot_file)
     config, engine = SwarmConfig() if config is None else config, PlanarSettings() if engine is None else engine
     check_kind("config", config, SwarmConfig)
+    check_kind("robot_file", robot_file, (Path, str, NoneType))
     check_kind("engine", engine, (MujocoSettings, PlanarSettings, MjxSettings))
+    robot_file = None if robot_file is None else Path(robot_file)
     task, speaker, robot = _task(task), Speaker(_payload(payload)), read_robot(robot_file)
     if config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")

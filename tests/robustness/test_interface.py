@@ -112,11 +112,7 @@ def misuse(rng, small):
             return f"rollout({name}={value!r:.60})", lambda: rollout(**call)
         case 5:
             names = ["task", "n_robots", "n_worlds", "engine", "config", "seed", "payload", "steps", "n_starts"]
-            name = [*names, "stop_at", "robot_file"][rng.integers(len(names) + 2)]
-            value = odd(rng)
-            return f"make_env({name}={value!r:.60})", lambda: make_env(**{"config": small, "n_robots": N, name: value})
-            names = ["task", "n_robots", "config", "engine", "steps", "stop_at", "n_worlds", "n_starts", "seed"]
-            name, value = names[rng.integers(len(names))], odd(rng)
+            name, value = [*names, "stop_at", "robot_file"][rng.integers(len(names) + 2)], odd(rng)
             usual = {"config": small, "n_robots": N, "n_starts": 2, "n_worlds": 2, "engine": PlanarSettings(1)}
             return f"make_env({name}={value!r:.60})", lambda: make_env(**{**usual, name: value})
         case _:
