@@ -51,7 +51,7 @@ class Payload:
     def __post_init__(self):
         given = self.fields
         pairs = given.items() if isinstance(given, Mapping) else given
-        is_listed = isinstance(pairs, Iterable) and not hasattr(pairs, "dtype")  # arrays of no axis are iterable by name
+        is_listed = isinstance(pairs, Iterable) and not hasattr(pairs, "dtype")
         own: list[Any] = list(pairs) if is_listed else [None]
         if not all(isinstance(pair, tuple) and len(pair) == 2 for pair in own):
             raise UserError(f"a payload is a dictionary of names and fields, as {_EXAMPLE} (got {given!r})")
