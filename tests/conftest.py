@@ -63,10 +63,14 @@ CHECKED = [
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
 install_import_hook(CHECKED, "helpers_types.check")
 
+from hypothesis import settings
+
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.utils.jax_setup import configure_jax
 
 configure_jax()
+settings.register_profile("repeatable", derandomize=True)  # the same examples each time
+settings.load_profile("repeatable")
 
 
 QUICK = ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]

@@ -86,7 +86,13 @@ def test_the_walk_is_short():
     assert len(lines) <= 25
 
 
-@pytest.mark.parametrize("engine", [["mujoco"], ["planar"], ["planar", "--impl=warp"], ["mjx"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param(engine, id=" ".join(engine), marks=[pytest.mark.slow] * is_slow)
+        for engine, is_slow in [(["mujoco"], 0), (["planar"], 0), (["planar", "--impl=warp"], 1), (["mjx"], 1)]
+    ],
+)
 def test_every_engine_runs_and_records_it(engine):
     frames = walked("--turn=40", "--engine", *engine)
     turned = frames["turned"]

@@ -150,6 +150,7 @@ class TestEveryEngine:
         np.testing.assert_array_equal(one.obs, other.obs)
 
 
+@pytest.mark.slow
 def test_worlds_of_a_batch_are_worlds_alone():
     env, step, state = made(MjxSettings(), KEYS)
     alone = [env.reset(key) for key in KEYS]

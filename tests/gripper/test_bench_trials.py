@@ -237,7 +237,7 @@ def parameters(max_examples):
     return lambda test: kept(examples(test))
 
 
-@parameters(30)
+@parameters(10)
 def test_parameters_around_the_defaults_break_nothing(trial, protocol, gap):
     never_breaks(trial, protocol, gap)
 

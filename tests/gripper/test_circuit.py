@@ -83,7 +83,7 @@ def test_the_charge_relaxes_with_resistance_times_capacitance():
     assert -np.log(hold[800] / hold[100]) * time == pytest.approx(0.7e-3, rel=0.01)
 
 
-@pytest.mark.parametrize("contacts", [Contacts(), Contacts(leak=100e9)])
+@pytest.mark.parametrize("contacts", [Contacts(), pytest.param(Contacts(leak=100e9), marks=pytest.mark.slow)])
 def test_the_supplys_work_is_accounted_for(contacts):
     """Change of the field, heat of the contacts, work on ball and tool: to 1 % of what the supply turned over."""
     trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts)
