@@ -146,7 +146,7 @@ class HostEnv(Env):
 
     def __init__(self, core: Core, engine: Engine, n_worlds: int):
         super().__init__(core, n_worlds)
-        self._engine, self._cpu = engine, jax.devices("cpu")[0]
+        self._engine, self._cpu = engine, jax.local_devices(backend="cpu")[0]
         self._ended, self._prepare, self._finish = (
             jax.jit(alike(jax.vmap(function))) for function in (core.ended, core.prepare, core.finish)
         )

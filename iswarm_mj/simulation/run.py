@@ -143,7 +143,7 @@ class Run:
         self.watch = Stopwatch()
         goal = ENDLESS if self.goal is None else self.goal
         plan = Plan(config, settings, self.engine, self.worlds, self.starts, own, robot_file, goal, job.task)
-        device = jax.devices("cpu")[0] if self.engine.on_host else None
+        device = jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
         with jax.default_device(device):  # engines on the host leave GPUs alone
             self._loop, self.start = start_loop(plan, self.watch)
         self._taken = 0

@@ -35,7 +35,7 @@ class Share:
     """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled."""
 
     def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
-        cpu = jax.devices("cpu")[0]
+        cpu = jax.local_devices(backend="cpu")[0]
         self.engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
         self._goal, self._is_present = params.goal, params.is_present
         self.params: WorldParams = jax.device_put(params, cpu)

@@ -74,7 +74,7 @@ def metrics_of(task: Task, things: Things) -> dict[str, np.ndarray]:
         task: with a first axis of B worlds.
         things: likewise.
     """
-    with jax.default_device(jax.devices("cpu")[0]):
+    with jax.default_device(jax.local_devices(backend="cpu")[0]):
         return {name: np.asarray(values) for name, values in _metrics(task, things).items()}
 
 

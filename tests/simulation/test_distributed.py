@@ -187,7 +187,7 @@ def test_what_decides_a_run():
         return json.loads(json.dumps(command._shared(genome, n_robots)))
 
     same = deciding()
-    assert deciding(out=Path("elsewhere"), devices="1", hosts_timeout=9.0, threads=3) == same
+    assert deciding(out=Path("elsewhere"), devices="1", hosts_timeout=9.0) == same
     assert deciding(robots=same["robots"]) == same
     for flags in (
         {"seed": 1},
