@@ -16,6 +16,8 @@ PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}"
 REMEDY = "run `iswarm reproduce --tables`"
 OTHER_TABLES = (
     "part | model",
+    "file | what is tried |",
+    "kind | tried | broken when found |",
     "value | paper | initial | what the paper says",
     "package | contents",
     "part | CPUs: `engine.py`, compiled by numba",

@@ -66,7 +66,7 @@ class TestRuns:
     def test_a_class_without_fields(self, small):
         run = Run(small, strategy=Still(), settings=RunSettings(4, 2), engine=HERE)
         np.testing.assert_allclose(moved_by(run), 0, atol=1e-6)
-        assert run.rules == {"strategy": {"class": "Still"}}
+        assert run.rules == {"strategy": {"class": "Still"}, "task": {"class": "Cleaning"}}
 
     def test_each_world_gets_its_own(self, small):
         worlds = [World(PRESETS["type1"], n) for n in (2, 5)]
