@@ -1,6 +1,6 @@
 """Where rectangles touch each other and walls, as functions of numbers.
 
-Robots are upright boxes of the same height, seen from above: rectangles with half edges (hx, hy). MuJoCo finds up to
+Robots and obstacles are upright boxes, seen from above: rectangles with half edges (hx, hy). MuJoCo finds up to
 four contact points of two boxes, two at each rim; those one above the other are alike, so that one of each remains.
 All functions take and return numbers, so that any compiler of Python functions can compile them. Units: mm, rad.
 """
@@ -10,7 +10,16 @@ from numba.extending import register_jitable
 
 @register_jitable
 def separation(
-    dx: float, dy: float, c1: float, s1: float, c2: float, s2: float, hx: float, hy: float
+    dx: float,
+    dy: float,
+    c1: float,
+    s1: float,
+    c2: float,
+    s2: float,
+    hx1: float,
+    hy1: float,
+    hx2: float,
+    hy2: float,
 ) -> tuple[float, int]:
     """Largest gap between two rectangles along the normals of their sides, negative where they overlap.
 
@@ -23,22 +32,23 @@ def separation(
         s1: sine of it.
         c2: cosine of the second's heading.
         s2: sine of it.
-        hx: half edge along the heading, of both.
-        hy: half edge across it.
+        hx1: half edge of the first along its heading.
+        hy1: half edge across it.
+        hx2: likewise of the second.
+        hy2: likewise.
 
     Returns:
         The gap, and the axis along which it occurs: 0 for the x axis of the first, 1 of the second; 2 and 3 for y.
     """
     cos, sin = abs(c1 * c2 + s1 * s2), abs(c1 * s2 - s1 * c2)
-    reach_x, reach_y = hx + hx * cos + hy * sin, hy + hx * sin + hy * cos
-    gap, axis = abs(c1 * dx + s1 * dy) - reach_x, 0
-    other = abs(c2 * dx + s2 * dy) - reach_x
+    gap, axis = abs(c1 * dx + s1 * dy) - (hx1 + hx2 * cos + hy2 * sin), 0
+    other = abs(c2 * dx + s2 * dy) - (hx2 + hx1 * cos + hy1 * sin)
     if other > gap:
         gap, axis = other, 1
-    other = abs(c1 * dy - s1 * dx) - reach_y
+    other = abs(c1 * dy - s1 * dx) - (hy1 + hx2 * sin + hy2 * cos)
     if other > gap:
         gap, axis = other, 2
-    other = abs(c2 * dy - s2 * dx) - reach_y
+    other = abs(c2 * dy - s2 * dx) - (hy2 + hx1 * sin + hy1 * cos)
     if other > gap:
         gap, axis = other, 3
     return gap, axis
@@ -65,7 +75,16 @@ def side_towards(ux: float, uy: float, c: float, s: float, is_along_y: bool) -> 
 
 @register_jitable
 def rectangle_contact(
-    dx: float, dy: float, c1: float, s1: float, c2: float, s2: float, hx: float, hy: float
+    dx: float,
+    dy: float,
+    c1: float,
+    s1: float,
+    c2: float,
+    s2: float,
+    hx1: float,
+    hy1: float,
+    hx2: float,
+    hy2: float,
 ) -> tuple[float, float, float, float, float, float, float, float]:
     """Contact of two overlapping rectangles: one side's overlap with the other rectangle's nearest side.
 
@@ -78,11 +97,13 @@ def rectangle_contact(
         Normal (x, y) from the first to the second; and for each of two points its position (x, y) seen from the
         first's centre and the distance of the surfaces there, negative where they overlap.
     """
-    _, axis = separation(dx, dy, c1, s1, c2, s2, hx, hy)
+    _, axis = separation(dx, dy, c1, s1, c2, s2, hx1, hy1, hx2, hy2)
     of_first, is_along_y = axis % 2 == 0, axis >= 2
     c, s, c_other, s_other, ax, ay = c1, s1, c2, s2, dx, dy
+    hx, hy, hx_other, hy_other = hx1, hy1, hx2, hy2
     if not of_first:
         c, s, c_other, s_other, ax, ay = c2, s2, c1, s1, -dx, -dy
+        hx, hy, hx_other, hy_other = hx2, hy2, hx1, hy1
     out, across = hx, hy
     if is_along_y:
         out, across = hy, hx
@@ -90,9 +111,9 @@ def rectangle_contact(
 
     faces_along_y = abs(c_other * uy - s_other * ux) > abs(c_other * ux + s_other * uy)
     ox, oy = side_towards(-ux, -uy, c_other, s_other, faces_along_y)
-    out_other, across_other = hx, hy
+    out_other, across_other = hx_other, hy_other
     if faces_along_y:
-        out_other, across_other = hy, hx
+        out_other, across_other = hy_other, hx_other
     mx, my = ax + out_other * ox, ay + out_other * oy  # middle of the facing side, from the reference's centre
 
     # Along the reference's side the facing side extends from p to q, where it has heights h and k above it.

@@ -8,7 +8,6 @@ import numpy as np
 from iswarm_mj.engines.planar.compiled import compiled
 from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.contact_law import ContactLaw, impedance, offset, regularisation
-from iswarm_mj.engines.planar.obstacle_contact import box_contact, box_separation
 from iswarm_mj.engines.planar.plane import Plane
 
 _WALLS = ((-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0))  # normals of the east, north, west and south wall
@@ -74,9 +73,9 @@ def find_contacts(
         if dx * dx + dy * dy >= 4.0 * (hx * hx + hy * hy):
             continue
         c1, s1, c2, s2 = headings[i, 0], headings[i, 1], headings[j, 0], headings[j, 1]
-        gap, _ = separation(dx, dy, c1, s1, c2, s2, hx, hy)
+        gap, _ = separation(dx, dy, c1, s1, c2, s2, hx, hy, hx, hy)
         if gap < 0.0:
-            nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(dx, dy, c1, s1, c2, s2, hx, hy)
+            nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(dx, dy, c1, s1, c2, s2, hx, hy, hx, hy)
             contact = contacts[n]
             contact.first, contact.second, contact.nx, contact.ny = i, j, nx, ny
             contact.inverse_mass, contact.inverse_inertia = plane.inverse_mass, plane.inverse_inertia
@@ -88,13 +87,16 @@ def find_contacts(
         for i in range(n_robots):
             dx, dy, c, s = poses[i, 0] - box[0], poses[i, 1] - box[1], headings[i, 0], headings[i, 1]
             is_far = max(abs(dx), abs(dy)) > radius + math.sqrt(box[4] * box[4] + box[5] * box[5])
-            if is_far or not is_present[i] or box_separation(dx, dy, box, c, s, hx, hy)[0] >= 0.0:
+            if is_far or not is_present[i]:
                 continue
-            nx, ny, x1, y1, d1, x2, y2, d2 = box_contact(dx, dy, box, c, s, hx, hy)
+            gap, _ = separation(dx, dy, box[2], box[3], c, s, box[4], box[5], hx, hy)
+            if gap >= 0.0:
+                continue
+            nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(dx, dy, box[2], box[3], c, s, box[4], box[5], hx, hy)
             contact = contacts[n]
             contact.first, contact.second, contact.nx, contact.ny = n_robots, i, nx, ny
             contact.inverse_mass, contact.inverse_inertia = 0.0, 0.0
-            rows = (0.0, 0.0, x1, y1, d1), (0.0, 0.0, x2, y2, d2)
+            rows = (0.0, 0.0, x1 - dx, y1 - dy, d1), (0.0, 0.0, x2 - dx, y2 - dy, d2)
             n += _set_rows(contact, rows, velocities, plane, plane.at_walls)
     for i in range(n_robots):
         c, s = headings[i, 0], headings[i, 1]

@@ -9,7 +9,6 @@ from numba.extending import register_jitable
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.planar.compiled import cached, inlined
 from iswarm_mj.engines.planar.near_pairs import cell_of, fill_cells
-from iswarm_mj.engines.planar.obstacle_contact import is_near
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.ray_geometry import meets_rectangle, meets_walls
 from iswarm_mj.engines.planar.receivers import receive
@@ -234,7 +233,7 @@ def _find_walls(
     reach, radius = light.wall_reach, math.sqrt(plane.half_x**2 + plane.half_y**2)
     at_x, at_y = robots.poses[i, 0], robots.poses[i, 1]
     is_inside = max(abs(at_x), abs(at_y)) < plane.edge - reach - radius
-    if is_inside and not is_near(at_x, at_y, boxes, reach + radius):
+    if is_inside and not _is_near(at_x, at_y, boxes, reach + radius):
         return
     for side in range(len(light.leds)):
         x, y = _turned(robots, i, light.leds[side])
@@ -267,3 +266,15 @@ def _turned(robots: _Robots, i: int | np.integer, point: tuple[float, float]) ->
 def _heading(robots: _Robots, i: int | np.integer) -> tuple[float, float]:
     """Cosine and sine of the yaw of robot i."""
     return float(robots.cos[i]), float(robots.sin[i])
+
+
+@inlined
+def _is_near(x: float, y: float, boxes: np.ndarray, within: float) -> bool:
+    """Whether a point is nearer than this to one of the obstacles (M, 6) [mm]."""
+    for m in range(len(boxes)):
+        dx, dy, c, s = x - boxes[m, 0], y - boxes[m, 1], boxes[m, 2], boxes[m, 3]
+        u = max(abs(c * dx + s * dy) - boxes[m, 4], 0.0)
+        v = max(abs(c * dy - s * dx) - boxes[m, 5], 0.0)
+        if math.sqrt(u * u + v * v) < within:
+            return True
+    return False

@@ -40,7 +40,7 @@ def matrix(rng):
 
 
 def pair(rng):
-    return *rng.uniform(-1.4, 1.4, 2), *heading(rng), *heading(rng), *SHAPE
+    return *rng.uniform(-1.4, 1.4, 2), *heading(rng), *heading(rng), *SHAPE, *SHAPE[::-1]
 
 
 def ray(rng):

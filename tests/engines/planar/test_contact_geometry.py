@@ -12,15 +12,18 @@ WALL_AT = 8.0
 SHAPES = pytest.mark.parametrize("half_edges", [(1.0, 1.0), (1.4, 0.6)], ids=["square", "long"])
 
 
-def scene(half_edges):
-    """Two boxes 1 mm high and a wall at x = 8 mm."""
-    box = f"""
+def scene(*boxes):
+    """Two boxes 1 mm high with these half edges, and a wall at x = 8 mm."""
+    bodies = [
+        f"""
       <body pos="0 0 0.5">
         <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>
-        <geom type="box" size="{half_edges[0]} {half_edges[1]} 0.5" condim="1"/>
+        <geom type="box" size="{hx} {hy} 0.5" condim="1"/>
       </body>"""
+        for hx, hy in boxes
+    ]
     wall = f'<geom name="wall" type="plane" size="0 0 1" pos="{WALL_AT} 0 0" zaxis="-1 0 0" condim="1"/>'
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{wall}{box * 2}</worldbody></mujoco>")
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{wall}{''.join(bodies)}</worldbody></mujoco>")
     return model, mujoco.MjData(model)
 
 
@@ -38,9 +41,11 @@ def twice_sorted(centre, *points):
     return np.array(sorted(touching * 2)).reshape(-1, 3)
 
 
+@pytest.mark.parametrize("other", [None, (2.5, 0.3)], ids=["alike", "different"])
 @SHAPES
-def test_rectangles_touch_where_mujoco_says(half_edges):
-    model, data = scene(half_edges)
+def test_rectangles_touch_where_mujoco_says(half_edges, other):
+    other = other or half_edges
+    model, data = scene(half_edges, other)
     rng = np.random.default_rng(1)
     n_touching = 0
     for trial in range(3000):
@@ -48,7 +53,7 @@ def test_rectangles_touch_where_mujoco_says(half_edges):
         yaw = rng.uniform(-np.pi, np.pi, 2)
         if trial % 10 == 0:
             yaw[1] = yaw[0] + rng.integers(4) * np.pi / 2
-        pair = (*(second - first), np.cos(yaw[0]), np.sin(yaw[0]), np.cos(yaw[1]), np.sin(yaw[1]), *half_edges)
+        pair = (*(second - first), np.cos(yaw[0]), np.sin(yaw[0]), np.cos(yaw[1]), np.sin(yaw[1]), *half_edges, *other)
         gap, _ = separation(*pair)
         if gap < -0.95:
             continue  # deeper than the boxes are high, MuJoCo pushes them apart vertically
@@ -64,7 +69,7 @@ def test_rectangles_touch_where_mujoco_says(half_edges):
 
 @SHAPES
 def test_rectangles_touch_walls_where_mujoco_says(half_edges):
-    model, data = scene(half_edges)
+    model, data = scene(half_edges, half_edges)
     rng = np.random.default_rng(2)
     for trial in range(500):
         x, yaw = rng.uniform(6, 8.3), rng.uniform(-np.pi, np.pi) if trial % 10 else rng.integers(4) * np.pi / 2
@@ -75,13 +80,13 @@ def test_rectangles_touch_walls_where_mujoco_says(half_edges):
 
 def test_gaps_by_hand():
     c = np.sqrt(0.5)
-    assert separation(2.5, 0.3, 1, 0, 1, 0, 1, 1) == (0.5, 0)
-    np.testing.assert_allclose(separation(0, 3, 1, 0, c, c, 1, 1)[0], 2 - np.sqrt(2))
-    assert separation(0.2, 1.9, 1, 0, 0, 1, 1, 1)[0] == pytest.approx(-0.1)
+    assert separation(2.5, 0.3, 1, 0, 1, 0, 1, 1, 1, 1) == (0.5, 0)
+    np.testing.assert_allclose(separation(0, 3, 1, 0, c, c, 1, 1, 1, 1)[0], 2 - np.sqrt(2))
+    assert separation(0.2, 1.9, 1, 0, 0, 1, 1, 1, 1, 1)[0] == pytest.approx(-0.1)
 
 
 def test_sides_that_meet_flat_touch_at_the_ends_of_their_overlap():
-    nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(1.9, 0.6, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0)
+    nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(1.9, 0.6, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0)
     assert (nx, ny) == (1, 0)
     np.testing.assert_allclose(sorted([(x1, y1, d1), (x2, y2, d2)]), [(0.95, -0.4, -0.1), (0.95, 1.0, -0.1)])
 

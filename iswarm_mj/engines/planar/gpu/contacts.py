@@ -27,7 +27,7 @@ def find_contacts(w: World, plane: Plane, lane: int):
         p, q = w.place[w.near[k][0]], w.place[w.near[k][1]]
         dx, dy = q[0] - p[0], q[1] - p[1]
         if dx * dx + dy * dy < 4.0 * (hx * hx + hy * hy):
-            gap, _ = _separation(dx, dy, p[2], p[3], q[2], q[3], hx, hy)
+            gap, _ = _separation(dx, dy, p[2], p[3], q[2], q[3], hx, hy, hx, hy)
             if gap < 0.0:
                 _append(w, w.near[k])
     for i in range(lane, w.place.shape[0], wp.block_dim()):
@@ -100,7 +100,7 @@ def _set_contact(w: World, k: int, plane: Plane):
     if first < n_robots:
         p = w.place[first]
         dx, dy = q[0] - p[0], q[1] - p[1]
-        nx, ny, x1, y1, d1, x2, y2, d2 = _rectangle_contact(dx, dy, p[2], p[3], q[2], q[3], hx, hy)
+        nx, ny, x1, y1, d1, x2, y2, d2 = _rectangle_contact(dx, dy, p[2], p[3], q[2], q[3], hx, hy, hx, hy)
         n, gaps = wp.vec2(nx, ny), wp.vec2(d1, d2)
         arms = wp.vec2(x1 * ny - y1 * nx, x2 * ny - y2 * nx)
         levers = wp.vec2((x1 - dx) * ny - (y1 - dy) * nx, (x2 - dx) * ny - (y2 - dy) * nx)
