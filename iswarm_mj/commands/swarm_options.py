@@ -4,7 +4,7 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 import tyro
 
@@ -22,14 +22,10 @@ from iswarm_mj.utils.progress import waiting
 
 GenomeOverrides = make_dataclass(
     "GenomeOverrides",
-    [
-        (f.name, f.type | None, None)  # type: ignore
-        for f in fields(Genome)
-    ],
+    [(f.name, cast(Any, f.type) | None, None) for f in fields(Genome)],
+    namespace={"described_by": Genome, "__doc__": "Single parameters of the genome (Table 2 of the paper)."},
     frozen=True,
 )
-GenomeOverrides.described_by = Genome  # type: ignore
-GenomeOverrides.__doc__ = "Single parameters of the genome (Table 2 of the paper)."
 
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""

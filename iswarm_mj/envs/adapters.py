@@ -76,4 +76,4 @@ def fresh_seed(seed: int | None, rng: np.random.Generator) -> int:
 
 def _numbers(state: State) -> State:
     """What adapters hand on, as NumPy arrays."""
-    return State(None, *jax.tree.map(np.asarray, state[1:]))  # type: ignore[arg-type]
+    return jax.tree.map(np.asarray, state._replace(data=None))

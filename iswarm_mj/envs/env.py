@@ -1,5 +1,6 @@
 """Environments on compiled engines, as pure functions, and on engines of the host, many worlds at once."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +20,7 @@ from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.utils.errors import UserError
 
 
-class Env:
+class Env(ABC):
     """N robots of one world, or of B worlds at once, which act together.
 
     Attributes:
@@ -61,14 +62,15 @@ class Env:
         """Return observations (..., D) by the names of `observations`."""
         return observations.split(self.observations, obs)
 
+    @abstractmethod
     def reset(self, key: jax.Array) -> State:
         """Begin an episode.
 
         Args:
             key: random key, or one for each of B worlds.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def step(self, state: State, action: Any) -> State:
         """Take a control step; a world whose episode has ended begins a new one instead.
 
@@ -80,7 +82,6 @@ class Env:
         Raises:
             UserError: shape or type of the action do not fit.
         """
-        raise NotImplementedError
 
     @property
     def _axes(self) -> tuple[int, ...]:
@@ -107,7 +108,15 @@ class CompiledEnv(Env):
     def __init__(self, core: Core, engine: CompiledEngine, n_worlds: int | None):
         super().__init__(core, n_worlds)
         self._engine = engine
-        self.reset, self.step = jax.jit(self._reset), jax.jit(self._step)
+        self._compiled_reset, self._compiled_step = jax.jit(self._reset), jax.jit(self._step)
+
+    def reset(self, key: jax.Array) -> State:
+        """See `Env.reset`."""
+        return self._compiled_reset(key)
+
+    def step(self, state: State, action: Any) -> State:
+        """See `Env.step`."""
+        return self._compiled_step(state, action)
 
     def _each(self, function: Callable[..., Any]) -> Callable[..., Any]:
         return function if self.n_worlds is None else jax.vmap(function)

@@ -1,14 +1,13 @@
 """What a task wants seen of each step: its areas on the floor, its metrics. Cleaning's are those of `Frames` itself."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC
-from iswarm_mj.tasks.protocol import Look, Quantity, Task, Things
+from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, Things
 from iswarm_mj.utils.units import MM
 
 FIXED = ("dump", "dust_areas")
@@ -37,7 +36,7 @@ def watch(task: Task, config: SwarmConfig) -> Watch:
     @jax.jit
     @jax.vmap
     def read(things: Things) -> dict[str, jax.Array]:
-        shapes: Any = task.areas(config, things) if areas else {}  # type: ignore[attr-defined]
+        shapes = task.areas(config, things) if areas and isinstance(task, DrawnTask) else {}
         numbers = task.metrics(things) if metrics else {}
         return {AREA + name: shapes[name] * MM for name in areas} | {METRIC + name: numbers[name] for name in metrics}
 
@@ -54,8 +53,8 @@ def watch(task: Task, config: SwarmConfig) -> Watch:
 
 def fixed_areas(task: Task, config: SwarmConfig, things: Things) -> dict[str, np.ndarray]:
     """Rectangles (A, 4) x_min, y_min, x_max, y_max [m] of the dump and of dust areas; none where a task has none."""
-    if not any(name in getattr(task, "drawn", {}) for name in FIXED):
+    if not isinstance(task, DrawnTask) or not any(name in task.drawn for name in FIXED):
         return {}
-    found = task.areas(config, things)  # type: ignore[attr-defined]
+    found = task.areas(config, things)
     shapes = {name: np.asarray(found[name], float) * MM for name in FIXED if name in found}
     return {name: np.hstack([a[:, :2] - a[:, 2:], a[:, :2] + a[:, 2:]]) for name, a in shapes.items()}
