@@ -30,10 +30,8 @@ line-of-sight = false
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "run.toml").write_text(RUN)
-    return tmp_path
+def run_toml(here):
+    (here / "run.toml").write_text(RUN)
 
 
 def test_keys_are_flags():

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from iswarm_mj.commands import main as cli
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import CURVES, TABLE
+from tests.helpers_cli import code_of
 
 FAST = ["--protocol.step-voltage=2", "--threads=1"]
 COLUMNS = """
@@ -20,25 +20,10 @@ COLUMNS = """
 """
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """An empty working directory."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture
 def tables_only(monkeypatch):
     """No figures, which take longer than the trials."""
     monkeypatch.setattr("iswarm_mj.output.plot_trials.draw_figures", lambda rows, settings, out: [])
-
-
-def code_of(*arguments):
-    try:
-        cli.main([str(a) for a in arguments])
-    except SystemExit as end:
-        return end.code
-    return 0
 
 
 def from_path(directory):

@@ -9,11 +9,6 @@ from iswarm_mj.commands.main import main
 WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("arguments", "flag", "why"),
     [

@@ -8,7 +8,7 @@ import pytest
 from helpers_rrd import read
 
 import iswarm_mj
-from iswarm_mj.commands import main as cli
+from tests.helpers_cli import code_of
 
 GOSSIP = """
 import jax
@@ -41,17 +41,13 @@ FEW += ("--arena.n-dust=5", "--robots=12", "--steps=6")
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("gossip.py").write_text(GOSSIP)
+def gossip(here):
+    (here / "gossip.py").write_text(GOSSIP)
 
 
-def code_of(*arguments):
-    try:
-        cli.main(["clean", "--strategy", "gossip.py:Gossip", *FEW, *arguments])
-    except SystemExit as stop:
-        return stop.code
-    return 0
+def gossiping(*arguments):
+    """Exit code of a run of it."""
+    return code_of("clean", "--strategy", "gossip.py:Gossip", *FEW, *arguments)
 
 
 def test_it_is_short():
@@ -61,7 +57,7 @@ def test_it_is_short():
 @pytest.mark.parametrize("engine", ["mujoco", "planar", pytest.param("mjx", marks=pytest.mark.slow)])
 def test_every_engine_carries_its_messages(engine):
     quiet = [f"--optics.{name}=0" for name in ("error-in-communication", "p-communication-break")]
-    assert code_of("--engine", engine, *quiet) == 0
+    assert gossiping("--engine", engine, *quiet) == 0
     run = iswarm_mj.load("runs/clean")
     shape = (7, 12)
     table = {name: run.robots[name].to_numpy(zero_copy_only=False).reshape(shape) for name in run.robots.column_names}
@@ -88,7 +84,7 @@ def test_in_turn_news_goes_further_within_a_step():
     Path("gossip.py").write_text(GOSSIP + listen)
     known = []
     for order in ("synchronous", "sequential"):
-        assert code_of("--engine=planar", "--robots=25", f"--strategy.update-order={order}") == 0
+        assert gossiping("--engine=planar", "--robots=25", f"--strategy.update-order={order}") == 0
         known.append(iswarm_mj.load("runs/clean").robots["count"].to_numpy().reshape(7, 25)[2].sum())
     assert known[1] > known[0]
 
@@ -120,7 +116,7 @@ def test_in_turn_news_goes_further_within_a_step():
 def test_mistakes(capfd, old, new, words):
     assert old in GOSSIP
     Path("gossip.py").write_text(GOSSIP.replace(old, new))
-    assert code_of("--engine=planar") == 2
+    assert gossiping("--engine=planar") == 2
     _, error = capfd.readouterr()
     assert re.search(words, " ".join(error.split())), error
     assert "Traceback" not in error

@@ -14,6 +14,7 @@ from helpers_rrd import read
 import iswarm_mj
 from iswarm_mj.commands import main as cli
 from iswarm_mj.strategy.genome import PRESETS
+from tests.helpers_cli import code_of
 
 WALK = '''
 from dataclasses import dataclass
@@ -45,19 +46,9 @@ FEW = (*SMALL, "--arena.n-dust=5", "--robots=4", "--steps=6")
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """An empty working directory with the file."""
-    monkeypatch.chdir(tmp_path)
-    Path("walk.py").write_text(WALK)
-    return tmp_path
-
-
-def code_of(*arguments):
-    try:
-        cli.main([str(a) for a in arguments])
-    except SystemExit as end:
-        return end.code
-    return 0
+def walk(here):
+    """The file, in the working directory."""
+    (here / "walk.py").write_text(WALK)
 
 
 def refused(capfd, *arguments):

@@ -1,0 +1,140 @@
+"""Worlds of a batch in C: independent, with places that are empty, and with faults."""
+
+import jax
+import numpy as np
+
+from iswarm_mj.engines.mujoco import engine as mujoco_engine
+from iswarm_mj.utils.errors import FaultKind
+from tests.helpers_mujoco import Worlds, crowd, far_apart
+
+
+def test_threads_do_not_matter(small):
+    start = crowd(3, np.random.default_rng(9))
+    ends = []
+    for n_threads in (1, 2):
+        engine, rng = Worlds(small, start, n_threads), np.random.default_rng(10)
+        touching = [engine.move(rng.uniform(-2, 2, start.shape), 10).touching for _ in range(10)]
+        ends.append((engine.poses, touching))
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    np.testing.assert_array_equal(ends[0][1], ends[1][1])
+    assert ends[0][1][-1].any()
+
+
+def test_each_world_is_its_own(small):
+    start = crowd(3, np.random.default_rng(11))
+    velocity = np.random.default_rng(12).uniform(-2, 2, start.shape)
+    together = Worlds(small, start)
+    together.move(velocity, 10)
+    for w in range(3):
+        alone = Worlds(small, start[w : w + 1])
+        alone.move(velocity[w : w + 1], 10)
+        np.testing.assert_array_equal(alone.poses[0], together.poses[w])
+
+
+def test_places_beyond_the_robots_change_nothing(small):
+    start, rng = crowd(2, np.random.default_rng(16)), np.random.default_rng(17)
+    velocity = rng.uniform(-2, 2, start.shape)
+    exact, roomy = Worlds(small, start), Worlds(small, start, capacity=40)
+    sights = [worlds.sense() for worlds in (exact, roomy)]
+    more = np.concatenate([velocity, np.full((2, 15, 3), np.nan)], axis=1)
+    motions = [exact.move(velocity, 10), roomy.move(more, 10)]
+    assert sights[0].links.valid.sum() > 40 and motions[0].touching.any()
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a, b[:, :25]), sights[0], sights[1])
+    jax.tree.map(lambda b: np.testing.assert_array_equal(b[:, 25:], 0), sights[1])
+    np.testing.assert_array_equal(exact.poses, roomy.poses[:, :25])
+    assert not roomy.poses[:, 25:].any() and not motions[1].fault.any()
+    np.testing.assert_array_equal(motions[0].touching, motions[1].touching[:, :25, :25])
+    assert not motions[1].touching[:, 25:].any() and not motions[1].touching[:, :, 25:].any()
+
+
+class TestAbsentRobots:
+    """World 0 lacks robots 3 to 5, world 1 lacks none; those that are absent would be in the middle."""
+
+    def worlds(self, small):
+        start = np.zeros((2, 6, 3))
+        start[0, :3] = [(-3.0, 0, 0), (3.0, 0, np.pi), (0.0, 6.0, 0.3)]
+        start[1] = [(-3.0, 0, 0), (3.0, 0, np.pi), (0.0, 6.0, 0.3), (0, 0, 0), (8, 8, 0), (-8, 8, 0)]
+        present = np.arange(6) < [[3], [6]]
+        return Worlds(small, start, present=present), start
+
+    def test_do_not_hide_anything(self, small):
+        worlds, _ = self.worlds(small)
+        links = worlds.sense().links
+        assert links.valid[:, 0, 0].tolist() == [True, True] and links.sender[:, 0, 0].tolist() == [1, 3]
+
+    def test_neither_send_nor_hear_nor_see(self, small):
+        worlds, _ = self.worlds(small)
+        sight = worlds.sense()
+        assert not sight.links.valid[0, 3:].any() and not sight.sees_wall[0, 3:].any()
+        assert (sight.links.sender[0][sight.links.valid[0]] < 3).all()
+
+    def test_touch_nobody_and_do_not_move(self, small):
+        """A robot walks through where they would be."""
+        worlds, start = self.worlds(small)
+        velocity = np.zeros((2, 6, 3))
+        velocity[:, 0, 0], velocity[:, 1, 1] = 3.0, 9.0
+        touched = np.zeros((2, 6, 6), bool)
+        for _ in range(4):
+            touched |= worlds.move(velocity, 5).touching
+        np.testing.assert_allclose(worlds.poses[0, 0], [3.0, 0, 0], atol=1e-9)
+        np.testing.assert_array_equal(worlds.poses[0, 2:], start[0, 2:])
+        assert not touched[0].any() and np.argwhere(touched[1]).tolist() == [[0, 3]]
+
+    def test_leave_a_world_as_if_it_had_never_had_them(self, small):
+        start, rng = crowd(2, np.random.default_rng(18)), np.random.default_rng(19)
+        start[0, 15:] = 0.0
+        worlds, alone = Worlds(small, start, present=np.arange(25) < [[15], [25]]), Worlds(small, start[:1, :15])
+        n_touching = 0
+        for _ in range(10):
+            velocity = rng.uniform(-2, 2, start.shape)
+            velocity[0, 15:] = 0.0
+            many, one = worlds.move(velocity, 10), alone.move(velocity[:1, :15], 10)
+            np.testing.assert_allclose(worlds.poses[0, :15], alone.poses[0], atol=1e-9)
+            np.testing.assert_array_equal(many.touching[0, :15, :15], one.touching[0])
+            n_touching += one.touching.sum()
+        assert n_touching > 5
+
+    def test_may_be_present_when_the_robots_are_placed_again(self, small):
+        worlds, start = self.worlds(small)
+        worlds.present = np.ones((2, 6), bool)
+        worlds.place(start[[1, 1]])
+        velocity = np.zeros((2, 6, 3))
+        velocity[:, 0, 0] = 3.0
+        touching = worlds.move(velocity, 5).touching
+        assert np.argwhere(touching[0]).tolist() == np.argwhere(touching[1]).tolist() == [[0, 3]]
+
+
+class TestFaults:
+    def test_a_world_that_fails_keeps_its_bodies_at_rest(self, small, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)  # MuJoCo logs to the working directory
+        start = far_apart(3, np.random.default_rng(20))
+        worlds, velocity = Worlds(small, start), np.ones(start.shape)
+        worlds.engine._qpos[1, worlds.qpos[[4, 7], 0]] = np.nan
+        motion = worlds.move(velocity, 4)
+        assert motion.fault.tolist() == [0, FaultKind.POSE_NOT_FINITE, 0] and motion.robot[1] == 4
+        np.testing.assert_array_equal(worlds.poses[1], start[1])
+        np.testing.assert_allclose(worlds.poses[[0, 2]], start[[0, 2]] + 0.4, atol=1e-9)
+        assert not worlds.qvel()[1].any()
+        worlds.move(velocity, 4)
+        np.testing.assert_allclose(worlds.poses[1], start[1] + 0.4, atol=1e-9)
+
+    def test_an_error_of_mujoco_is_a_fault_of_its_world(self, small, monkeypatch):
+        start = far_apart(3, np.random.default_rng(21))
+        worlds = Worlds(small, start)
+        batch = worlds.engine._batch
+
+        class Failing:
+            """World 2 fails."""
+
+            def __getattr__(self, name):
+                return getattr(batch, name)
+
+            def step(self, ids, nstep):
+                batch.step(ids=ids, nstep=nstep)
+                raise mujoco_engine.SimulationError(np.array([2]), "no stack")
+
+        monkeypatch.setattr(worlds.engine, "_batch", Failing())
+        motion = worlds.move(np.ones(start.shape), 4)
+        assert motion.fault.tolist() == [0, 0, FaultKind.SOLVER_FAILED]
+        np.testing.assert_array_equal(worlds.poses[2], start[2])
+        np.testing.assert_allclose(worlds.poses[:2], start[:2] + 0.4, atol=1e-9)

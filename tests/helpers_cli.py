@@ -1,0 +1,46 @@
+"""The command line in this process, as a user sees it."""
+
+import json
+import re
+from dataclasses import fields
+from typing import get_type_hints
+
+from iswarm_mj.commands import main as cli
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.strategy.genome import Genome
+
+ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
+ARENA_FLAGS = ["--threads=1", *(f"--arena.{name}={value}" for name, value in ARENA.items())]
+SMALL = [*ARENA_FLAGS, "--robots=30"]
+CONFIG_FLOATS = [
+    f"{group.name}.{name}"
+    for group in fields(SwarmConfig)
+    for name, kind in get_type_hints(group.default_factory).items()
+    if kind is float
+]
+GENOME_FLOATS = [name for name, kind in get_type_hints(Genome).items() if kind is float]
+
+
+def code_of(*arguments):
+    """Exit code of `iswarm`."""
+    try:
+        cli.main([str(a) for a in arguments])
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def result(path="runs/clean"):
+    """Content of a run's result.json."""
+    with open(f"{path}/result.json") as file:
+        return json.load(file)
+
+
+def refused(capfd, here, *arguments):
+    """The one sentence with which `iswarm` refuses; nothing is created."""
+    before = sorted(here.rglob("*"))
+    assert code_of(*arguments) == 2
+    out, error = capfd.readouterr()
+    assert out == "" and sorted(here.rglob("*")) == before
+    assert re.fullmatch(r"iswarm: [^\n]*\n", error), error
+    return error

@@ -1,0 +1,124 @@
+"""Recordings of a swarm as files: whole whatever happens, small, and refused where they cannot be."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_rrd import read
+from rerun.chunk import RrdReader
+
+from iswarm_mj.output import rerun_swarm as record
+from iswarm_mj.output.rerun_swarm import Recording
+from iswarm_mj.utils.errors import SimulationFault, UserError
+from tests.helpers_swarm_recording import cut, make_frames, make_scene, write
+
+
+def test_configuration_and_properties_keep_their_types(tmp_path):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 2)
+    for value in (3, 0.25, "no|ne", True):
+        path = tmp_path / "run.rrd"
+        with Recording(path, scene, {"a": {"b": value}, "none": None}, {"b": np.float64(2.5)}) as recording:
+            recording.append(frames)
+        recorded = read(path)
+        assert recorded["/__properties/config"]["a.b"] == [value]
+        assert recorded["/__properties/run"]["b"] == [2.5]
+        assert f"| a.b | {str(value).replace('|', '/')} |" in recorded["/config"]["TextDocument:text"][0]
+
+
+def test_a_layout_is_embedded(tmp_path):
+    scene = make_scene(5, 2)
+    write(tmp_path / "run.rrd", scene, make_frames(scene, 2), cuts=())
+    assert len(RrdReader(tmp_path / "run.rrd").blueprints()) == 1
+
+
+@pytest.mark.parametrize("fault", [SimulationFault("step 6"), KeyboardInterrupt()])
+def test_an_exception_leaves_a_complete_file(tmp_path, fault):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    path = tmp_path / "run.rrd"
+    with pytest.raises(type(fault)), Recording(path, scene, {}, {}) as recording:
+        recording.append(cut(frames, 0, 6))
+        raise fault
+    assert read(path)["/world/links"]["step"] == list(range(6))
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True, capture_output=True)
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_blocks_before_a_kill_are_readable(tmp_path):
+    path = tmp_path / "run.rrd"
+    code = (
+        "import os, sys; import helpers_swarm_recording as t; from iswarm_mj.output.rerun_swarm import Recording;"
+        "s = t.make_scene(5, 2); f = t.make_frames(s, 9); r = Recording(sys.argv[1], s, {}, {}).__enter__();"
+        "r.append(t.cut(f, 0, 4)); r.append(t.cut(f, 4, 7)); os.kill(os.getpid(), 9)"
+    )
+    root, tests = Path(record.__file__).parents[2], Path(__file__).parents[1]
+    environment = os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{tests}"}
+    subprocess.run([sys.executable, "-c", code, path], env=environment, check=False)
+    assert read(path)["/world/links"]["step"] == list(range(7))
+
+
+def test_switched_off_by_the_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv("RERUN", "0")
+    old = tmp_path / "run.rrd"
+    old.write_text("old")
+    with pytest.raises(UserError, match=r"RERUN=0.*unset"):
+        Recording(old, make_scene(5, 2), {}, {})
+    assert old.read_text() == "old"
+
+
+def test_unwritable_places(tmp_path):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "run.rrd", tmp_path / "missing" / "run.rrd", tmp_path):
+        with pytest.raises(UserError, match="cannot be written"):
+            Recording(path, make_scene(5, 2), {}, {})
+
+
+@pytest.mark.parametrize("name", ["pose", "ball_position", "dump_vector"])
+def test_values_that_are_not_finite_are_refused(tmp_path, name):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    known = {"dump_known": np.ones((9, 5), bool), "dump_vector": np.zeros((9, 5, 2), np.float32)}
+    bad = replace(frames, memory={**frames.memory, **known})
+    bad.arrays()[name][5:, 1] = np.nan
+    with (
+        pytest.raises(SimulationFault, match=r"Step 5: .* 1 is not finite"),
+        Recording(tmp_path / "r", scene, {}, {}) as recording,
+    ):
+        recording.append(bad)
+
+
+def test_steps_must_increase(tmp_path):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    with Recording(tmp_path / "run.rrd", scene, {}, {}) as recording:
+        recording.append(cut(frames, 0, 5))
+        recording.append(cut(frames, 5, 5))
+        with pytest.raises(ValueError, match="increase"):
+            recording.append(cut(frames, 4, 9))
+        recording.append(cut(frames, 5, 9))
+
+
+def test_a_world_without_balls_links_or_knowledge(tmp_path):
+    scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0))
+    frames = make_frames(make_scene(5, 2), 4)
+    none = {name: np.zeros_like(frames.arrays()[name]) for name in ("link_valid", "is_loaded")}
+    none["memory"] = {**frames.memory, "dust_known": np.zeros((4, 5), bool), "dump_known": np.zeros((4, 5), bool)}
+    bare = replace(frames, ball_position=frames.ball_position[:, :0], ball_state=frames.ball_state[:, :0], **none)
+    write(tmp_path / "run.rrd", scene, bare, cuts=())
+    recorded = read(tmp_path / "run.rrd")
+    assert recorded["/world/links"]["LineStrips3D:strips"] == [[]] * 4
+    assert recorded["/world/balls/true_size"]["Points3D:positions"] == [[]] * 4
+
+
+def test_bytes_per_frame(tmp_path):
+    scene = make_scene(280, 72)
+    frames = make_frames(scene, 65)
+    for stop, name in ((1, "short"), (65, "long")):
+        write(tmp_path / name, scene, cut(frames, 0, stop), cuts=())
+    grown = (tmp_path / "long").stat().st_size - (tmp_path / "short").stat().st_size
+    assert grown / 64 < 25e3
