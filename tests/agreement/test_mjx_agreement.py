@@ -13,7 +13,8 @@ from mujoco import mjx
 
 import iswarm_mj.gripper.plugin as plugin
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
-from iswarm_mj.gripper.mjx_forces import ON_PLATE, ON_PROBE, gripper_forces, mjx_compatible, resize, step
+from iswarm_mj.gripper.mjx_contacts import ON_PLATE, ON_PROBE
+from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces, mjx_compatible, resize, step
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -76,11 +77,12 @@ def in_mjx(task, impl):
         start = dx.replace(qpos=dx.qpos.at[2].set(z).at[8].set(tip))
 
         def advance(carry, probe_z):
-            data, potential = carry
+            data, ball = carry
             data = data.replace(ctrl=jnp.stack([0 * probe_z, probe_z, voltage]))
-            return step(mine, model, data, potential), None
+            return step(mine, model, data, ball), None
 
-        (data, _), _ = jax.lax.scan(advance, (start, jnp.where(lifted, ON_PROBE, ON_PLATE)), path)
+        ball = first_state(mine)._replace(potential=jnp.where(lifted, ON_PROBE, ON_PLATE))
+        (data, _), _ = jax.lax.scan(advance, (start, ball), path)
         return data.qpos[2] - radius
 
     return np.asarray(jax.jit(jax.vmap(run))(*(jnp.asarray(column, jnp.float32) for column in trials(task))))
