@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
-from helpers_signals import ARENA, SMALL, start
+from helpers_signals import ARENA, ENDLESS, SMALL, start
 from PIL import Image
 
 from iswarm_mj import load
@@ -40,12 +40,12 @@ WRITING = {
 """Short commands that write all that they ever write; of the directory to write into, and of a recorded run."""
 
 LONG = {
-    "clean": lambda out, _: ["clean", *SMALL, "--steps=100000", f"--out={out}"],
+    "clean": lambda out, _: ["clean", *ENDLESS, f"--out={out}"],
     "clean planar": lambda out, _: [
-        "clean", *SMALL, "--steps=100000", "--worlds=4", "--record-worlds", "1", "3", "--engine=planar", f"--out={out}",
+        "clean", *ENDLESS, "--worlds=4", "--record-worlds", "1", "3", "--engine=planar", f"--out={out}",
     ],
     "clean mjx": lambda out, _: ["clean", *FLAGS, "--robots=9", "--steps=10000", "--engine=mjx", f"--out={out}"],
-    "bench": lambda out, _: ["bench", *SMALL, "--steps=100000", "--engine=planar", "--record"],
+    "bench": lambda out, _: ["bench", *ENDLESS, "--engine=planar", "--record"],
     "evolve": lambda out, _: [
         "evolve", "--generations=100", "--population=4", "--steps=50", "--engine=planar", "--workers=2", *FLAGS,
         f"--out={out}",

@@ -6,6 +6,7 @@ import sys
 
 ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
 SMALL = [*(f"--arena.{name}={value}" for name, value in ARENA.items()), "--robots=30", "--threads=1"]
+ENDLESS = [*SMALL, "--steps=100000", "--gripper.release-voltage=3"]  # at which no ball is ever released
 
 
 def start(*arguments, before="", **more):

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 from helpers_rrd import read
-from helpers_signals import SMALL, start
+from helpers_signals import ENDLESS, SMALL, start
 
 from iswarm_mj.output.recorded import load
 
@@ -59,7 +59,7 @@ def check(out):
 def test_in_the_middle_of_a_run(tmp_path, number):
     old = tmp_path / "trajectory.npz"
     old.write_text("of an earlier run")
-    with start("clean", *SMALL, "--steps", 100_000, "--seed", 5, "--out", tmp_path) as process:
+    with start("clean", *ENDLESS, "--seed", 5, "--out", tmp_path) as process:
         recording = tmp_path / "clean.rrd"
         while process.poll() is None and (not recording.exists() or recording.stat().st_size < 300_000):
             time.sleep(0.02)
@@ -105,7 +105,7 @@ def test_at_random_moments(tmp_path):
         for name in names:
             (tmp_path / name).write_text("old")
         began = time.monotonic()
-        with start("clean", *SMALL, "--steps", 100_000, "--out", tmp_path) as process:
+        with start("clean", *ENDLESS, "--out", tmp_path) as process:
             if moment is None:
                 while (tmp_path / "trajectory.npz").exists():
                     time.sleep(0.01)
