@@ -75,10 +75,11 @@ def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> d
 def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[dict[str, Any], list[str]]:
     """Take all steps and write everything; return the content of result.json, and what went wrong."""
     started = time.perf_counter()
-    places = _cleared(run, out)
-    unfinished = Unfinished(run, settings, out, hosts)
-    with saved(unfinished.save):
-        _record(run, settings, places, hosts)
+    with ExitStack() as stack:
+        unfinished, recorders = _begin(run, settings, out, hosts, stack)
+        _advance(run, recorders, hosts)
+        for recorder in recorders:
+            recorder.save()
         outcome = _gather(run, hosts)
         content = results.result(
             run, settings, outcome.measures, outcome.metrics, outcome.step, time.perf_counter() - started
@@ -91,33 +92,29 @@ def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[di
     return content, outcome.faults
 
 
-def _cleared(run: Run, out: Path) -> list[Path]:
-    """Directories of the recorded worlds, without what an earlier run left there."""
+def _begin(
+    run: Run, settings: RunSettings, out: Path, hosts: Hosts, stack: ExitStack
+) -> tuple[Unfinished, list[Recorder]]:
+    """Remove what an earlier run left, announce this one and record its start; `stack` saves it if it is ended."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
     if recorded:
         from iswarm_mj.output.rerun_format import check_recordings
 
         check_recordings()
-    results.clear(out)
-    results.clear_worlds(out)
-    for place in places:
-        make_output_directory(place)
-    return places
-
-
-def _record(run: Run, settings: RunSettings, places: Sequence[Path], hosts: Hosts) -> None:
-    """Take all steps and write what is recorded."""
-    recording = RECORDING if isinstance(run.task, Cleaning) else OTHER_RECORDING
-    with ExitStack() as stack:
+    with postponed(), BUSY:  # or a run would be announced of which nothing is recorded
+        results.clear(out)
+        results.clear_worlds(out)
+        for place in places:
+            make_output_directory(place)
+        unfinished = Unfinished(run, settings, out, hosts)
+        stack.enter_context(saved(unfinished.save))
+        name = RECORDING if isinstance(run.task, Cleaning) else OTHER_RECORDING
         recorders = []
-        for index in range(len(run.settings.record_worlds)):
-            with postponed():
-                recorders.append(Recorder(run, places[index] / recording, index, places[index], settings))
-                stack.enter_context(saved(recorders[-1].save))
-        _advance(run, recorders, hosts)
-        for recorder in recorders:
-            recorder.save()
+        for index in range(len(recorded)):
+            recorders.append(Recorder(run, places[index] / name, index, places[index], settings))
+            stack.enter_context(saved(recorders[-1].save))
+    return unfinished, recorders
 
 
 def _advance(run: Run, recorders: Sequence[Recorder], hosts: Hosts) -> None:

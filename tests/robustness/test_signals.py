@@ -35,9 +35,22 @@ clean._advance = advance
 """
 
 
-def ended(process, number):
-    """The error output of a process that the signal ended."""
-    process.send_signal(number)
+ANNOUNCED = """
+import os, signal, iswarm_mj.workflows.clean as clean
+class Announced(clean.Unfinished):
+    def __init__(self, *given):
+        super().__init__(*given)
+        os.kill(os.getpid(), signal.SIGTERM)
+clean.Unfinished = Announced
+"""
+
+
+def ended(process, number=None):
+    """The error output of a process that the signal ended, which it is sent, or sends itself as SIGTERM."""
+    if number is None:
+        number = signal.SIGTERM
+    else:
+        process.send_signal(number)
     error = process.communicate(timeout=300)[1]
     assert process.returncode == 128 + number, error
     assert error.splitlines()[-1] == "iswarm: interrupted; anything recorded so far is kept." and "Trace" not in error
@@ -93,6 +106,12 @@ def test_where_python_does_not_notice(tmp_path, before, word):
     with start("clean", *SMALL, "--seed", 5, "--out", tmp_path, before=before) as process:
         assert process.stdout.readline() == f"{word}\n"
         ended(process, signal.SIGTERM)
+    assert check(tmp_path)["steps"] == 0
+
+
+def test_between_the_announcement_and_the_recording(tmp_path):
+    with start("clean", *SMALL, "--out", tmp_path, before=ANNOUNCED) as process:
+        ended(process)
     assert check(tmp_path)["steps"] == 0
 
 

@@ -25,8 +25,8 @@ OUTSIDE_MM = 0.4
 """A corner of a robot that others press against a wall stands beyond it by at most this."""
 GROWTH_MB = 50
 """Memory may grow by this much after the first part, for caches."""
-PARTS = 20
-"""In which the memory and the time of a step are told."""
+PARTS = 200
+"""After which the memory and the time of a step are told."""
 
 
 def swarm(n_robots, steps):
@@ -77,11 +77,11 @@ def memory_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
-def soak(n_robots, steps, budget_s, out):
-    """Memory after each part of a run [MB], which ends when the time is up."""
+def soak(n_robots, steps, budget_s, out, tell=print):
+    """Memory after each part of a run [MB], which ends when the time is up; `tell` is given a line for each part."""
     run = swarm(n_robots, steps)
     recorder, before, end = Recorder(run, out / "clean.rrd", 0, out), run.start, time.monotonic() + budget_s
-    part, memory, laps, told = steps // PARTS, [], [], []
+    part, memory, laps = max(steps // PARTS, 1), [], []
     while not run.is_over and (time.monotonic() < end or len(memory) < 3):
         started = time.process_time()
         record = run.advance()
@@ -91,8 +91,7 @@ def soak(n_robots, steps, budget_s, out):
         before = record
         if run.step % part == 0:
             memory.append(memory_mb())
-            told.append(f"step {run.step}: {memory[-1]:.0f} MB, {1e3 * np.median(laps):.2f} ms a step")
-            print(told[-1], flush=True)
+            tell(f"{n_robots} robots, step {run.step}: {memory[-1]:.0f} MB, {1e3 * np.median(laps):.2f} ms a step")
             laps.clear()
     recorder.save()
     run.raise_faults()
@@ -108,7 +107,11 @@ def test_a_short_run_keeps_its_memory(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_robots", "steps"), [(20, 1_000_000), (283, 100_000)])
-def test_memory_is_flat(n_robots, steps, request, tmp_path):
+def test_memory_is_flat(n_robots, steps, request, tmp_path, capsys):
+    def tell(line):  # on the terminal at once, so that it is known how far a run came that is ended
+        with capsys.disabled():
+            print(line, flush=True)
+
     budget_s = seconds(request.config.option.budget) / 2
-    memory = soak(n_robots, steps, budget_s, tmp_path)
+    memory = soak(n_robots, steps, budget_s, tmp_path, tell)
     assert max(memory) - memory[1] < GROWTH_MB, memory
