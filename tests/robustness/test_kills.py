@@ -19,7 +19,7 @@ LATEST_S = 12.0
 
 @pytest.mark.attack(0.2)
 def test_at_any_moment(attack, recorded_run, tmp_path):
-    """What ended a process, and how long that took at most, are told."""
+    """What became of a process by its signal, and how long that took at most, are told."""
     out, names, slowest = tmp_path / "out", list(LONG), 0.0
     old = {name: (recorded_run / name).read_bytes() for name in OF_A_RUN}
     for rng in attack.generators():
@@ -38,7 +38,7 @@ def test_at_any_moment(attack, recorded_run, tmp_path):
                 error = process.communicate(timeout=200)[1]
                 took = time.monotonic() - sent
             if "Fatal Python error: init_" in error:  # Python itself had not begun
-                outcome.append("killed")
+                outcome.append(f"{number.name} killed")
                 continue
             assert process.returncode in (0, -number, 128 + number), (process.returncode, error)
             if process.returncode == 128 + number:
@@ -48,6 +48,7 @@ def test_at_any_moment(attack, recorded_run, tmp_path):
             check_whole(out)
             check_free(out)
             told = {0: "finished", -number: "killed"}.get(process.returncode, "interrupted")
+            told = f"{number.name} {told}"
             if name.startswith("clean"):
                 told = f"{told}: {check_unmixed(out, old)} files"
             outcome.append(told)
