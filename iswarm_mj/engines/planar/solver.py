@@ -10,11 +10,6 @@ from iswarm_mj.engines.planar.contact_law import two_impulses, velocity_change
 from iswarm_mj.engines.planar.islands import find_islands
 from iswarm_mj.engines.planar.plane import Plane
 
-PLAIN_SWEEPS = 6
-"""Sweeps before momentum; ordinary crowds end sooner."""
-MOMENTUM = 0.9
-"""Share of the latest change by which all impulses move on; above 0.94 jams converge more slowly."""
-
 
 @compiled
 def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
@@ -38,8 +33,9 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
 
     Each sweep solves contact after contact exactly while the others stay, which descends on the strictly convex dual
     problem and converges. Where many robots push each other that takes thousands of sweeps; momentum makes it ten times
-    faster. It pauses where it leads uphill (the gradient scheme of O'Donoghue & Candes 2015, Found. Comput. Math. 15,
-    715), and ends for good in the middle of all sweeps.
+    faster. It grows from sweep to sweep (Nesterov 1983, Soviet Math. Dokl. 27, 372), begins anew where it leads uphill
+    (the gradient scheme of O'Donoghue & Candes 2015, Found. Comput. Math. 15, 715), and ends for good in the middle of
+    all sweeps.
 
     Args:
         members: indices of the contacts that are solved.
@@ -50,6 +46,7 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
     Returns:
         Whether the sweeps converged.
     """
+    downhill = 0  # sweeps since momentum led uphill
     for sweep in range(1, plane.max_sweeps + 1):
         change, uphill = 0.0, 0.0
         for k in members:
@@ -60,12 +57,13 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
             _set_impulses(contact, p1, p2, velocities, plane)
         if change <= plane.tolerance:
             return True
-        goes_on = PLAIN_SWEEPS <= sweep <= plane.max_sweeps // 2 and uphill <= 0.0
+        downhill = downhill + 1 if uphill <= 0.0 and 2 * sweep <= plane.max_sweeps else 0
+        momentum = downhill / (downhill + 2.0) if sweep > 1 else 0.0
         for k in members:
             contact = contacts[k]
             p1, p2 = contact.p1, contact.p2
-            if goes_on:
-                ahead1, ahead2 = p1 + MOMENTUM * (p1 - contact.before1), p2 + MOMENTUM * (p2 - contact.before2)
+            if momentum > 0.0:
+                ahead1, ahead2 = p1 + momentum * (p1 - contact.before1), p2 + momentum * (p2 - contact.before2)
                 _set_impulses(contact, ahead1, ahead2, velocities, plane)
             contact.before1, contact.before2 = p1, p2
     return False

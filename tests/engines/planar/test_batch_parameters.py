@@ -87,7 +87,7 @@ def softer(spec):
 
 def test_contact_laws_of_robots_and_walls(small):
     """Each number of both laws matters: the crowd moves as with the engine for CPUs, and not so with another number."""
-    engines = both_engines(small, tune=softer)
+    engines = both_engines(small, tune=softer, tolerance=1e-5)
     rng = np.random.default_rng(1)
     start = crowd(2, rng)
     start[1, :, :2] += engines[0].plane.edge - 3 * RD - 1.0

@@ -4,6 +4,7 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import any_of, barrier, barrier_of, threads_for
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
+from iswarm_mj.engines.planar.gpu.records import bodies_of
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, N_CONTACTS, World
 from iswarm_mj.utils.errors import FaultKind
 
@@ -108,12 +109,14 @@ def _sort(w: World, n: int, lane: int, n_lanes: int):
     barrier_of(n_lanes)
     for k in range(lane, n, n_lanes):
         at = wp.atomic_add(w.end, w.found[k][2], 1)
-        w.pair[at] = wp.vec2i(w.found[k][0], w.found[k][1])
+        bodies = bodies_of(w, at)
+        bodies[0] = w.found[k][0]
+        bodies[1] = w.found[k][1]
 
 
 @wp.func
 def begin_of(w: World, colour: int) -> int:
-    """Index in `pair` of the first contact of a colour."""
+    """Number of contacts of the colours before this one."""
     if colour == 0:
         return 0
     return w.end[colour - 1]

@@ -4,7 +4,20 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.functions import ContactLaw, geometry, law
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Plane, Rows, World, contact_law
+from iswarm_mj.engines.planar.gpu.records import (
+    ARM,
+    BEFORE,
+    IMPULSE,
+    LEVER,
+    N_ROWS,
+    NX,
+    NY,
+    OFFSET,
+    SOFTNESS,
+    bodies_of,
+    numbers_of,
+)
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Plane, World, contact_law
 from iswarm_mj.utils.errors import FaultKind
 
 _TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
@@ -92,11 +105,11 @@ def _gap(p: wp.vec4, wall: int, plane: Plane) -> float:
 
 @wp.func
 def _set_contact(w: World, k: int, plane: Plane):
-    """Compute normal, arms, matrix and offsets of contact k."""
-    first, second, n_robots = w.pair[k][0], w.pair[k][1], w.place.shape[0]
+    """Compute normal, arms, levers and offsets of contact k."""
+    bodies, n_robots = bodies_of(w, k), w.place.shape[0]
+    first, second = bodies[0], bodies[1]
     q, hx, hy = w.place[second], plane.half_x, plane.half_y
     n, arms, levers, gaps = wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2()
-    inverse = wp.vec2()
     if first < n_robots:
         p = w.place[first]
         dx, dy = q[0] - p[0], q[1] - p[1]
@@ -104,57 +117,53 @@ def _set_contact(w: World, k: int, plane: Plane):
         n, gaps = wp.vec2(nx, ny), wp.vec2(d1, d2)
         arms = wp.vec2(x1 * ny - y1 * nx, x2 * ny - y2 * nx)
         levers = wp.vec2((x1 - dx) * ny - (y1 - dy) * nx, (x2 - dx) * ny - (y2 - dy) * nx)
-        inverse = wp.vec2(plane.inverse_mass, plane.inverse_inertia)
     else:
         n = _inward(first - n_robots)
         x1, y1, d1, x2, y2, d2 = _wall_contact(_gap(q, first - n_robots, plane), n[0], n[1], q[2], q[3], hx, hy)
         levers, gaps = wp.vec2(x1 * n[1] - y1 * n[0], x2 * n[1] - y2 * n[0]), wp.vec2(d1, d2)
-    _set_rows(w, k, n, arms, levers, gaps, inverse, plane, contact_law(plane, first < n_robots))
+    numbers, v1, v2 = numbers_of(w, k), w.velocity[wp.min(first, n_robots)], w.velocity[second]
+    numbers[NX] = n[0]
+    numbers[NY] = n[1]
+    along = n[0] * (v2[0] - v1[0]) + n[1] * (v2[1] - v1[1])
+    _set_rows(numbers, arms, levers, gaps, along, v1[2], v2[2], contact_law(plane, first < n_robots), plane.timestep)
 
 
 @wp.func
 def _set_rows(
-    w: World,
-    k: int,
-    n: wp.vec2,
+    numbers: wp.array(dtype=float),
     arms: wp.vec2,
     levers: wp.vec2,
     distances: wp.vec2,
-    inverse: wp.vec2,
-    plane: Plane,
+    along: float,
+    turn1: float,
+    turn2: float,
     law: ContactLaw,
+    timestep: float,
 ):
-    """Store contact k, its touching rows first.
+    """Store the rows of a contact, those that touch first.
 
     Args:
-        w: the world.
-        k: index of the contact.
-        n: normal.
+        numbers: of the contact.
         arms: of both points.
         levers: likewise.
         distances: of the surfaces there [mm].
-        inverse: mass and inertia of the first body, inverted.
-        plane: robots and arena.
+        along: velocity of the second body relative to the first one, along the normal [mm/s].
+        turn1: angular velocity of the first body [rad/s].
+        turn2: likewise of the second one.
         law: of the contact.
+        timestep: [s].
     """
-    v1, v2 = w.velocity[wp.min(w.pair[k][0], w.place.shape[0])], w.velocity[w.pair[k][1]]
-    along = n[0] * (v2[0] - v1[0]) + n[1] * (v2[1] - v1[1])
-    mass = inverse[0] + plane.inverse_mass
-    arm, lever, offset, softness, own = wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2()
     n_rows, n_points = int(0), int(2)
     for row in range(n_points):  # at run time: unrolled, it would be the largest part of the program
+        numbers[ARM + row] = 0.0
+        numbers[LEVER + row] = 0.0
+        numbers[IMPULSE + row] = 0.0
+        numbers[BEFORE + row] = 0.0
         if distances[row] < 0.0:
             a, b, d = arms[row], levers[row], _impedance(distances[row], law)
-            soft = _regularisation(d, law.inverse_weight)
-            arm[n_rows] = a
-            lever[n_rows] = b
-            softness[n_rows] = soft
-            offset[n_rows] = _offset(d, distances[row], along + b * v2[2] - a * v1[2], law, plane.timestep)
-            own[n_rows] = mass + inverse[1] * a * a + plane.inverse_inertia * b * b + soft
+            numbers[ARM + n_rows] = a
+            numbers[LEVER + n_rows] = b
+            numbers[OFFSET + n_rows] = _offset(d, distances[row], along + b * turn2 - a * turn1, law, timestep)
+            numbers[SOFTNESS + n_rows] = _regularisation(d, law.inverse_weight)
             n_rows += 1
-    coupling = mass + inverse[1] * arm[0] * arm[1] + plane.inverse_inertia * lever[0] * lever[1]
-    w.rows[k] = Rows(
-        n[0], n[1], arm[0], arm[1], lever[0], lever[1], offset[0], offset[1],
-        softness[0], softness[1], own[0], coupling, own[1], float(n_rows),
-    )  # fmt: skip
-    w.impulse[k] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    numbers[N_ROWS] = float(n_rows)

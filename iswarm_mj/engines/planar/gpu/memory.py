@@ -1,7 +1,7 @@
 """Memory of a block: the arrays of its world, one after the other, the first of them in shared memory.
 
 The same layout exists twice: in the GPU's memory, which has room for everything, and in the block's shared memory,
-which is faster and has room for the beginning. Contacts lie in shared memory as long as there are few.
+which is faster and has room for the beginning. Of the contacts, too, as many lie there as there is room for.
 """
 
 from typing import Any
@@ -9,13 +9,12 @@ from typing import Any
 import warp as wp
 
 from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS
-from iswarm_mj.engines.planar.gpu.world import Rows, World
+from iswarm_mj.engines.planar.gpu.records import RECORD_BYTES
+from iswarm_mj.engines.planar.gpu.world import World
 
 _N_COUNTS, _MAX_COLOURS = wp.constant(4), wp.constant(MAX_COLOURS)
-FEW = 96
-"""Contacts that shared memory has room for, beside robots."""
-_FEW = wp.constant(FEW)
-MOST_SHARED = 44 * 1024
+_RECORD_BYTES = wp.constant(RECORD_BYTES)
+MOST_SHARED = 46 * 1024
 """Shared memory of a block at most, of the 48 kB that every NVIDIA GPU offers [B]."""
 
 
@@ -45,7 +44,7 @@ def _aligned(size: int) -> int:
 
 @wp.func
 def lay_out(m: Memory, n: int, n_cells: int, n_lanes: int, room_near: int, room_contacts: int, edge: float) -> World:
-    """Arrays of a world in the memory of its block, all but `is_present`, and the contacts' places.
+    """Arrays of a world in the memory of its block, all but `is_present`.
 
     Args:
         m: the memory.
@@ -63,12 +62,13 @@ def lay_out(m: Memory, n: int, n_cells: int, n_lanes: int, room_near: int, room_
     at = int(160)
     w.velocity = wp.array(ptr=_at(m, at, 12 * n + 12), shape=(n + 1,), dtype=wp.vec3)
     at += _aligned(12 * n + 12)
+    w.n_first = wp.clamp((m.room - at) // _RECORD_BYTES, 0, wp.min(room_contacts, _first_contacts(n)))
+    w.first = m.shared + wp.uint64(at)
+    at += _aligned(_RECORD_BYTES * w.n_first)
     w.place = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
     at += 16 * n
     w.before = wp.array(ptr=_at(m, at, 12 * n), shape=(n,), dtype=wp.vec3)
     at += _aligned(12 * n)
-    w.few = _at(m, at, 80 * _FEW)
-    at += 80 * _FEW
     w.claim = wp.array(ptr=_at(m, at, 8 * n), shape=(n,), dtype=wp.int64)
     at += _aligned(8 * n)
     w.used = wp.array(ptr=_at(m, at, 4 * n), shape=(n,), dtype=int)
@@ -85,18 +85,14 @@ def lay_out(m: Memory, n: int, n_cells: int, n_lanes: int, room_near: int, room_
     at += _aligned(4 * n_lanes + 4)
     w.cells.end = wp.array(ptr=_at(m, at, 4 * n_cells * n_cells), shape=(n_cells, n_cells), dtype=int)
     w.cells.edge = edge
-    w.many = m.own + wp.uint64(at + _aligned(4 * n_cells * n_cells))
+    w.others = m.own + wp.uint64(at + _aligned(4 * n_cells * n_cells))
     return w
 
 
 @wp.func
-def with_contacts(w: World, n: int) -> World:
-    """Return a world with places for n contacts."""
-    start, room = wp.where(n > _FEW, w.many, w.few), wp.where(n > _FEW, w.found.shape[0], _FEW)
-    w.rows = wp.array(ptr=start, shape=(room,), dtype=Rows)
-    w.impulse = wp.array(ptr=start + wp.uint64(56 * room), shape=(room,), dtype=wp.vec4)
-    w.pair = wp.array(ptr=start + wp.uint64(72 * room), shape=(room,), dtype=wp.vec2i)
-    return w
+def _first_contacts(n: int) -> int:
+    """Contacts of n robots in shared memory, if they find room there: more than dense crowds have."""
+    return 3 * n // 4 + 16
 
 
 def shared_memory(n_bytes: int) -> Any:
@@ -118,10 +114,11 @@ return 0;
 
 def shared_bytes(n_robots: int) -> int:
     """Shared memory for the arrays that are used most, as much as there is."""
-    return min(MOST_SHARED, -(-(240 + 52 * n_robots + 80 * FEW) // 2048) * 2048)
+    contacts = RECORD_BYTES * (3 * n_robots // 4 + 16)
+    return min(MOST_SHARED, -(-(256 + 40 * n_robots + contacts) // 1024) * 1024)
 
 
 def own_bytes(n_robots: int, n_cells: int, n_threads: int, room_near: int, room_contacts: int) -> int:
     """Size of the whole layout."""
-    robots, lists = 60 * n_robots + 4 * n_threads, 8 * room_near + 92 * room_contacts
-    return robots + lists + 4 * n_cells**2 + 80 * FEW + 512
+    robots, lists = 60 * n_robots + 4 * n_threads, 8 * room_near + (12 + RECORD_BYTES) * room_contacts
+    return robots + lists + 4 * n_cells**2 + 512

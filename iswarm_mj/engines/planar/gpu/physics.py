@@ -10,8 +10,9 @@ from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.colours import colour_contacts
 from iswarm_mj.engines.planar.gpu.contacts import find_contacts, n_contacts, set_contacts
-from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory, with_contacts
+from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory
 from iswarm_mj.engines.planar.gpu.near_pairs import find_near_pairs
+from iswarm_mj.engines.planar.gpu.records import N_ROWS, bodies_of, numbers_of
 from iswarm_mj.engines.planar.gpu.solver import solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading, plane_of
 
@@ -62,9 +63,11 @@ def take_steps_in(n_shared: int) -> Callable:
         world, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
         plane, n_robots = plane_of(values), poses.shape[1]
         m = Memory()
-        m.shared = shared()
-        m.room = wp.where(m.shared != wp.uint64(0), n_shared, 0)
         m.own = own[world].ptr
+        m.room = n_shared
+        m.shared = shared()
+        if m.shared == wp.uint64(0):
+            m.shared = m.own
         w = lay_out(m, n_robots, n_cells, wp.block_dim(), room_near, room_contacts, plane.edge)
         w.is_present = is_present[world]
         if not runs[world]:
@@ -81,7 +84,6 @@ def take_steps_in(n_shared: int) -> Callable:
                 find_near_pairs(w, 2.0 * plane.radius + _SKIN, lane)
                 moved = 0.0
             find_contacts(w, plane, lane)
-            w = with_contacts(w, n_contacts(w))
             colour_contacts(w, lane)
             set_contacts(w, plane, lane)
             for i in range(lane, n_robots, wp.block_dim()):
@@ -145,9 +147,9 @@ def _integrate(w: World, timestep: float, lane: int):
 def _mark(w: World, touching: wp.array2d(dtype=wp.bool), lane: int):
     """Set the pairs of robots in contact."""
     for k in range(lane, n_contacts(w), wp.block_dim()):
-        i, j = w.pair[k][0], w.pair[k][1]
-        if i < w.place.shape[0] and w.rows[k][13] > 0.0:
-            touching[i, j] = True
+        bodies, numbers = bodies_of(w, k), numbers_of(w, k)
+        if bodies[0] < w.place.shape[0] and numbers[N_ROWS] > 0.0:
+            touching[bodies[0], bodies[1]] = True
 
 
 def rooms(n_robots: int) -> tuple[int, int]:

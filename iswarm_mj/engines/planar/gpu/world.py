@@ -58,11 +58,6 @@ def contact_law(plane: Plane, is_of_robots: bool) -> ContactLaw:
     return law
 
 
-Rows = wp.types.vector(length=14, dtype=wp.float32)
-"""Normal x and y, from the first body to the second; and of both rows in turn: arms, levers, offsets, regularisation R;
-h11, h12, h22 of J M^-1 J^T + R; and the number of rows."""
-
-
 @wp.struct
 class World:
     """State of N robots, and lists with a limited number of places."""
@@ -81,21 +76,16 @@ class World:
     """The robots as they were when `near` was made."""
     near: wp.array(dtype=wp.vec2i)
     """(P,) pairs of robots near each other."""
-    few: wp.uint64
-    """Address where few contacts lie."""
-    many: wp.uint64
-    """Address where many contacts lie."""
     found: wp.array(dtype=wp.vec3i)
     """(C,) bodies of a contact: two robots, or N plus the number of a wall, and a robot; and its colour: contacts of
     the same colour share no robot."""
-    pair: wp.array(dtype=wp.vec2i)
-    """(C,) bodies of the contacts, sorted by colour."""
+    n_first: int
+    """Number of contacts that lie in `first`, sorted by colour; the others are in `others`."""
+    first: wp.uint64
+    """Address of records, see `records`; in shared memory."""
+    others: wp.uint64
     end: wp.array(dtype=int)
-    """(32,) index in `pair` after the last contact of each colour."""
-    rows: wp.array(dtype=Rows)
-    """(C,) what the solver needs of a contact."""
-    impulse: wp.array(dtype=wp.vec4)
-    """(C,) impulses of both rows, now and as the latest sweep ended."""
+    """(32,) number of contacts of each colour and those before."""
     used: wp.array(dtype=int)
     """(N,) bits of the colours that a robot's contacts have."""
     claim: wp.array(dtype=wp.int64)
