@@ -25,7 +25,7 @@ PATHS = [
     "runs/clean", "runs/none", "genome.json", "odd.json", "walk.py", "walk.py:Walk", "walk.py:", ":Walk",
     "walk.py:None", "robot6.xml", "odd.xml", "results", "empty", "new/deep", "a.html", "a.mp4", "a.png", "loop",
     "genome.json/below", "type1", "type2", "evolved", "density", "types", "hop-count", "robustness", "sensitivity",
-    "time-step", "message-time", "evolve-paper", "grasp",
+    "time-step", "message-time", "resolved-grasps", "evolve-paper", "grasp",
 ]  # fmt: skip
 WALK = """
 from dataclasses import dataclass

@@ -22,8 +22,10 @@ from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
-OWN_ENGINE: Mapping[str, Mapping[str, Any]] = {"time-step": {"engine": "planar", "refinement": 1}}
-"""Experiments that are about an engine, and its settings."""
+OWN_ENGINE: Mapping[str, Mapping[str, Any]] = {
+    name: {"engine": "planar", "refinement": 1} for name in ("time-step", "resolved-grasps")
+}
+"""Experiments that are about an engine, or have too many runs for others, and its settings."""
 PUBLISHED = ("*.png", "best*.json")
 """What is kept of a part beside its table."""
 

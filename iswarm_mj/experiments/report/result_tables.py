@@ -21,7 +21,7 @@ from iswarm_mj.experiments.analysis.measures import (
 from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
 from iswarm_mj.experiments.report.markdown import text
-from iswarm_mj.experiments.studies import robustness, sensitivity
+from iswarm_mj.experiments.studies import resolved_grasps, robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
 
 
@@ -124,6 +124,25 @@ def _message_time(rows: Rows) -> str:
     return markdown([*head, "collisions a robot"], lines)
 
 
+def _resolved_grasps(rows: Rows) -> str:
+    lines = []
+    for label in dict.fromkeys((row["type"], row["relative_humidity"], row["grasp_voltage"]) for row in rows):
+        name, humidity, voltage = label
+        mine = select(rows, type=name, relative_humidity=humidity, grasp_voltage=voltage)
+        for kind, told in ((resolved_grasps.BALANCE, "balance"), (resolved_grasps.TRIALS, "trials")):
+            runs = select(mine, resolution=kind)
+            shown = [_short(interval(values(runs, TIME), median))]
+            shown += [_short(interval(values(runs, m))) for m in resolved_grasps.COUNTS]
+            static, dynamic = resolved_grasps.pairs(mine, TIME)
+            apart = _short(interval(dynamic - static)) if kind == resolved_grasps.TRIALS and len(static) else ""
+            lines.append(
+                [name, f"{humidity:g} %", f"{voltage:g} V", told, f"{finished(runs)} of {len(runs)}", *shown, apart]
+            )
+    head = ["type", "humidity", "voltage", "grasps by", f"runs that deliver {rows[0]['goal']}", "median time [steps]"]
+    means = ["attempts a ball", "failed grasps a run", "failed releases", "time lost [robot s]"]
+    return markdown([*head, *means, "longer than by the balance, mean of pairs [steps]"], lines)
+
+
 def _time_step(rows: Rows) -> str:
     lines = []
     for name in dict.fromkeys(row["type"] for row in rows):
@@ -173,6 +192,7 @@ TABLES: dict[str, Callable[[Rows], str]] = {
     "robustness": _robustness,
     "sensitivity": _sensitivity,
     "time-step": _time_step,
+    "resolved-grasps": _resolved_grasps,
     "message-time": _message_time,
     "grasp": _grasp,
 }

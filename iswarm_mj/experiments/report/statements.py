@@ -24,6 +24,7 @@ TITLES = {
     "message-time": "Messages that take time (section 4.1, Fig. 15)",
     "sensitivity": "Beyond the paper: other choices and other noise",
     "robustness": "Beyond the paper: failed robots",
+    "resolved-grasps": "Beyond the paper: grasps by trials on the bench",
     "time-step": "Beyond the paper: the physics time step",
     "infer": "Beyond the paper: which readings agree with it",
 }

@@ -34,7 +34,7 @@ class Job:
 
 
 class Outcome(NamedTuple):
-    """Measures of a finished job; the first five are those of `Measures`."""
+    """Measures of a finished job; the first and the last five are those of `Measures`."""
 
     delivered: int
     picked: int
@@ -45,6 +45,12 @@ class Outcome(NamedTuple):
     """Number of control steps taken."""
     fitness: float
     """The paper's fitness over the job's steps."""
+    attempts: int = 0
+    """This and the following as in `Measures`."""
+    failed_grasps: int = 0
+    failed_releases: int = 0
+    postponed: int = 0
+    work_time: float = 0.0
 
 
 def is_outcome(values: Any) -> bool:
@@ -62,7 +68,8 @@ NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 
 def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
     """Outcome of a job with these measures after `steps` control steps."""
-    return Outcome(*measures[:5], steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
+    points = fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps)
+    return Outcome(*measures[:5], steps, points, *measures[5:])
 
 
 def fault_of(job: Job, fault: SimulationFault) -> SimulationFault:

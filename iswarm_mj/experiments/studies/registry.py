@@ -6,6 +6,7 @@ from iswarm_mj.experiments.studies import (
     hop_count,
     infer,
     message_time,
+    resolved_grasps,
     robustness,
     sensitivity,
     swarm_types,
@@ -15,7 +16,17 @@ from iswarm_mj.utils.errors import UserError
 
 EXPERIMENTS = {
     module.EXPERIMENT.name: module.EXPERIMENT
-    for module in (hop_count, density, swarm_types, sensitivity, robustness, time_step, message_time, infer)
+    for module in (
+        hop_count,
+        density,
+        swarm_types,
+        sensitivity,
+        robustness,
+        time_step,
+        message_time,
+        resolved_grasps,
+        infer,
+    )
 }
 
 
