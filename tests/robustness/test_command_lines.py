@@ -33,7 +33,7 @@ STARTS = [
 ]
 """Where physics, pictures, workers or processes on other hosts would start."""
 REFUSAL = re.compile(r"iswarm: [^\n]+\n")
-BOX = re.compile(r"For full helptext, (see|run) iswarm [a-z]+ --help\b")
+BOX = re.compile(r"For full helptext, (see|run) iswarm( [a-z]+)? --help\b")
 """Of what the parser says of words that it cannot read."""
 
 
