@@ -4,6 +4,7 @@ Bands are the paper's; dashed lines follow from the force laws without dynamics,
 adhesion.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -97,6 +98,7 @@ def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
         title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
         title += f", gap {gap * _UM:g} µm" if name == "release" else ""
         caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
+        caption += f"\n{_sizes(rows)}"
         _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
     return path.with_name(path.name + ".png")
 
@@ -174,6 +176,13 @@ def entries(axes: Axes) -> tuple[list[Any], list[str]]:
 
 def _sound(rows: Rows) -> Rows:
     return [row for row in rows if not row["faulty"]]
+
+
+def _sizes(rows: Rows) -> str:
+    """Numbers of trials, in words."""
+    counts = sorted(Counter((row["radius"], row["relative_humidity"]) for row in _sound(rows)).values())
+    span = f"{counts[0]} to {counts[-1]}" if len(set(counts)) > 1 else f"{counts[0] if counts else 0}"
+    return f"n = {span} trials at each radius and humidity. Tests stand in the findings."
 
 
 def _landings(rows: Rows) -> str:

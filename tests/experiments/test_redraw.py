@@ -4,8 +4,10 @@ import shutil
 from pathlib import Path
 
 import pytest
+from helpers_findings import replicated, settings_of
 
 from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.analysis import evolution_figures
 from iswarm_mj.experiments.analysis.plots import sizes, unfinished
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table
@@ -64,6 +66,8 @@ def test_effects_have_a_key_and_a_marked_axis(tmp_path, figures):
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["slower", "faster", "interval includes zero"]
     assert "logarithmic beyond" in axes.get_xlabel() and "n = 10 runs each" in drawing.get_supxlabel()
+    texts = {text.get_text() for text in axes.get_yticklabels()}
+    assert {"wall_range = 3.0 rd", "max_turn = 45.0 deg", "tool_reach = 0.0001 m", "scouts_pick = True"} <= texts
 
 
 def test_bands_are_explained(tmp_path, figures):
@@ -71,6 +75,25 @@ def test_bands_are_explained(tmp_path, figures):
     EXPERIMENTS["robustness"].draw(rows, tmp_path)
     text = figures[0][0].get_supxlabel()
     assert "bands: from the first to the third quartile" in text and "n = 12 each" in text
+
+
+@pytest.mark.parametrize("replicates", [1, 3])
+def test_searches_say_of_how_many_runs(tmp_path, figures, replicates):
+    rows = replicated(replicates)
+    evolution_figures.draw_search(rows, settings_of(), tmp_path)
+    fitness, trade = (drawing.get_supxlabel() for drawing, _ in figures)
+    n_generations = len({row["generation"] for row in rows})
+    each = f"{n_generations} generations of {len(rows) // n_generations // replicates} runs"
+    assert each in fitness and (f"n = {replicates} searches" in fitness) == (replicates > 1)
+    assert "250 fittest runs of generations 35 to 100" in trade and ("One search." in trade) == (replicates == 1)
+
+
+def test_each_figure_of_an_experiment_has_its_number_of_runs(tmp_path, figures):
+    for name in ("density", "types", "robustness", "time-step"):
+        rows, _ = read_table(ROOT / f"results-initial/{name}/{name.replace('-', '_')}.parquet")
+        EXPERIMENTS[name].draw(rows, tmp_path)
+    texts = [drawing.get_supxlabel() for drawing, _ in figures]
+    assert len(texts) == 4 and all("n = " in text and "Tests stand in the findings." in text for text in texts)
 
 
 def test_words_on_samples():

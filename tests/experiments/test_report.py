@@ -216,6 +216,18 @@ class TestReport:
             data = base64.b64decode(source.partition(",")[2])
             assert data.startswith(b"\x89PNG") or b"<svg" in data[:2000]
 
+    def test_tables_can_be_read_on_a_phone_and_on_paper(self, written):
+        """Heads repeat on printed pages; cells say of which column they are, where a narrow page stacks them."""
+        text = written[1].read_text()
+        tables = re.findall(r"<table.*?</table>", text, re.DOTALL)
+        assert len(tables) > 10 and all(table.count("<thead>") == table.count("<tbody>") == 1 for table in tables)
+        claims = [table for table in tables if 'class="claims' in table]
+        for table in claims:
+            heads = re.findall("<th>(.*?)</th>", table)
+            named = re.findall('<td data-name="(.*?)">', table)
+            assert named == heads[1:] * table.count("<tr data-verdict")
+        assert len(claims) == len(written[0])
+
     def test_each_statement_stands_in_both_with_its_verdict(self, written):
         sections, out, page = written
         text, markdown = " ".join(page.text), out.with_suffix(".md").read_text()

@@ -108,6 +108,7 @@ def test_what_was_fitted_is_told(tmp_path, shown):
     told = {name: caption(axes[0]) for name, axes in shown.items()}
     assert told.keys() == {"grasp_voltage", "release_voltage", "no_contact"}
     assert all("Fitted: " in text for text in told.values())
+    assert "n = 2 trials at each radius and humidity" in told["grasp_voltage"]
     assert "Not fitted: that the radius" in told["grasp_voltage"] and "radius" in told["release_voltage"]
 
 

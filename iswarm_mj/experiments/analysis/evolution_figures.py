@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from iswarm_mj.experiments.analysis.evolution_sample import PLATEAU, Evolution, evolutions, fittest
+from iswarm_mj.experiments.analysis.evolution_sample import LAST, PLATEAU, Evolution, evolutions, fittest
 from iswarm_mj.experiments.analysis.evolution_selection import TRAITS
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.plots import BLUE, GREY, ORANGE
@@ -27,7 +27,12 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
         path: of the files, without suffix.
     """
     found = evolutions(rows, n_dust)
-    with figure(path, size=(6.0, 3.6)) as (axes,):
+    each = f"{len(found[0].bests)} generations of {len(found[0].rows) // len(found[0].bests)} runs"
+    number = f"One search: {each}." if len(found) == 1 else f"n = {len(found)} searches, each of {each}."
+    caption = (
+        f"{number} Fitness as in the paper:\n40 points for a ball delivered, and 10 for each step left after the last."
+    )
+    with figure(path, size=(6.0, 3.6), caption=caption) as (axes,):
         (_draw_one if len(found) == 1 else _draw_all)(axes, found)
         axes.axhline(40 * n_dust - 20, color="0.3", linestyle="--", linewidth=0.8, label="most without the last ball")
         axes.set_xlabel("generation")
@@ -41,8 +46,8 @@ def _draw_one(axes: Axes, found: Sequence[Evolution]) -> None:
     generation, fitness = (np.array([row[name] for row in one.rows]) for name in ("generation", "fitness"))
     numbers = np.arange(len(one.bests)) + 1
     axes.plot(generation + 1, fitness, ".", color="0.6", markersize=4, label="run")
-    axes.plot(numbers, one.bests, color="C0", label="best")
-    axes.plot(numbers, one.means, color="C1", label="mean")
+    axes.plot(numbers, one.bests, color=BLUE, label="best")
+    axes.plot(numbers, one.means, color=ORANGE, label="mean")
 
 
 def _draw_all(axes: Axes, found: Sequence[Evolution]) -> None:
@@ -64,8 +69,13 @@ def draw_search(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path
     drawn = [out / f"{name}.png"]
     tops = [top for one in evolutions(rows, n_dust) if (top := fittest(one.rows, *PLATEAU))]
     if tops and settings["method"] == "paper":
-        with figure(out / "trade", size=(4.4, 3.6)) as (axes,):
-            alone = len(tops) == 1
+        alone = len(tops) == 1
+        caption = (
+            f"Dots: the {len(tops[0])} fittest runs of generations {PLATEAU[0]} to {PLATEAU[1]}; "
+            "dashed: least squares.\n"
+            + ("One search." if alone else f"n = {len(tops)} searches, a colour each. The test stands in the findings.")
+        )
+        with figure(out / "trade", size=(4.4, 3.6), caption=caption) as (axes,):
             for place, top in enumerate(tops):
                 x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))
                 hue = BLUE if alone else f"C{place % 10}"
@@ -95,7 +105,12 @@ def draw_traits(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: Pat
     if not any(len(sample) > 1 for sample in found.values()):
         return []
     rng = np.random.default_rng(0)
-    with figure(out / "traits", rows=2, columns=4, size=(2.7, 2.3)) as panels:
+    sizes = ", ".join(f"{len(sample)} of {method}" for method, sample in found.items())
+    caption = (
+        f"Dots: searches; lines: medians. n = {sizes}. Means of the last {LAST} generations, but for r.\n"
+        "Shares, probabilities and weights have no unit. Mann-Whitney tests, corrected by Holm, stand in the findings."
+    )
+    with figure(out / "traits", rows=2, columns=4, size=(2.7, 2.3), caption=caption) as panels:
         for axes, trait in zip(panels, TRAITS, strict=True):
             for place, sample in enumerate(found.values()):
                 values = [value for value in map(trait.value, sample) if value is not None]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from iswarm_mj.experiments.analysis.statistics import Interval, compare
 from iswarm_mj.output.plot_style import figure
 
 BLUE, ORANGE, GREY = "#4477aa", "#d55e00", "#777777"
+TESTS = "Tests stand in the findings."
 _TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
 
 
@@ -79,9 +81,11 @@ def draw_bars(rows: Rows, quantity: Quantity, labels: Mapping[Any, str], path: P
     rng = np.random.default_rng(0)
     groups = {key: [row for row in rows if quantity.value(row) == key] for key in labels}
     what = "Bars: medians; lines: up to the third quartile; dots: runs."
-    test = " p: two-sided Mann-Whitney test." if len(labels) == 2 else ""
-    caption = f"{what}{test}\n{unfinished(rows)}{sizes(groups.values())}"
-    with figure(path, rows=2, columns=2, size=(max(3.4, 0.7 * len(labels)), 2.7), caption=caption) as panels:
+    test = "p: two-sided Mann-Whitney test." if len(labels) == 2 else TESTS
+    caption = f"{what} {test}\n{unfinished(rows)}{sizes(groups.values())}"
+    lines = max(label.count("\n") for label in labels.values())
+    size = (max(3.4, 0.7 * len(labels)), 2.7 + 0.15 * lines)
+    with figure(path, rows=2, columns=2, size=size, caption=caption) as panels:
         for axes, measure, letter in zip(panels, MEASURES, "abcd", strict=True):
             for place, key in enumerate(labels):
                 found = values(groups[key], measure)
@@ -163,7 +167,7 @@ def draw_curves(rows: Mapping[str, Rows], quantity: Quantity, measures: Sequence
     groups = [[row for row in mine if quantity.value(row) == at] for mine, at in places]
     every = [row for group in groups for row in group]
     what = "Lines: medians; bands: from the first to the third quartile; dots: runs."
-    caption = f"{what} {unfinished(every)}{sizes(groups)}"
+    caption = f"{what} {unfinished(every)}{sizes(groups)} {TESTS}"
     with figure(path, columns=len(measures), size=(3.6, 3.2), caption=caption) as panels:
         for axes, measure in zip(panels, measures, strict=True):
             for (name, mine), hue, mark in zip(rows.items(), (BLUE, ORANGE), "ox", strict=False):
@@ -197,7 +201,7 @@ def draw_samples(samples: Mapping[str, Mapping[str, Sequence[float]]], path: Pat
     """
     rng = np.random.default_rng(0)
     counts = sorted({len(found) for groups in samples.values() for found in groups.values()})
-    caption = f"Dots: runs; lines: medians. n = {', '.join(map(str, counts))} in a column."
+    caption = f"Dots: runs; lines: medians. n = {', '.join(map(str, counts))} in a column. {TESTS}"
     with figure(path, columns=len(samples), size=(3.2, 3.0), caption=caption) as panels:
         for axes, (label, groups) in zip(panels, samples.items(), strict=True):
             for place, found in enumerate(groups.values()):
@@ -208,5 +212,5 @@ def draw_samples(samples: Mapping[str, Mapping[str, Sequence[float]]], path: Pat
             most = max((max(found) for found in groups.values() if len(found)), default=1.0)
             axes.set(xlim=(-0.6, len(groups) - 0.4), ylim=(0, 1.06 * most))
             axes.grid(axis="x", visible=False)
-            axes.set_ylabel(label)
+            axes.set_ylabel(fill(label, 30))
     return path.with_name(path.name + ".png")

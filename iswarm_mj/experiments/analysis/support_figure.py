@@ -30,9 +30,13 @@ def draw_support(
         Path of the PNG file.
     """
     n_lines = sum(map(len, shares.values())) + len(shares)
-    with figure(path, columns=3, size=(4.6, max(4.0, 0.17 * n_lines))) as (left, middle, right):
-        sample = [c for c in every if c.reading is None]
-        named = [c for c in every if c.reading is not None]
+    sample = [c for c in every if c.reading is None]
+    named = [c for c in every if c.reading is not None]
+    caption = (
+        f"n = {len(sample)} combinations; the {len(accepted(sample))} that reproduce most statements are accepted.\n"
+        "Intervals: Wilson's, at 95 %."
+    )
+    with figure(path, columns=3, size=(4.6, max(4.0, 0.17 * n_lines)), caption=caption) as (left, middle, right):
         _draw_counts(left, sample, named)
         _draw_statements(middle, sample, named, statements)
         _draw_shares(right, shares)

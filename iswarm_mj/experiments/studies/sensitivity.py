@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import ALPHA, CONSTRUCTED, HOLDS, PREDICTED, Claim, Finding, Rows, number
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
-from iswarm_mj.experiments.analysis.plots import Effect, draw_forest
+from iswarm_mj.experiments.analysis.plots import TESTS, Effect, draw_forest
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, holm, interval, mean
 from iswarm_mj.experiments.analysis.verdicts import all_of, mostly
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.utils.constraints import constraint_of
 
 REPEATS = 10
 DEFAULT = "default"
@@ -190,16 +191,23 @@ def _changes(found: Sequence[Change], usual: Rows) -> Finding:
 
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw the effects in the manner of a forest plot."""
-    listed = [change.effect for change in changes(rows)]
+    listed = [change.effect._replace(label=f"{change.effect.label}{_unit(change.choice)}") for change in changes(rows)]
     if not listed:
         return []
     label = "mean time minus that of the default [steps], 95 % interval\nat the right edge: runs that reached the goal"
     usual = select(rows, choice=DEFAULT)
     caption = (
         f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
-        f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. Tests stand in the findings."
+        f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
     )
     return [draw_forest(listed, label, out / "sensitivity", caption)]
+
+
+def _unit(choice: str) -> str:
+    """Unit of a setting, as `arena.size`, with a space before it; empty without one."""
+    group, name = choice.split(".")
+    constraint = constraint_of(type(getattr(SwarmConfig(), group)), name)
+    return f" {constraint.unit}" if constraint and constraint.unit else ""
 
 
 def _signed(value: Interval) -> str:
