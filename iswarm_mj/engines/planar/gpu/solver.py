@@ -5,6 +5,7 @@ All contacts of a colour are solved side by side, colour after colour.
 
 import warp as wp
 
+from iswarm_mj.engines.planar import solver
 from iswarm_mj.engines.planar.gpu.block import any_of, barrier_of, sum_of, threads_for
 from iswarm_mj.engines.planar.gpu.colours import begin_of
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
@@ -25,6 +26,7 @@ from iswarm_mj.engines.planar.gpu.records import (
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, Plane, World
 from iswarm_mj.utils.errors import FaultKind
 
+_MOST_MOMENTUM = wp.constant(solver.MOST_MOMENTUM)
 _FAILED = wp.constant(int(FaultKind.SOLVER_FAILED))
 _two_impulses, _velocity_change = law.two_impulses, law.velocity_change
 
@@ -54,7 +56,8 @@ def solve(w: World, plane: Plane, lane: int):
         if is_changing:
             is_downhill = 2 * sweep <= plane.max_sweeps and (sweep == 1 or sum_of(uphill, n_lanes) <= wp.int64(0))
             downhill = wp.where(is_downhill, downhill + 1, 0)
-            _go_on(w, n, wp.where(sweep > 1, float(downhill) / (float(downhill) + 2.0), 0.0), lane, n_lanes)
+            momentum = wp.min(_MOST_MOMENTUM, float(downhill) / (float(downhill) + 2.0))
+            _go_on(w, n, wp.where(sweep > 1, momentum, 0.0), lane, n_lanes)
     if is_changing and lane == 0:
         wp.atomic_or(w.count, FAILURE, _FAILED)
 
