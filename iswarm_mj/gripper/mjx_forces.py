@@ -131,8 +131,16 @@ def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile a model that every implementation of MJX accepts, without plugins and flags that MJX-Warp lacks.
 
     MJX-Warp needs no such flags, since it has no midphase and never resets by itself. The specification is not changed.
+
+    A cylinder becomes a square prism of its width, since MJX searches contacts of spheres and cylinders by descent,
+    which ends 0.1 um off where the sphere is beside the axis. Of a ball beside it along x or y, as a misaligned tool
+    has it, the nearest point is the same, and so is the contact.
     """
     spec = spec.copy()
+    for geom in spec.geoms:
+        if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            radius, half, _ = geom.size
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, (radius, radius, half)
     for plugin in list(spec.plugins):
         spec.delete(plugin)
     flags = (mujoco.mjtDisableBit.mjDSBL_MIDPHASE, mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -162,6 +170,11 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
         body_invweight0=model.body_invweight0.at[joint.body].multiply(loose[2:4]),
         dof_invweight0=model.dof_invweight0.at[joint.dof : joint.dof + 6].multiply(loose),
     )
+
+
+def set_probe_radius(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
+    """MJX model of `mjx_compatible` whose probe has another radius [um]."""
+    return model.replace(geom_size=model.geom_size.at[forces.probe, :2].set(radius))
 
 
 def first_state(forces: GripperForces) -> State:
@@ -256,14 +269,14 @@ def _adhesion(work: Array, humidity: Array, hamaker: Array, radius: Array, gap: 
 
 
 def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, surface: int) -> tuple[Array, Array]:
-    """Gap from a plane or cylinder to a ball [um], and the unit vector (3,) that points along it to the ball."""
+    """Gap from a plane or a cylinder to a ball [um], and the unit vector (3,) that points along it to the ball."""
     axis = data.geom_xmat[surface].reshape(3, 3)[:, 2]
     vector = data.geom_xpos[ball] - data.geom_xpos[surface]
     along = vector @ axis
     radius = model.geom_size[ball, 0]
     if forces.plane[surface]:
         return along - radius, axis
-    half, size = model.geom_size[surface, 1], model.geom_size[surface, 0]
+    size, half = model.geom_size[surface, 0], model.geom_size[surface, 2]  # of the prism, see `mjx_compatible`
     aside = vector - along * axis
     distance_aside = jnp.sqrt(jnp.maximum(aside @ aside, 1e-12))
     aside = jnp.where(distance_aside > size, 1 - size / distance_aside, 0.0) * aside

@@ -199,6 +199,29 @@ def test_a_resized_model_is_the_one_compiled_at_that_size(world, radius):
         np.testing.assert_allclose(ours[part], theirs[part], rtol=1e-5, err_msg=name)
 
 
+def test_the_contact_of_a_tool_beside_the_balls_axis_is_that_of_the_cylinder(world):
+    """Pressed 10 nm into the face of a tool that is shifted along x, inside and beyond the ball's axis, or its edge."""
+    model, _, mx, dx = world
+    data, contacts = mujoco.MjData(model), jax.jit(lambda d: mjx.collision(mx, mjx.kinematics(mx, d))._impl.contact)
+    for shift in (0.0, 5.4, 9.6, 12.0, 14.0):
+        beyond = max(shift - 13.0, 0.0)
+        data.qpos[:7] = [0, 0, 20 - 0.01, 1, 0, 0, 0]
+        data.joint("probe_x").qpos = shift
+        data.joint("probe_z").qpos = 20 - 0.02 + (20**2 - beyond**2) ** 0.5 - 45
+        mujoco.mj_forward(model, data)
+        theirs = {tuple(sorted(c.geom)): (c.dist, abs(c.frame[:3])) for c in data.contact}
+        found = contacts(in_mjx(dx, data))
+        ours = {
+            tuple(sorted(geoms)): (depth, abs(frame[0]))
+            for geoms, depth, frame in zip(*map(np.asarray, (found.geom, found.dist, found.frame)), strict=True)
+            if depth < 1
+        }
+        assert ours.keys() == theirs.keys() and len(ours) == 2
+        for pair, (depth, normal) in theirs.items():
+            assert ours[pair][0] == pytest.approx(depth, abs=1e-4)
+            np.testing.assert_allclose(ours[pair][1], normal, atol=1e-3)
+
+
 def test_the_force_can_be_differentiated(world):
     _, forces, mx, dx = world
 

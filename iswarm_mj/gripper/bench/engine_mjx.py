@@ -24,6 +24,7 @@ from iswarm_mj.gripper.mjx_forces import (
     gripper_forces,
     mjx_compatible,
     resize,
+    set_probe_radius,
 )
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
@@ -162,7 +163,7 @@ def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, A
     """Forces and MJX's model of one bench."""
     mine = dataclasses.replace(physics.forces, **parameters.forces)
     model = resize(mine, physics.model, parameters.radius)
-    return mine, model.replace(geom_size=model.geom_size.at[mine.probe, 0].set(parameters.probe_radius))
+    return mine, set_probe_radius(mine, model, parameters.probe_radius)
 
 
 def tool_and_plate(forces: GripperForces) -> tuple[int, int]:
