@@ -26,9 +26,9 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 
-TOLERANCE = 1e-4
+TOLERANCE = 2e-5
 """Largest change of a velocity in the last sweep of the contact solver [mm/s]: in jams, robots end a control step
-within 0.0001 mm of where more sweeps put them. 32-bit floats reach a tenth of it."""
+within 0.0001 mm of where more sweeps put them. 32-bit floats reach a fifth of it."""
 ROBOTS_PER_WARP = 140
 """In a world, for each 32 threads of its block."""
 
