@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Int
 
 from iswarm_mj.utils.errors import UserError
 
@@ -58,6 +59,15 @@ def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, 
     arrays = {key: pa.array([value]) for key, value in flatten(values)}
     if arrays:
         stream.send_property(name, rr.AnyValues(**arrays))
+
+
+def index(step: Int[np.ndarray, "T"], period: float) -> list[rr.TimeColumn]:
+    """Return the columns of time of some control steps, which take `period` seconds each."""
+    nanoseconds = np.rint(np.asarray(step, np.int64) * float(period) * 1e9)
+    return [
+        rr.TimeColumn("step", sequence=np.asarray(step, np.int64)),
+        rr.TimeColumn("sim_time", duration=nanoseconds.astype("timedelta64[ns]")),
+    ]
 
 
 def settings_document(legend: str, header: str, settings: Mapping[str, Any]) -> rr.TextDocument:

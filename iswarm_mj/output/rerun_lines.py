@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from jaxtyping import Bool, Float, Int, UInt16
+from jaxtyping import Bool, Float, Int, Int16, UInt16
 
 TRAIL_FRAMES = 20
 """Length of a trail [frames]."""
@@ -18,17 +18,22 @@ def robot_classes(
 
 def link_segments(
     centres: Float[np.ndarray, "T N 3"], sender: Int[np.ndarray, "T N S"], valid: Bool[np.ndarray, "T N S"]
-) -> tuple[Float[np.ndarray, "M 2 3"], Int[np.ndarray, "T"]]:
-    """Segments from receivers to senders in the order of frames, and their number in each frame.
+) -> tuple[Float[np.ndarray, "M 2 3"], Int[np.ndarray, "M"], Int[np.ndarray, "M"], Int[np.ndarray, "T"]]:
+    """Segments from receivers to senders in the order of frames, their receivers and sides, their number in each frame.
 
     Args:
         centres: of the robots.
         sender: which robot a sector receives; meaningless where not `valid`.
         valid: whether it receives one.
     """
-    frame, receiver, _ = np.nonzero(valid)
+    frame, receiver, side = np.nonzero(valid)
     segments = np.stack([centres[frame, receiver], centres[frame, sender[valid]]], axis=1)
-    return segments, np.count_nonzero(valid, axis=(1, 2))
+    return segments, receiver, side, np.count_nonzero(valid, axis=(1, 2))
+
+
+def robots_of(is_shown: Bool[np.ndarray, "T N"]) -> Int16[np.ndarray, "M"]:
+    """Return the number of each robot that is shown, in the order of frames."""
+    return np.broadcast_to(np.arange(is_shown.shape[1], dtype=np.int16), is_shown.shape)[is_shown]
 
 
 def trails(

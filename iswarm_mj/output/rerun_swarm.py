@@ -1,7 +1,7 @@
 """Trajectory -> Rerun recording (.rrd): SI in, millimetres out.
 
-The look and the layout of the viewer are defined in `rerun_swarm_view`. Written column by column, a block of frames
-at a time, never with a call per robot or per frame.
+The look is defined in `rerun_swarm_view`, the layout of the viewer in `rerun_swarm_layout`. Written column by column, a
+block of frames at a time, never with a call per robot or per frame.
 """
 
 from collections.abc import Mapping
@@ -13,10 +13,13 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
+from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.remembered import hop_counts, is_known
-from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties, settings_document
-from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, strips, trails
+from iswarm_mj.output.frames import HELD
+from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
+from iswarm_mj.output.rerun_format import FLUSH_SECONDS, index, require_recordings, send_properties, settings_document
+from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, robots_of, strips, trails
+from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.said import payload_of, readable
 from iswarm_mj.output.trajectory import AREA, METRIC, Frames, Scene
@@ -38,6 +41,7 @@ class Recording:
         config: Mapping[str, Any],
         properties: Mapping[str, Any],
         application: str = "iswarm_mj",
+        lanes: tuple[int, ...] = (),
     ):
         """Open the file and write everything static.
 
@@ -46,7 +50,8 @@ class Recording:
             scene: constants of the run.
             config: shown as a table beside the arena, and stored as property `config`; may be nested.
             properties: everything else that identifies the run (seed, version, ...), stored as property `run`.
-            application: recordings of one application share the viewer's layout.
+            application: recordings of one application share the viewer's layout, and are one dataset of it.
+            lanes: robots whose states are shown as lanes; a few by default.
 
         Raises:
             UserError: the file cannot be written, or the environment disables recordings.
@@ -58,7 +63,7 @@ class Recording:
         require_recordings(self._stream)
         try:
             Path(path).open("wb").close()
-            self._stream.save(path, default_blueprint=look.layout(scene))
+            self._stream.save(path, default_blueprint=layout(scene))
         except (OSError, RuntimeError) as error:
             raise UserError(
                 f"The recording {self._path!r} cannot be written ({error}): "
@@ -69,7 +74,9 @@ class Recording:
         self._stream.send_recording_name(Path(path).stem)
         send_properties(self._stream, "config", config)
         send_properties(self._stream, "run", properties)
-        for entity, archetype in look.static_entities(scene):
+        robots = rerun_states.shown_lanes(scene, lanes)
+        self._lanes = rerun_states.Lanes(robots)
+        for entity, archetype in [*look.static_entities(scene), *rerun_states.static_lanes(scene, robots)]:
             self._stream.log(entity, archetype, static=True, strict=True)
         document = settings_document(look.LEGEND, "Parameter", config)
         self._stream.log(look.CONFIG, document, static=True, strict=True)
@@ -112,12 +119,7 @@ class Recording:
         if len(frames) == 0:
             return
         self._check(frames)
-        step = np.asarray(frames.step, np.int64)
-        seconds = step * float(self._scene.control_period)
-        self._index = [
-            rr.TimeColumn("step", sequence=step),
-            rr.TimeColumn("sim_time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]")),
-        ]
+        self._index = index(frames.step, self._scene.control_period)
         size = np.asarray(self._scene.robot_size, np.float32) * np.float32(MILLIMETRES)
         yaw = frames.pose[..., 2]
         centres = np.empty_like(frames.pose, dtype=np.float32)
@@ -132,9 +134,10 @@ class Recording:
             self._arrows(look.arrows(name), top, yaw, frames.memory[name], is_known(frames, name))
         self._memory(frames)
         self._areas(frames)
+        self._states(frames)
         self._series(frames)
         self._flush()
-        self._last_step = int(step[-1])
+        self._last_step = int(frames.step[-1])
 
     def _check(self, frames: Frames) -> None:
         """Refuse values that the viewer would silently draw wrong."""
@@ -178,13 +181,15 @@ class Recording:
             quaternions=quaternions.reshape(-1, 4),
             class_ids=robot_classes(frames.is_loaded, self._scene.is_scout, frames.has_priority).reshape(-1),
         )
+        hops = hop_counts(self._scene, frames)
         self._send(
             look.ROBOTS,
             columns,
             [n_robots] * n_frames,
             message=frames.message,
             **readable(self._payload, self._scene.n_leds, frames.message),
-            **hop_counts(self._scene, frames),
+            **hops,
+            **{look.hop_colour(name): hop_colours(values) for name, values in hops.items()},
             turn_deg=np.rad2deg(frames.command[..., 0]),
             forward_mm=frames.command[..., 1] * np.float32(MILLIMETRES),
         )
@@ -198,27 +203,32 @@ class Recording:
         positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
         classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
         above = positions + np.array([0, 0, 1.5 * self._scene.robot_size[2] * MILLIMETRES])
+        holder = {"holder": np.where(frames.ball_state == HELD, frames.ball_holder, -1).astype(np.int16)}
         for entity, shown in ((look.BALLS, positions), (look.BALL_MARKERS, above)):
             columns = rr.Points3D.columns(positions=shown, class_ids=classes)
-            self._send(entity, columns, [n_balls] * n_frames)
+            self._send(entity, columns, [n_balls] * n_frames, **(holder if entity == look.BALLS else {}))
 
     def _lines(self, frames: Frames, centres: np.ndarray) -> None:
         """Links of each step, and the trails of robots now loaded."""
-        segments, counts = link_segments(centres, frames.link_sender, frames.link_valid)
+        segments, receiver, side, counts = link_segments(centres, frames.link_sender, frames.link_valid)
         joined = strips(segments, np.full(len(segments), 2))
         valid = frames.link_valid
+        classes = (frames.link_heard[valid] + look.LINK_CLASS_OFFSET).astype(np.uint16)
         self._send(
             look.LINKS,
-            rr.LineStrips3D.columns(strips=joined),
+            rr.LineStrips3D.columns(strips=joined, class_ids=classes),
             counts,
-            receiver=np.nonzero(valid)[1].astype(np.int16),
+            receiver=receiver.astype(np.int16),
+            side=side.astype(np.uint8),
             sender=frames.link_sender[valid],
+            led=frames.link_led[valid],
             is_heard=frames.link_heard[valid],
         )
         history = np.concatenate([self._before, centres])
         points, lengths = trails(history, len(self._before), frames.is_loaded)
         columns = rr.LineStrips3D.columns(strips=strips(points, lengths))
-        self._send(look.TRAILS, columns, np.count_nonzero(frames.is_loaded, axis=1))
+        loaded = frames.is_loaded
+        self._send(look.TRAILS, columns, np.count_nonzero(loaded, axis=1), robot=robots_of(loaded))
         self._before = history[-TRAIL_FRAMES:]
 
     def _arrows(self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray) -> None:
@@ -226,7 +236,7 @@ class Recording:
         vectors = np.zeros((np.count_nonzero(known), 3), np.float32)
         vectors[:, :2] = rotate(vector[known], yaw[known]) * MILLIMETRES
         columns = rr.Arrows3D.columns(origins=origins[known], vectors=vectors)
-        self._send(entity, columns, np.count_nonzero(known, axis=1))
+        self._send(entity, columns, np.count_nonzero(known, axis=1), robot=robots_of(known))
 
     def _memory(self, frames: Frames) -> None:
         """Numbers and flags that the robots remember, a series for each number of each robot."""
@@ -241,6 +251,16 @@ class Recording:
             areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
             counts = [areas.shape[1]] * len(frames)
             self._send(look.area(name), look.area_columns(areas.reshape(-1, 3), shape), counts)
+
+    def _states(self, frames: Frames) -> None:
+        """How many robots are in each state, and the changes of some robots' states."""
+        names, found = rerun_states.names(self._scene), rerun_states.states_of(self._scene, frames)
+        counts = rerun_states.counts(found, len(names)).astype(np.float64)
+        self._send(rerun_states.COUNTS, rr.Scalars.columns(scalars=counts.reshape(-1)), [len(names)] * len(frames))
+        for robot, when in self._lanes.changes(found).items():
+            columns = rr.StateChange.columns(state=[names[place] for place in found[when, robot]])
+            when_columns = index(frames.step[when], self._scene.control_period)
+            self._stream.send_columns(rerun_states.lane(robot), when_columns, columns, strict=True)
 
     def _series(self, frames: Frames) -> None:
         """Time series; counts are cumulative, shares are of all robots, the speed is in mm/s."""

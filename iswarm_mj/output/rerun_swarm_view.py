@@ -1,4 +1,4 @@
-"""The look of a swarm's recording: colours, line widths, static entities, and the layout of the viewer.
+"""The look of a swarm's recording: colours, line widths, static entities; `rerun_swarm_layout` has the views.
 
 Lengths are in millimetres, as in the recording, since the viewer's camera moves well at this scale.
 """
@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
-from iswarm_mj.output.rerun_format import time_series
 from iswarm_mj.output.trajectory import Scene
 
 MILLIMETRES = 1e3
@@ -56,19 +54,28 @@ _BALL_CLASSES = (
     (12, "delivered", (170, 60, 140)),
 )
 
+LINK_CLASS_OFFSET = 20
+"""A link's class is this, plus one if its message was heard."""
+_LINK_CLASSES = ((20, "damaged message", (204, 121, 167)), (21, "heard", (95, 95, 105)))
+
 FRONT_RADIUS = 0.1
 """Radius of the dot at a robot's front, in lengths of a robot."""
 
 _FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (205, 195, 175)
-_LINK, _TRAIL, _FRONT = (95, 95, 105), (86, 180, 233), (255, 255, 255)
+_TRAIL, _FRONT = (86, 180, 233), (255, 255, 255)
 LEGEND = """**Robots**: orange empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
 
 **Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
 
-**Lines**: grey from a robot to the one it hears, blue the trail of a loaded robot.
+**Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; blue the trail of a loaded robot.
+
+**Hop counts**: purple 0, blue 4, teal 8, green 11, yellow 15; grey without a vector.
+
+**States**: colours as robots, lighter if an empty one knows dust or a loaded one the dump, greyer if it stands.
 
 **Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its
-turn and its way; a line the numbers of receiver and sender, and whether the message was heard.
+turn and its way; a line the numbers of receiver and sender, side, LED, and whether the message was heard; a ball its
+number and its holder; an arrow or a trail the number of its robot.
 
 **Floor**: yellow the dump, sand the dust. All lengths are in millimetres."""
 _SHEET = 0.02
@@ -127,6 +134,16 @@ def known(name: str) -> str:
     return f"series/known/{stem(name)}"
 
 
+def hop(name: str) -> str:
+    """Return the name of the hop counts of a recorded vector."""
+    return f"{stem(name)}_hop"
+
+
+def hop_colour(hop: str) -> str:
+    """Return the name of the colours of these hop counts."""
+    return f"{hop}_colour"
+
+
 def numbers(scene: Scene) -> list[str]:
     """Names of what is recorded of the memory, but for vectors drawn as arrows and what belongs to them."""
     drawn = {*scene.arrows, *(f"{stem(name)}_{part}" for name in scene.arrows for part in ("known", "hop"))}
@@ -171,7 +188,7 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     arena = scene.arena_size * MILLIMETRES
     floor = np.array([[-arena / 2, -arena / 2, arena / 2, arena / 2]])
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
-    yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES])
+    yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES, *_LINK_CLASSES])
     yield KEY, rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
     yield "world/arena/floor", _sheet(floor, 0.0, _FLOOR)
     yield "world/arena/walls", _walls(arena, size[2])
@@ -185,74 +202,16 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
         kind = rr.Cylinders3D if shape == "disc" else rr.Boxes3D
         yield area(name), kind.from_fields(colors=colour, fill_mode="solid")
-    names = [f"robot {robot}" for robot in range(len(scene.is_scout))]
+    names = [str(robot) for robot in range(len(scene.is_scout))]
     yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False, labels=names)
     yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
     radii = np.asarray(scene.ball_radius) * MILLIMETRES
-    yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False)
+    balls = [str(ball) for ball in range(len(radii))]
+    yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False, labels=balls)
     yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(4.0), show_labels=False)
-    yield LINKS, rr.LineStrips3D.from_fields(colors=_LINK, radii=rr.Radius.ui_points(0.6))
+    yield LINKS, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(0.6), show_labels=False)
     yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
     for name, colour in zip(scene.arrows, cycle(_HUES)):
         yield arrows(name), rr.Arrows3D.from_fields(colors=colour, radii=0.06 * size[0])
     for entity, (name, colour) in series(scene).items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
-
-
-def _arena_view(scene: Scene, name: str, hidden: tuple[str, ...]) -> rrb.Spatial3DView:
-    """Return a view from above, slightly from the south, on the whole arena."""
-    size = scene.arena_size * MILLIMETRES
-    eye = rrb.EyeControls3D(position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1))
-    return rrb.Spatial3DView(
-        origin="world",
-        name=name,
-        eye_controls=eye,
-        line_grid=False,
-        background=(24, 26, 30),
-        overrides={entity: rrb.EntityBehavior(visible=False) for entity in hidden},
-    )
-
-
-def layout(scene: Scene) -> rrb.Blueprint:
-    """Return the layout: the arena on the left; the time series and the configuration on the right."""
-    entities = [arrows(name) for name in scene.arrows]
-    others = [(*(e for e in entities if e != arrows(name)), LINKS, TRAILS) for name in scene.arrows]
-    views = rrb.Tabs(
-        _arena_view(scene, "Arena (mm)", tuple(entities)),
-        *(
-            _arena_view(scene, f"{title(name).replace('vector', 'Vectors', 1)} (mm)", hidden)
-            for name, hidden in zip(scene.arrows, others, strict=True)
-        ),
-        active_tab=0,
-    )
-    shares = time_series("series/known", "Share of robots", "RightBottom", axis_y=rrb.ScalarAxis(range=(0.0, 1.05)))
-    memory = [time_series(f"{MEMORY}/{name}", name, None) for name in numbers(scene)]
-    plots = rrb.Vertical(
-        *([time_series("series/task", "Task", "LeftTop")] if scene.metric_names else []),
-        *([time_series("series/balls", "Balls", "LeftTop")] if len(scene.ball_radius) else []),
-        *([shares] if entities else []),
-        time_series("series/collisions", "Collisions", "LeftTop"),
-        time_series("series/mean_speed", "Mean speed (mm/s)", "RightBottom"),
-        name="Time series",
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            views,
-            rrb.Vertical(
-                rrb.Tabs(
-                    plots,
-                    *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []),
-                    rrb.TextDocumentView(origin=CONFIG, name="Configuration"),
-                    active_tab=0,
-                ),
-                rrb.TextDocumentView(origin=KEY, name="Legend"),
-                row_shares=[3, 1],
-            ),
-            column_shares=[2, 1],
-        ),
-        rrb.TimePanel(timeline="sim_time", state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        auto_layout=False,
-        auto_views=False,
-    )
