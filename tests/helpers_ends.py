@@ -30,6 +30,10 @@ WRITING = {
         f"--out={out}",
     ],
     "evolve": lambda out, _: ["evolve", *FEW, f"--out={out}"],
+    "train": lambda out, _: [
+        "train", "--generations=2", "--population=3", "--worlds=1", "--steps=5", "--robots=4", "--threads=1", *FLAGS,
+        f"--out={out}",
+    ],
     "grasp": lambda out, _: ["grasp", "--radius=2e-5", "--rh=10", "--repeats=2", "--threads=1", f"--out={out}"],
     "picture": lambda out, run: ["picture", str(run), "--step=1", "--width=64", "--height=64", f"--out={out}/a.png"],
     "video": lambda out, run: [
@@ -48,6 +52,10 @@ LONG = {
     "bench": lambda out, _: ["bench", *ENDLESS, "--engine=planar", "--record"],
     "evolve": lambda out, _: [
         "evolve", "--generations=100", "--population=4", "--steps=50", "--engine=planar", "--workers=2", *FLAGS,
+        f"--out={out}",
+    ],
+    "train": lambda out, _: [
+        "train", "--generations=1000", "--population=4", "--worlds=1", "--steps=50", "--robots=4", *FLAGS,
         f"--out={out}",
     ],
     "experiment": lambda out, _: [

@@ -106,6 +106,7 @@ QUICK = {
     "bench": "--steps 4 --warm-up 2 --worlds 2",
     "grasp": "--repeats 1 --radius 20e-6",
     "evolve": "--generations 2 --population 4 --steps 10",
+    "train": "--generations 2 --population 4 --steps 10",
     "experiment": "--quick",
     "reproduce": "--quick",
     "infer": "--quick",

@@ -29,6 +29,7 @@ from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
 from iswarm_mj.commands.run import Run
 from iswarm_mj.commands.strategy_options import explained_flags, with_own
+from iswarm_mj.commands.train import Train
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -51,6 +52,7 @@ COMMANDS: dict[str, type[Command]] = {
     "bench": Bench,
     "grasp": Grasp,
     "evolve": Evolve,
+    "train": Train,
     "experiment": Experiment,
     "infer": Infer,
     "report": Report,

@@ -229,8 +229,9 @@ def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
         arrays: of the trajectory.
         world: number of the world.
     """
-    columns = [*_columns(name, arrays), *memory_columns(name, arrays), *metric_columns(name, arrays)]
-    found = [(column, values) for column in columns if (values := _values(column, arrays)) is not None]
+    found = _present(_columns(name, arrays), arrays)
+    for prefix, own in (("memory_", memory_columns(name, arrays)), ("metric_", metric_columns(name, arrays))):
+        found += _present(_distinct(prefix, own, {WORLD.name, *(column.name for column, _ in found)}), arrays)
     n_rows = found[0][1].size if found else 0
     parts = [pa.array(np.full(n_rows, world, np.int32))]
     schema = [WORLD]
@@ -241,6 +242,22 @@ def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
         parts.append(part)
         schema.append(pa.field(column.name, part.type, metadata=about))
     return pa.Table.from_arrays(parts, schema=pa.schema(schema))
+
+
+def _distinct(prefix: str, own: list[Column], taken: set[str]) -> list[Column]:
+    """Columns that a strategy or a task named, with a prefix where another column has that name."""
+    found, taken = [], set(taken)
+    for column in own:
+        while column.name in taken:
+            column = column._replace(name=prefix + column.name)
+        taken.add(column.name)
+        found.append(column)
+    return found
+
+
+def _present(columns: list[Column], arrays: Arrays) -> list[tuple[Column, np.ndarray]]:
+    """Columns of which the trajectory has the arrays, with their values."""
+    return [(column, values) for column in columns if (values := _values(column, arrays)) is not None]
 
 
 def _values(column: Column, arrays: Arrays) -> np.ndarray | None:

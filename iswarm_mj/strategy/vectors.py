@@ -44,6 +44,19 @@ def arrived(memory: VectorMemory, is_there: Bool[Array, "N"]) -> VectorMemory:
     return VectorMemory(vector, jnp.where(is_there, 0, memory.hop), memory.known | is_there)
 
 
+def learnt(memory: VectorMemory, is_there: Bool[Array, "N"], vector: Float[Array, "N 2"], step: float) -> VectorMemory:
+    """Memories with the vector to what a robot senses, and without those that lead no farther than half a step.
+
+    Args:
+        memory: of N robots.
+        is_there: the robot senses it.
+        vector: to it [mm].
+        step: length of a robot's step [mm].
+    """
+    old = memory.where(jnp.hypot(*memory.vector.T) > step / 2)
+    return VectorMemory(jnp.where(is_there[:, None], vector, old.vector), old.hop, old.known | is_there)
+
+
 def heard(
     sent: VectorMemory,
     bearing: Float[Array, "*N"],

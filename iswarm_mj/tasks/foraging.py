@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.vectors import after_motion
+from iswarm_mj.strategy.vectors import after_motion, learnt
 from iswarm_mj.tasks.cleaning import grip
 from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
@@ -131,8 +131,8 @@ class Forager:
         seen, step = observation, mm_from_rd(0.5)
         chance, aside = jax.random.uniform(key, (2, len(seen.at_dust)), minval=-1.0)
         takes = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
-        home = _learnt(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
-        food = _learnt(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
+        home = learnt(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
+        food = learnt(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
         known = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
         goal = jnp.where(seen.is_loaded[:, None], home.vector, food.vector)
         angle = jnp.where(known, jnp.arctan2(goal[:, 1], goal[:, 0]), jnp.deg2rad(self.random_turn) * chance)
@@ -143,9 +143,3 @@ class Forager:
         forward = jnp.where(turn == angle, jnp.clip(ahead, -step, step), 0.0)
         own = {name: after_motion(known, turn, forward) for name, known in (("home", home), ("food", food))}
         return own, Command(turn, forward)
-
-
-def _learnt(memory: VectorMemory, is_there: Array, vector: Array, step: float) -> VectorMemory:
-    """Memories with the vector to what a robot senses, and without those that lead no farther than half a step."""
-    old = memory.where(jnp.hypot(*memory.vector.T) > step / 2)
-    return VectorMemory(jnp.where(is_there[:, None], vector, old.vector), old.hop, old.known | is_there)

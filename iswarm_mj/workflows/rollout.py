@@ -117,10 +117,12 @@ def rollout(
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine
     engine = replace(engine, chunk=every) if isinstance(engine, PlanarSettings | MjxSettings) else engine
-    worlds = [
-        World(genome, n_robots, index=index, start=_start(config, n_robots, data, task), key=key)
-        for index, (data, key) in enumerate(_each(keys))
-    ]
+    starts: dict[bytes, Start] = {}  # worlds of the same key begin alike
+    worlds = []
+    for index, (data, key) in enumerate(_each(keys)):
+        if data.tobytes() not in starts:
+            starts[data.tobytes()] = _start(config, n_robots, data, task)
+        worlds.append(World(genome, n_robots, index=index, start=starts[data.tobytes()], key=key))
     run = Run(
         config,
         genome,

@@ -215,8 +215,8 @@ class TestRefusals:
         (
             "--verssion",
             [
-                "Available subcommands: clean, run, inspect, picture, bench, grasp, evolve, experiment, infer, ",
-                "report, reproduce, video",
+                "Available subcommands: clean, run, inspect, picture, bench, grasp, evolve, train, experiment, ",
+                "infer, report, reproduce, video",
             ],
         ),
     ],

@@ -150,7 +150,7 @@ class TestInstalled:
     def test_unknown_names(self, capfd):
         error = refused(capfd, "clean", "--strategy", "typ2")
         assert (
-            "installed (beeclust, evolved, forager, theirs, type1, type2)" in error
+            "installed (beeclust, evolved, forager, neural, theirs, type1, type2)" in error
             and "perhaps you meant type2" in error
         )
 

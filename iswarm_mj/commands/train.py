@@ -1,0 +1,97 @@
+"""`iswarm train`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import tyro
+
+from iswarm_mj.commands.config_options import ConfigOptions
+from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.commands.strategy_options import OWN, check_flags
+from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
+from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.utils.constraints import Above, constraint_of
+from iswarm_mj.utils.jax_setup import can_use_warp
+
+
+@dataclass(frozen=True)
+class Train(ConfigOptions):
+    """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint to resume from."""
+
+    MAIN: ClassVar = (
+        *("controller", "robots", "steps", "generations", "population", "worlds"),
+        *("spread", "seed", "engine", "out", "resume"),
+    )
+
+    controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
+    """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
+    robots: Annotated[int, constraint_of(RunSettings, "n_robots")] = 60
+    """Number of robots."""
+    steps: Steps = 200
+    """Control steps of a world."""
+    generations: Generations = 200
+    """Generations in all; a training that has ended goes on with more, and --resume."""
+    population: Population = 40
+    """Candidates in a generation."""
+    worlds: Repeats = 2
+    """Worlds in which each candidate is tried, together with all others of its generation."""
+    spread: Annotated[float, Above(0, 100)] = 0.1
+    """Standard deviation of the weights at the start."""
+    seed: Seed = 0
+    """Seed of all random numbers."""
+    engine: Literal["mujoco", "planar", "mjx"] = "planar"
+    """Physics: planar (on an NVIDIA GPU if there is one), mjx (likewise) or mujoco (C); all in one process."""
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
+    """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
+    threads: Annotated[int, constraint_of(MujocoSettings, "threads")] = 0
+    """Number of threads on a CPU, 0 for one per core; results do not depend on it."""
+    out: Path = Path("runs/train")
+    """Directory for the results; one that holds a training already is refused without --resume."""
+    resume: bool = False
+    """Go on with the training in --out, with the same settings; begin it if there is none."""
+
+    def run(self) -> None:
+        """Run the command."""
+        strategy = self._strategy()
+        from iswarm_mj.experiments.runner.training import Training, train
+        from iswarm_mj.tasks.cleaning import CLEANING
+        from iswarm_mj.tasks.layout import check_robots
+
+        config = self.config
+        check_robots(config.arena, self.robots)
+        training = Training(
+            config=config,
+            n_robots=self.robots,
+            steps=self.steps,
+            generations=self.generations,
+            population=self.population,
+            worlds=self.worlds,
+            spread=self.spread,
+            seed=self.seed,
+        )
+        train(training, strategy, self.out, self._engine(), task=CLEANING, resume=self.resume)
+
+    def _strategy(self) -> Any:
+        given = getattr(self, OWN, None)
+        if given is None:
+            from iswarm_mj.strategy.neural import Neural
+
+            given = Neural()
+        check_flags(given)
+        return given
+
+    def _engine(self) -> Any:
+        is_on_gpu = self.engine != "mujoco" and can_use_warp()
+        rules = [
+            (("refinement",), self.engine != "planar", f"with `engine` {self.engine}"),
+            (("threads",), self.engine == "mjx" or is_on_gpu, "with batches, which use no threads"),
+        ]
+        refuse_ignored(self, rules)
+        if self.engine == "mujoco":
+            return MujocoSettings(self.threads)
+        if self.engine == "planar":
+            return PlanarSettings(self.threads, self.refinement, impl="warp" if is_on_gpu else "numba")
+        from iswarm_mj.experiments.runner.batches import FIRST_CAPACITY, implementation
+
+        return MjxSettings(implementation(), contact_capacity=FIRST_CAPACITY[implementation()])

@@ -1,0 +1,89 @@
+"""A small network with one hidden layer, whose weights are one vector, and the file in which weights are kept."""
+
+import zipfile
+from pathlib import Path
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import atomic_write, check_file
+
+LARGEST_FILE = 2**20
+"""Size up to which a file of weights is written and read [bytes]."""
+MOST_WEIGHTS = LARGEST_FILE // 4 - 1024
+"""Weights that fit into it, of four bytes each."""
+
+
+class Shape(NamedTuple):
+    """How many numbers a network takes, has in between, and returns."""
+
+    inputs: int
+    hidden: int
+    outputs: int
+
+    @property
+    def n_weights(self) -> int:
+        """Weights in all: of inputs and a constant to the hidden units, and of all of these to the outputs."""
+        return (self.inputs + 1) * self.hidden + (self.inputs + 1 + self.hidden) * self.outputs
+
+
+def forward(shape: Shape, weights: Float[Array, "W"], inputs: Float[Array, "N I"]) -> Float[Array, "N O"]:
+    """Outputs of the network: linear in its inputs and in hidden units, which are tanh of linear functions of these.
+
+    Args:
+        shape: of the network.
+        weights: `shape.n_weights` of them.
+        inputs: of each of N robots.
+    """
+    given = jnp.concatenate([inputs, jnp.ones((len(inputs), 1), inputs.dtype)], axis=1)
+    split = (shape.inputs + 1) * shape.hidden
+    hidden = jnp.tanh(given @ weights[:split].reshape(shape.inputs + 1, shape.hidden))
+    return jnp.concatenate([given, hidden], axis=1) @ weights[split:].reshape(-1, shape.outputs)
+
+
+def save_weights(path: Path, weights: Float[np.ndarray, "W"]) -> None:
+    """Write weights into a file of NumPy (.npz), with 32 bits each.
+
+    Raises:
+        UserError: the system refused to write.
+    """
+    with atomic_write(path) as part, part.open("wb") as file:
+        np.savez(file, weights=np.asarray(weights, np.float32))
+
+
+def load_weights(path: Path | str) -> Float[np.ndarray, "W"]:
+    """Return the weights in a file that `save_weights` wrote, float32.
+
+    Raises:
+        UserError: it does not exist, is too large, or holds something else.
+    """
+    where = Path(path)
+    try:
+        check_file(where, LARGEST_FILE)
+        with where.open("rb") as file:
+            _check_sizes(file, where)
+            with np.load(file, allow_pickle=False) as content:
+                found = content["weights"]
+    except OSError as error:
+        reason = error.strerror or error
+        raise UserError(f"weights {where} cannot be read ({reason}); give a file that `iswarm train` wrote") from None
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, IndexError, TypeError, NotImplementedError):
+        raise UserError(f"{where} is no file of weights; give weights.npz of `iswarm train`") from None
+    if found.dtype != np.float32 or found.ndim != 1 or not np.isfinite(found).all():
+        raise UserError(
+            f"{where} has weights {found.dtype}{list(found.shape)}; they must be one axis of finite float32, as "
+            "`iswarm train` writes them"
+        )
+    return found
+
+
+def _check_sizes(file: object, where: Path) -> None:
+    """Raise a ValueError if what is compressed in a file is much larger than the file may be."""
+    with zipfile.ZipFile(file) as parts:  # type: ignore[arg-type]
+        if sum(part.file_size for part in parts.infolist()) > LARGEST_FILE:
+            raise ValueError(f"{where} has too many weights")
+    file.seek(0)  # type: ignore[attr-defined]

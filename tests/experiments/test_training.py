@@ -1,0 +1,225 @@
+"""The training of policies: what it finds, its files, that no interruption changes a byte, and what is refused."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pyarrow.csv
+import pytest
+from helpers_search import contents
+
+from iswarm_mj.commands import main as cli
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.experiments.runner import checkpoint, training
+from iswarm_mj.experiments.runner.training import CHECKPOINT, CURVE, WEIGHTS, Training, points, policy, train
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.network import load_weights
+from iswarm_mj.strategy.neural import SHAPE, Neural
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.rollout import Rollout
+
+SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
+TRAINING = Training(SMALL, n_robots=4, steps=10, generations=5, population=4, worlds=2, seed=3)
+GOAL = np.array([0.5, -1.0, 0.25])
+
+
+@dataclass
+class Three:
+    """A policy of three weights, which robots do not use."""
+
+    weights: object
+
+    def init(self, n_robots, key):
+        return jnp.zeros(n_robots)
+
+    def picks(self, memory):
+        return memory < 1
+
+    def act(self, memory, seen, key):
+        return memory, Command(memory, memory)
+
+
+def pretend(monkeypatch, breaks_after=None):
+    """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the weights of each call."""
+    asked = []
+
+    def rollout(config, strategy, keys, *, strategy_per_world, every, steps, **_):
+        if breaks_after is not None and len(asked) >= breaks_after:
+            raise KeyboardInterrupt
+        weights = np.asarray(strategy.weights)
+        assert strategy_per_world and len(keys) == len(weights)
+        asked.append(weights)
+        worth = np.round(1000 - 100 * np.abs(weights - GOAL).sum(axis=1))
+        columns = np.tile(worth[:, None] // 2, (1, -(-steps // every)))
+        none = np.zeros(len(keys))
+        return Rollout(worth, worth, none, none, none > 1, none, columns[0], columns, None, [], {})
+
+    monkeypatch.setattr(training, "rollout", rollout)
+    return asked
+
+
+def trained(out, wanted=TRAINING, **options):
+    return train(wanted, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, **options)
+
+
+def test_points_by_hand():
+    """Two worlds, counted after steps 5 and 10: 3 picked and 0, then 2 delivered; nothing at all."""
+    none = np.zeros(2)
+    after = np.array([[0, 2], [0, 0]])
+    found = Rollout(after[:, -1], np.array([3, 0]), none, none, none > 1, none, np.array([5, 10]), after, None, [], {})
+    np.testing.assert_array_equal(points(found), [20 * 3 + 20 * 2 + 40 * 1, 0])
+
+
+class TestSearch:
+    def test_it_comes_near_the_goal(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        found = trained(tmp_path / "out", replace(TRAINING, generations=60, population=8, spread=0.3))
+        assert np.abs(found - GOAL).max() < 0.05
+
+    def test_candidates_of_a_generation_meet_the_same_worlds_and_those_of_others_do_not(self, monkeypatch, tmp_path):
+        asked, keys = pretend(monkeypatch), []
+        pretended = training.rollout
+        monkeypatch.setattr(training, "rollout", lambda c, s, k, **o: (keys.append(k), pretended(c, s, k, **o))[1])
+        trained(tmp_path / "out")
+        data = np.array([jax.random.key_data(k) for k in keys]).reshape(5, 4, 2, 2)
+        assert (data == data[:, :1]).all() and len(np.unique(data[:, 0].reshape(-1, 2), axis=0)) == 10
+        weights = np.array(asked).reshape(5, 4, 2, 3)
+        assert (weights == weights[:, :, :1]).all() and len(np.unique(weights.reshape(-1, 3), axis=0)) == 20
+
+    def test_files(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        found = trained(tmp_path / "out")
+        names = [CHECKPOINT, CURVE, WEIGHTS, "learning.png", "learning.svg"]
+        assert sorted(contents(tmp_path / "out")) == sorted(names)
+        np.testing.assert_array_equal(load_weights(tmp_path / "out" / WEIGHTS), found)
+        rows = pyarrow.csv.read_csv(tmp_path / "out" / CURVE).to_pylist()
+        assert [row["generation"] for row in rows] == [1, 2, 3, 4, 5]
+        assert all(row["worst"] <= row["mean"] <= row["best"] for row in rows)
+        head = json.loads((tmp_path / "out" / CHECKPOINT).read_text().partition(" ")[2].partition("\n")[0])
+        assert head["settings"]["engine"] == "planar" and head["settings"]["population"] == 4
+        assert head["settings"]["strategy"]["class"] == "Three"
+
+
+class TestResume:
+    def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        trained(tmp_path / "whole")
+        for broken in (0, 1, 3):
+            out = tmp_path / f"broken{broken}"
+            with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+                pretend(patch, breaks_after=broken)
+                trained(out)
+            asked = pretend(monkeypatch)
+            trained(out, resume=True)
+            assert len(asked) == 5 - broken and contents(out) == contents(tmp_path / "whole")
+
+    def test_it_goes_on_for_longer(self, monkeypatch, tmp_path):
+        asked = pretend(monkeypatch)
+        trained(tmp_path / "long", replace(TRAINING, generations=7))
+        trained(tmp_path / "out")
+        asked.clear()
+        trained(tmp_path / "out", replace(TRAINING, generations=7), resume=True)
+        assert len(asked) == 2 and contents(tmp_path / "out") == contents(tmp_path / "long")
+
+    def test_what_is_in_the_way_is_refused(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        trained(tmp_path)
+        with pytest.raises(UserError, match="out must be a directory without a training"):
+            trained(tmp_path)
+        with pytest.raises(UserError, match=r"different settings \(.*seed"):
+            trained(tmp_path, replace(TRAINING, seed=4), resume=True)
+        with pytest.raises(UserError, match="different settings"):
+            train(TRAINING, Three(jnp.zeros(3)), tmp_path, MujocoSettings(1), task=CLEANING, resume=True)
+        (tmp_path / CHECKPOINT).unlink()
+        with pytest.raises(UserError, match="this one lacks its checkpoint"):
+            trained(tmp_path)
+        assert len(trained(tmp_path, again=True)) == 3
+
+    def test_other_entries_are_no_generations(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        trained(tmp_path)
+        head = (tmp_path / CHECKPOINT).read_bytes().split(b"\n")[0]
+        for entry in ([], {"candidates": 0}, {"candidates": 0, "found": [[1]]}):
+            (tmp_path / CHECKPOINT).write_bytes(head + b"\n" + checkpoint._line([[0], entry]))
+            with pytest.raises(UserError, match="something other than runs"):
+                trained(tmp_path, resume=True)
+
+    def test_candidates_of_another_version_are_refused(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        trained(tmp_path)
+        head = (tmp_path / CHECKPOINT).read_bytes().split(b"\n")[0]
+        entry = {"candidates": 0, "found": [[1.0] * 5] * 4}
+        (tmp_path / CHECKPOINT).write_bytes(head + b"\n" + checkpoint._line([[0], entry]))
+        with pytest.raises(UserError, match="other candidates"):
+            trained(tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("weights", [None, 3.0, [1.0], jnp.zeros((2, 2)), jnp.zeros(3, int)])
+def test_strategies_without_weights_are_refused(weights):
+    with pytest.raises(UserError, match="Three has no weights to train"):
+        policy(Three(weights), SMALL, 4)
+    with pytest.raises(UserError, match="weights must be between 1"):
+        policy(Three(jnp.zeros(0)), SMALL, 4)
+
+
+def test_training_begins_where_a_file_ends(monkeypatch, tmp_path):
+    pretend(monkeypatch)
+    assert len(policy(Neural(), SMALL, 4).weights) == SHAPE.n_weights
+    trained(tmp_path)
+    with pytest.raises(UserError, match=r"has 3 weights, but the network has"):
+        policy(Neural(tmp_path / WEIGHTS), SMALL, 4)
+
+
+FLAGS = ["--generations=3", "--population=3", "--worlds=1", "--steps=6", "--robots=4", "--seed=5", "--threads=1"]
+FLAGS += ["--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5"]
+
+
+def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
+    """In real worlds: its weights run by the strategy's flag, and another training with them begins there."""
+    monkeypatch.chdir(tmp_path)
+    cli.main(["train", *FLAGS])
+    assert re.search(r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz", capfd.readouterr().out)
+    weights = load_weights("runs/train/weights.npz")
+    assert len(weights) == SHAPE.n_weights
+    begins = Neural(Path("runs/train/weights.npz")).for_training(SMALL, None, 4)
+    np.testing.assert_array_equal(begins.weights, weights)
+
+
+@pytest.mark.slow
+def test_killed_and_resumed(tmp_path):
+    """In processes that are killed, at any moment, files end up byte for byte as without."""
+
+    def begin(out):
+        command = [sys.executable, "-m", "iswarm_mj", "train", *FLAGS, f"--out={out}", "--resume"]
+        return subprocess.Popen(command, env=os.environ, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+
+    assert begin(tmp_path / "whole").wait(600) == 0
+    killed, rng = 0, np.random.default_rng(0)
+    for _ in range(4):
+        process = begin(tmp_path / "killed")
+        found = tmp_path / "killed" / CHECKPOINT
+        lines, limit = (found.read_bytes().count(b"\n") if found.exists() else 0), time.monotonic() + 600
+        while process.poll() is None and time.monotonic() < limit:
+            if found.exists() and found.read_bytes().count(b"\n") > lines:
+                break
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0, 0.2))
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+            killed += 1
+        process.wait(60)
+    assert killed and begin(tmp_path / "killed").wait(600) == 0
+    whole, other = contents(tmp_path / "whole"), contents(tmp_path / "killed")
+    other.pop(".lock", None)
+    assert whole == other

@@ -1,0 +1,33 @@
+"""Tables of trajectories made by hand: columns that strategies and tasks name as others are called."""
+
+import numpy as np
+from helpers_recorded import arrays
+
+from iswarm_mj.output.tables import table_of
+from iswarm_mj.output.trajectory import METRIC
+
+
+def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
+    """`x` and `world` are columns, and `home_0` is made of two numbers before there is a `home_0`."""
+    made, values = arrays(), np.arange(12.0).reshape(3, 4)
+    names, sizes = ["x", "world", "home", "home_0", "memory_x"], [1, 1, 2, 1, 1]
+    for number, (name, size) in enumerate(zip(names, sizes, strict=True)):
+        each = [values + 100 * number + 50 * place for place in range(size)]
+        made[name] = each[0] if size == 1 else np.stack(each, axis=-1)
+    about = {"scene_memory_names": names, "scene_memory_units": [""] * 5, "scene_memory_sizes": sizes}
+    table = table_of("robots", made | {name: np.array(content) for name, content in about.items()}, world=7)
+    assert len(set(table.column_names)) == len(table.column_names)
+    np.testing.assert_array_equal(table["x"].to_numpy(), made["pose"][..., 0].ravel())
+    assert set(table["world"].to_pylist()) == {7}
+    own = {"memory_x": 0, "memory_world": 100, "home_0": 200, "home_1": 250, "memory_home_0": 300}
+    for name, first in (own | {"memory_memory_x": 400}).items():
+        np.testing.assert_array_equal(table[name].to_numpy(), values.ravel() + first)
+
+
+def test_a_metric_as_a_column_is_called():
+    made = arrays() | {METRIC + "delivered": np.array([5, 6, 7])}
+    about = {"names": ["delivered"], "units": ["1/s"], "descriptions": ["own"]}
+    made |= {f"scene_metric_{part}": np.array(content) for part, content in about.items()}
+    table = table_of("steps", made, world=0)
+    assert table["metric_delivered"].to_pylist() == [5, 6, 7] and table["delivered"].to_pylist() == [0, 0, 0]
+    assert table.schema.field("metric_delivered").metadata[b"unit"] == b"1/s"
