@@ -3,7 +3,7 @@
 import difflib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,9 +98,23 @@ def read(path: Path, given: Sequence[str]) -> ConfigFile:
     return ConfigFile(path, dict(_flat(content)), False)
 
 
-def named_in(content: ConfigFile | None, given: Sequence[str]) -> list[str]:
-    """Return the arguments that name strategy and task of a file, whose fields are flags, unless others are given."""
+def named_in(content: ConfigFile | None, command: str, kinds: Container[str], given: Sequence[str]) -> list[str]:
+    """Return the arguments that name strategy and task of a file, whose fields are flags, unless others are given.
+
+    Args:
+        content: of the file, if there is one.
+        command: its name.
+        kinds: names of the command's flags.
+        given: the other arguments.
+
+    Raises:
+        UserError: the file names one, and the command has no flag for it.
+    """
     found = {} if content is None else {word: content.values.get(word) for word in ("strategy", "task")}
+    for word, name in found.items():
+        if content is not None and name is not None and word not in kinds:
+            remedy = f"; `iswarm run --config {content.path}` has it" if command == "clean" else ""
+            raise UserError(f"--config {content.path} names the {word} {name}, but iswarm {command} has none{remedy}")
     return [f"--{word}={name}" for word, name in found.items() if name is not None and word not in _names(given)]
 
 
@@ -118,17 +132,29 @@ def _of_result(path: Path, content: Any, named: set[str]) -> dict[str, Any]:
     values |= {name: content.get(name) for name in _ENGINE}
     values["robot"] = content.get("robot", {}).get("file")
     values |= dict(_flat(content["config"]))
-    own = content.get("strategy", {})
     if "genome" in content:
         values["genome"] = str(path)
-    elif "strategy" not in named:
-        raise UserError(f"--config {path} is of the strategy {own.get('class')}; name it by --strategy FILE.py:CLASS")
-    values |= {name: value for name, value in own.items() if name != "class"}
+    else:
+        values |= _named(path, "strategy", content.get("strategy", {}), named)
     task = content.get("task", {})
-    if task.get("class", "Cleaning") != "Cleaning" and "task" not in named:
-        raise UserError(f"--config {path} is of the task {task['class']}; name it by --task FILE.py:CLASS")
-    values |= {name: value for name, value in task.items() if name != "class"}
+    if task.get("class", "Cleaning") != "Cleaning":
+        values |= _named(path, "task", task, named)
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _named(path: Path, word: str, own: Mapping[str, Any], named: set[str]) -> dict[str, Any]:
+    """Values of a strategy or a task, and the name under which a package offers it, unless one is given."""
+    from iswarm_mj.strategy.library import STRATEGIES, offered
+    from iswarm_mj.tasks.library import TASKS
+
+    cls = own.get("class")
+    values = {name: value for name, value in own.items() if name != "class"}
+    if word in named:
+        return values
+    name = offered({"strategy": STRATEGIES, "task": TASKS}[word], str(cls), set(values))
+    if name is None:
+        raise UserError(f"--config {path} is of the {word} {cls}; name it by --{word} FILE.py:CLASS")
+    return {**values, word: name}
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

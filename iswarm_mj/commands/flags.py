@@ -34,10 +34,11 @@ def changed(command: Any) -> list[str]:
 
 def _values(settings: Any) -> Iterator[tuple[str, Any]]:
     """Names and values of the settings of a command, groups included."""
-    for f in fields(settings):
-        value = getattr(settings, f.name)
-        if is_dataclass(value):
-            group = "" if f.name in ("override", "own", "own_task") else f"{f.name}."
-            yield from ((f"{group}{name}", inner) for name, inner in _values(value))
+    names = [f.name for f in fields(settings)] if is_dataclass(settings) else settings._fields
+    for name in names:
+        value = getattr(settings, name)
+        if is_dataclass(value) or hasattr(value, "_fields"):
+            group = "" if name in ("override", "own", "own_task") else f"{name}."
+            yield from ((f"{group}{part}", inner) for part, inner in _values(value))
         else:
-            yield f.name, value
+            yield name, value

@@ -92,9 +92,10 @@ class Grasp:
         """Refuse what would have no effect."""
         of_trials = ("repeats", "seed", "gap", "no_contact_gap", "engine", "impl", "threads", "record")
         speeds = [f"protocol.{f.name}" for f in fields(Protocol) if f.name not in OF_CURVES]
+        contacts = [f"{name}.{part}" for name in ("contacts", "tool", "plate") for part in getattr(self, name)._fields]
         rules = [
             (("voltages",), not self.force_curve, "without `force_curve`"),
-            ((*of_trials, *speeds), self.force_curve, "with `force_curve`"),
+            ((*of_trials, *speeds, *contacts), self.force_curve, "with `force_curve`"),
             (("impl",), self.engine == "mujoco", "with `engine` mujoco"),
             (("threads",), self.engine == "mjx", "with `engine` mjx"),
         ]

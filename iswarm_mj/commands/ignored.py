@@ -1,6 +1,7 @@
 """Flags that would have no effect are refused."""
 
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any
 
 from iswarm_mj.commands.flags import changed
@@ -28,6 +29,17 @@ def refuse_ignored(command: Any, rules: Iterable[Rule]) -> None:
         idle = [name for name in names if name in given]
         if is_ignored and idle:
             raise UserError(f"`{idle[0]}` has no effect {why}; leave it out")
+
+
+def of_task(config: Any, task: Any) -> list[Rule]:
+    """Settings of a configuration that a task says it does not use, alone or as whole groups."""
+    named = [name.partition(".") for name in getattr(task, "unused", ())]
+    settings = [
+        f"{group}.{part}"
+        for group, _, own in named
+        for part in ([own] if own else (f.name for f in fields(getattr(config, group))))
+    ]
+    return [(settings, True, f"in the task {type(task).__name__}")]
 
 
 def of_optics(optics: Any) -> list[Rule]:

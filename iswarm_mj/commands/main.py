@@ -73,7 +73,7 @@ def parse(arguments: Sequence[str]) -> Command:
         # Not as subcommands of one parser, whose hints would be about all commands.
         rest, path = without_config(rest)
         content = None if path is None else read(path, rest)
-        rest = [*named_in(content, rest), *rest]
+        rest = [*named_in(content, name, dict(flag_kinds(COMMANDS[name])), rest), *rest]
         command = with_own(COMMANDS[name], rest)
         if (page := shown(command, rest)) is not None:
             return tyro.cli(page[0], prog=f"iswarm {name}", args=page[1])

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from iswarm_mj.commands.clean import Clean
+from iswarm_mj.commands.ignored import of_task, refuse_ignored
 from iswarm_mj.commands.strategy_options import OWN_TASK, check_flags
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
@@ -36,6 +37,7 @@ class Run(Clean):
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """See `Swarm.checked`."""
         check_flags(self.task)
+        refuse_ignored(self, of_task(self, self.task))
         return super().checked()
 
     def goal(self, config: SwarmConfig) -> int | None:

@@ -3,7 +3,7 @@
 import difflib
 import importlib.util
 import sys
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -70,6 +70,18 @@ def find(offer: Offer, name: str) -> Any:
         raise ConfigError(offer.word, name, f"{offer.form}, or installed ({known})", remedy)
     with explained(f"{offer.word} {name}"):
         return installed[name].load()
+
+
+def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
+    """Return the name under which an installed package offers a class with these fields; None without just one."""
+    found = []
+    for point in entry_points(group=offer.group):
+        if point.value.rpartition(":")[2] == cls:
+            with explained(f"{offer.word} {point.name}"):
+                loaded = point.load()
+            if is_dataclass(loaded) and {f.name for f in fields(loaded)} == names:
+                found.append(point.name)
+    return found[0] if len(found) == 1 else None
 
 
 def _of_file(offer: Offer, path: Path, name: str) -> Any:

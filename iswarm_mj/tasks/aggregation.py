@@ -44,6 +44,10 @@ class Aggregation:
         "bright": Quantity("share of the robots in the brighter spot", high=1.0),
         "dim": Quantity("share of the robots in the dimmer spot", high=1.0),
     }
+    unused: ClassVar[tuple[str, ...]] = (
+        *(f"arena.{name}" for name in ("n_dust", "dust_area_size", "dust_area_offset")),
+        *("arena.ball_radius_min", "arena.ball_radius_max", "gripper"),
+    )
     drawn: ClassVar[Mapping[str, Look]] = {"bright": Look((255, 214, 70)), "dim": Look((214, 196, 140))}
 
     def lay_out(

@@ -91,7 +91,8 @@ class Task(Protocol):
 
     Three attributes of its class are dictionaries, and may be left out: `senses`, a `Quantity` for each thing that
     robots sense beside balls and dump (`Sensed.own`, `Observation.sensed`); `measured`, one for each metric; `drawn`, a
-    `Look` for each kind of areas (`DrawnTask.areas`).
+    `Look` for each kind of areas (`DrawnTask.areas`). A tuple may be, too: `unused`, settings that have no effect in
+    the task, as "arena.n_dust", or "gripper" for all of the group, whose flags `iswarm run` then refuses.
     """
 
     def lay_out(

@@ -114,6 +114,8 @@ def waiting(text: str, hidden: bool = False) -> Iterator[None]:
         yield
     finally:
         has_ended.set()
+        if not hidden:
+            teller.join()  # so that nothing is said after what ended the block
 
 
 def duration(seconds: float) -> str:

@@ -1,11 +1,13 @@
 """`--config`: a TOML file of flags, or the result.json of an earlier run; and words for Booleans."""
 
 import json
+from importlib.metadata import EntryPoint
 
 import pytest
 
 from iswarm_mj.commands.main import main, parse
 from iswarm_mj.config import READINGS
+from iswarm_mj.strategy import library
 from iswarm_mj.utils.errors import UserError
 
 RUN = """
@@ -126,6 +128,38 @@ def test_the_strategy_of_a_result_must_be_named(here):
     (here / "x.json").write_text(json.dumps(values))
     with pytest.raises(UserError, match="is of the strategy Walk; name it by --strategy"):
         parse(["clean", "--config", "x.json"])
+
+
+TASK = {"class": "Aggregation", "spot_radius": 8.0, "spot_offset": 14.0, "dim": 0.25, "error_light": 0.05}
+WALK = {"class": "Beeclust", "longest_wait": 200.0, "half_light": 0.5, "meeting": 1.4, "leaving": 4.0}
+
+
+@pytest.fixture
+def offered(monkeypatch):
+    """The package's own tasks and strategies, as if it were installed."""
+    points = [
+        EntryPoint("aggregation", "iswarm_mj.tasks.aggregation:Aggregation", "iswarm_mj.tasks"),
+        EntryPoint("beeclust", "iswarm_mj.tasks.aggregation:Beeclust", "iswarm_mj.strategies"),
+    ]
+    monkeypatch.setattr(library, "entry_points", lambda group: [p for p in points if p.group == group])
+
+
+def test_a_result_of_another_task_repeats_it(here, offered):
+    (here / "x.json").write_text(json.dumps({"settings": {"seed": 3}, "config": {}, "strategy": WALK, "task": TASK}))
+    command = parse(["run", "--config", "x.json", "--dim", "0.3"])
+    assert (command.task.spot_radius, command.task.dim, command.own_strategy.longest_wait) == (8.0, 0.3, 200.0)
+    assert (command.task_name, command.controller, command.seed) == ("aggregation", "beeclust", 3)
+    with pytest.raises(
+        UserError, match="names the task aggregation, but iswarm clean has none; `iswarm run --config x"
+    ):
+        parse(["clean", "--config", "x.json"])
+
+
+def test_a_task_of_the_same_name_with_other_settings_must_be_named(here, offered):
+    other = {"class": "Aggregation", "spots": 3}
+    (here / "x.json").write_text(json.dumps({"settings": {}, "config": {}, "strategy": WALK, "task": other}))
+    with pytest.raises(UserError, match="is of the task Aggregation; name it by --task"):
+        parse(["run", "--config", "x.json"])
 
 
 def test_a_strategy_in_a_file(here):

@@ -1,11 +1,13 @@
 """A flag that would have no effect is refused in a sentence that names it and the reason."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from iswarm_mj.commands.main import main
 
+GLOW = f"{Path(__file__).parents[1]}/data/glow.py:Glow"
 WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
 
 
@@ -37,6 +39,14 @@ WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
         (f"grasp {CURVE} --record 1", "--record", "with --force-curve"),
         (f"grasp {CURVE} --engine mjx", "--engine", "with --force-curve"),
         (f"grasp {CURVE} --protocol.ramp-rate 50e3", "--protocol.ramp-rate", "with --force-curve"),
+        (f"grasp {CURVE} --contacts.leak 1e9", "--contacts.leak", "with --force-curve"),
+        (f"grasp {CURVE} --tool.roughness 1e-9", "--tool.roughness", "with --force-curve"),
+        (f"grasp {CURVE} --plate.roughness 1e-9", "--plate.roughness", "with --force-curve"),
+        ("run --no-record --record-worlds 0 1 --worlds 2", "--record-worlds", "with --no-record"),
+        ("run --robots 9 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
+        ("run --hosts-timeout 9 --engine mjx", "--hosts-timeout", "without --hosts"),
+        (f"run --task {GLOW} --arena.n-dust 9", "--arena.n-dust", "in the task Glow"),
+        (f"run --task {GLOW} --gripper.relative-humidity 30", "--gripper.relative-humidity", "in the task Glow"),
         ("experiment --list --seed 1", "--seed", "with --list"),
         ("experiment types --genome type2", "--genome", "in the experiment types"),
         ("experiment hop-count --engine mjx --workers 2", "--workers", "with runs in batches"),

@@ -1,5 +1,7 @@
 """What is said on stderr while something runs."""
 
+import sys
+import threading
 import time
 
 import pytest
@@ -83,3 +85,21 @@ def _until(capsys, wanted):
     while wanted not in said:
         time.sleep(0.01)
         said += capsys.readouterr().err
+
+
+def test_nothing_is_said_after_what_ended_the_block(monkeypatch, capfd):
+    """Neither in the middle of a line: whoever waits has told all when an error's sentence follows."""
+    is_telling = threading.Event()
+
+    def slow(text, **_):
+        is_telling.set()
+        time.sleep(0.2)
+        sys.stderr.write(f"{text}\n")
+
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "print", slow, raising=False)
+    with pytest.raises(RuntimeError), waiting("compiling"):
+        is_telling.wait()
+        raise RuntimeError
+    sys.stderr.write("the error\n")
+    assert capfd.readouterr().err == "iswarm: compiling\nthe error\n"
