@@ -16,7 +16,7 @@ from iswarm_mj.utils.lock import locked
 class Clean(Swarm):
     """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "out")
+    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "live", "out")
 
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
     """Control steps at most."""
@@ -28,6 +28,10 @@ class Clean(Swarm):
     """Record to trajectory.npz and clean.rrd."""
     record_worlds: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
+    lanes: Annotated[tuple[int, ...], Within(0)] = ()
+    """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
+    live: bool = False
+    """Show the first recorded world while it runs, in a viewer that listens to this machine alone."""
 
     def goal(self, config: SwarmConfig) -> int | None:
         """Return the progress that finishes a world; None for the task's own."""
@@ -40,8 +44,10 @@ class Clean(Swarm):
         """Run the command."""
         config, genome, n_robots = self.checked()
         from iswarm_mj.workflows.clean import clean
+        from iswarm_mj.workflows.recorder import Shown
 
-        refuse_ignored(self, [(("record_worlds",), not self.record, "with --no-record")])
+        refuse_ignored(self, [(("record_worlds", "lanes", "live"), not self.record, "with --no-record")])
+        check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
@@ -50,4 +56,12 @@ class Clean(Swarm):
             if hosts.index == 0:
                 with locked(self.out):  # refused before anything is compiled
                     pass
-            clean(self.run_of(config, genome, settings, hosts), settings, self.out, hosts)
+            run = self.run_of(config, genome, settings, hosts)
+            viewer = self._viewer() if self.live and hosts.index == 0 else None
+            clean(run, settings, self.out, hosts, Shown(self.lanes, viewer))
+
+    @staticmethod
+    def _viewer() -> str:
+        from iswarm_mj.output.viewer import open_viewer
+
+        return open_viewer()[0]

@@ -19,7 +19,7 @@ from iswarm_mj.utils.constraints import constraint_of
 class Run(Clean):
     """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "out")
+    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "live", "out")
 
     task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
     """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package

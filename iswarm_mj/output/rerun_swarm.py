@@ -49,7 +49,8 @@ class Recording:
             path: the file to write, by custom `*.rrd`; an existing one is replaced.
             scene: constants of the run.
             config: shown as a table beside the arena, and stored as property `config`; may be nested.
-            properties: everything else that identifies the run (seed, version, ...), stored as property `run`.
+            properties: everything else that identifies the run (seed, version, ...), stored as property `run` with the
+                number of the world.
             application: recordings of one application share the viewer's layout, and are one dataset of it.
             lanes: robots whose states are shown as lanes; a few by default.
 
@@ -59,21 +60,15 @@ class Recording:
         self._path, self._scene, self._payload = str(path), scene, payload_of({"scene_payload": scene.payload})
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
         self._last_step = -1
+        self._result: dict[str, Any] = {}
         self._stream = rr.RecordingStream(application)
         require_recordings(self._stream)
-        try:
-            Path(path).open("wb").close()
-            self._stream.save(path, default_blueprint=layout(scene))
-        except (OSError, RuntimeError) as error:
-            raise UserError(
-                f"The recording {self._path!r} cannot be written ({error}): "
-                "give a file name in an existing folder that you may write to."
-            ) from error
+        self._open()
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
-        self._stream.send_recording_name(Path(path).stem)
+        self._stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
         send_properties(self._stream, "config", config)
-        send_properties(self._stream, "run", properties)
+        send_properties(self._stream, "run", {**properties, "world": scene.world})
         robots = rerun_states.shown_lanes(scene, lanes)
         self._lanes = rerun_states.Lanes(robots)
         for entity, archetype in [*look.static_entities(scene), *rerun_states.static_lanes(scene, robots)]:
@@ -82,6 +77,17 @@ class Recording:
         self._stream.log(look.CONFIG, document, static=True, strict=True)
         self._flush()
 
+    def _open(self) -> None:
+        """Open the file, with the layout."""
+        try:
+            Path(self._path).open("wb").close()
+            self._stream.save(self._path, default_blueprint=layout(self._scene))
+        except (OSError, RuntimeError) as error:
+            raise UserError(
+                f"The recording {self._path!r} cannot be written ({error}): "
+                "give a file name in an existing folder that you may write to."
+            ) from error
+
     def __enter__(self) -> "Recording":
         """Return the open recording."""
         return self
@@ -89,8 +95,9 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Complete and close the file; exceptions pass."""
+        """Complete and close the file, with what the world came to as property `result`; exceptions pass."""
         try:
+            send_properties(self._stream, "result", self._result)
             self._flush()
         except UserError:
             if error is None:
@@ -138,6 +145,15 @@ class Recording:
         self._series(frames)
         self._flush()
         self._last_step = int(frames.step[-1])
+        self._note(frames)
+
+    def _note(self, frames: Frames) -> None:
+        """Keep what the world has come to."""
+        values = {name: frames.task[METRIC + name] for name in self._scene.metric_names}
+        values |= {"delivered": frames.delivered, "picked": frames.picked, "collisions": frames.collisions}
+        taken = np.asarray(frames.step)[np.asarray(frames.is_running)]
+        self._result |= {name: value[-1] for name, value in values.items()}
+        self._result["steps"] = int(taken[-1]) if len(taken) else self._result.get("steps", 0)
 
     def _check(self, frames: Frames) -> None:
         """Refuse values that the viewer would silently draw wrong."""

@@ -26,7 +26,7 @@ def _arena_view(
         eye_controls=eye,
         line_grid=False,
         background=(24, 26, 30),
-        overrides={entity: rrb.EntityBehavior(visible=False) for entity in hidden} | dict(others or {}),
+        overrides={**{entity: rrb.EntityBehavior(visible=False) for entity in hidden}, **(others or {})},
     )
 
 

@@ -19,7 +19,7 @@ from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import BUSY, postponed, saved
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
-from iswarm_mj.workflows.recorder import Recorder
+from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown
 from iswarm_mj.workflows.unfinished import Unfinished
 
 MAX_LISTED = 10
@@ -41,7 +41,9 @@ class Outcome(NamedTuple):
     """Of worlds that could not go on, by their numbers."""
 
 
-def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> dict[str, Any] | None:
+def clean(
+    run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE, shown: Shown = AS_USUAL
+) -> dict[str, Any] | None:
     """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
 
     Of several processes the first writes and prints, and alone returns something. From the start on, result.json is
@@ -53,6 +55,7 @@ def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> d
         settings: of the run of all processes.
         out: result.json and the first recorded world go here, each further one into world-N.
         hosts: the processes that share the worlds.
+        shown: what recordings show; the viewer is for the first recorded world.
 
     Raises:
         UserError: `out` cannot be written to, or is in use.
@@ -60,7 +63,7 @@ def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> d
     """
     if hosts.index == 0:
         with locked(out):
-            content, faults = _write(run, settings, out, hosts)
+            content, faults = _write(run, settings, out, hosts, shown)
         print(summary(content, out))
     else:
         _advance(run, [], hosts)
@@ -72,11 +75,11 @@ def clean(run: Run, settings: RunSettings, out: Path, hosts: Hosts = ALONE) -> d
     return content
 
 
-def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[dict[str, Any], list[str]]:
+def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts, shown: Shown) -> tuple[dict[str, Any], list[str]]:
     """Take all steps and write everything; return the content of result.json, and what went wrong."""
     started = time.perf_counter()
     with ExitStack() as stack:
-        unfinished, recorders = _begin(run, settings, out, hosts, stack)
+        unfinished, recorders = _begin(run, settings, out, hosts, shown, stack)
         _advance(run, recorders, hosts)
         for recorder in recorders:
             recorder.save()
@@ -93,7 +96,7 @@ def _write(run: Run, settings: RunSettings, out: Path, hosts: Hosts) -> tuple[di
 
 
 def _begin(
-    run: Run, settings: RunSettings, out: Path, hosts: Hosts, stack: ExitStack
+    run: Run, settings: RunSettings, out: Path, hosts: Hosts, shown: Shown, stack: ExitStack
 ) -> tuple[Unfinished, list[Recorder]]:
     """Remove what an earlier run left, announce this one and record its start; `stack` saves it if it is ended."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
@@ -112,7 +115,8 @@ def _begin(
         name = RECORDING if isinstance(run.task, Cleaning) else OTHER_RECORDING
         recorders = []
         for index in range(len(recorded)):
-            recorders.append(Recorder(run, places[index] / name, index, places[index], settings))
+            own = shown if index == 0 else shown._replace(viewer=None)
+            recorders.append(Recorder(run, places[index] / name, index, places[index], settings, own))
             stack.enter_context(saved(recorders[-1].save))
     return unfinished, recorders
 

@@ -1,7 +1,9 @@
 """Recording of one world of a run, for Rerun and as trajectory.npz; its frames are kept on disk."""
 
+import time
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from iswarm_mj import __version__
 from iswarm_mj.output import results
@@ -13,8 +15,25 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.interruption import BUSY, postponed
 
+if TYPE_CHECKING:
+    from iswarm_mj.output.rerun_live import LiveRecording
+
 BLOCK, LONG = 64, 1024
 """Frames that are written at a time at first, and at most; Rerun keeps some kB in memory for each block."""
+LIVE_SECONDS = 0.25
+"""Time between what a viewer is sent of a run that goes on."""
+
+
+class Shown(NamedTuple):
+    """What a recording shows, and where."""
+
+    lanes: tuple[int, ...] = ()
+    """Robots whose states are lanes; a few by default."""
+    viewer: str | None = None
+    """Address of a viewer that shows the world while it runs, see `output.viewer`."""
+
+
+AS_USUAL = Shown()
 
 
 class Recorder:
@@ -27,6 +46,7 @@ class Recorder:
         index: int = 0,
         trajectory: Path | None = None,
         settings: RunSettings | None = None,
+        shown: Shown = AS_USUAL,
     ):
         """Begin with the start.
 
@@ -36,7 +56,9 @@ class Recorder:
             index: which of the recorded worlds.
             trajectory: directory for trajectory.npz; none is written if not given.
             settings: of the run of all processes, by default those of the run.
+            shown: what the recording shows, and where.
         """
+        from iswarm_mj.output.rerun_live import LiveRecording
         from iswarm_mj.output.rerun_swarm import Recording
 
         self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
@@ -50,8 +72,17 @@ class Recorder:
         self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
-        identity = {"version": __version__, "seed": run.settings.seed, "n_robots": run.settings.n_robots}
-        self._recording = Recording(recording, self._scene, metadata, identity)
+        identity = {
+            "version": __version__,
+            "seed": run.settings.seed,
+            "n_robots": run.settings.n_robots,
+            **run.identity,
+        }
+        self._recording = Recording(recording, self._scene, metadata, identity, lanes=shown.lanes)
+        self._live = None
+        if shown.viewer is not None:
+            self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, shown.lanes)
+        self._unseen, self._shown_at = [run.start], 0.0
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
@@ -62,6 +93,9 @@ class Recorder:
             try:
                 self._write()
                 self._recording.__exit__(None, None, None)
+                if self._live is not None:
+                    self._show(self._live)
+                    self._live.__exit__(None, None, None)
             finally:
                 if self._out is not None and self._frames is not None:
                     results.write_trajectory(self._out, self._scene, self._frames, self._about)
@@ -73,6 +107,17 @@ class Recorder:
             self._pending.append(record)
             if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
+            if self._live is not None:
+                self._unseen.append(record)
+                if time.monotonic() - self._shown_at >= LIVE_SECONDS:
+                    self._show(self._live)
+
+    def _show(self, live: "LiveRecording") -> None:
+        """Send what the viewer has not had."""
+        if self._unseen:
+            unseen, self._unseen = self._unseen, []
+            live.append(frames_of(unseen, self._index, self._recorded, self._watched))
+            self._shown_at = time.monotonic()
 
     def _write(self) -> None:
         if self._pending:
