@@ -18,6 +18,7 @@ def _arena_view(
     scene: Scene, name: str, hidden: tuple[str, ...], others: Mapping[str, Any] | None = None
 ) -> rrb.Spatial3DView:
     """Return a view from above, slightly from the south, on the whole arena."""
+    overrides: dict[Any, Any] = {entity: rrb.EntityBehavior(visible=False) for entity in hidden}
     size = scene.arena_size * MILLIMETRES
     eye = rrb.EyeControls3D(position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1))
     return rrb.Spatial3DView(
@@ -26,7 +27,7 @@ def _arena_view(
         eye_controls=eye,
         line_grid=False,
         background=(24, 26, 30),
-        overrides={**{entity: rrb.EntityBehavior(visible=False) for entity in hidden}, **(others or {})},
+        overrides=overrides | dict(others or {}),
     )
 
 
