@@ -1,6 +1,7 @@
-"""The notebooks run, from top to bottom."""
+"""The notebooks run, from top to bottom, and show what they came to."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 def first_run(names):
     assert names["run"].is_over
     assert 0 < names["measures"].delivered == names["delivered"][-1]
+    assert names["saved"].measures == [names["measures"]] and names["count"].max() > 0
+    assert Path("runs/first/clean.rrd").stat().st_size > 0
 
 
 def batched_rollouts(names):
@@ -22,23 +25,69 @@ def batched_rollouts(names):
     assert names["figure"].axes
 
 
-SHOWN = {"00_first_run": first_run, "01_batched_rollouts": batched_rollouts}
+def own_strategy(names):
+    walk, papers = names["walk"], names["papers"]
+    assert papers.delivered.sum() > walk.delivered.sum() and Path("walk.rrd").stat().st_size > 0
+
+
+def gripper(names):
+    trace, pulls = names["trace"], names["pull_off"]
+    assert trace.gap_plate.max() > 4e-6 > 1e-6 > trace.gap_plate[-1]  # it was lifted, and lies again
+    assert 0 < pulls[0] < pulls[10] < pulls[20]
+    lifts = {row.relative_humidity: row.voltage for row in names["rows"] if row.experiment == "grasp"}
+    assert 20 < lifts[10.0] < lifts[50.0] < 40
+
+
+def evolution(names):
+    fitness, generation = names["fitness"], names["generation"]
+    assert len(fitness) == 48 and names["best"].fitness <= fitness.max()
+    assert fitness[generation == generation.max()].mean() > fitness[generation == 0].mean()
+
+
+SHOWN = {
+    "00_first_run": first_run,
+    "01_batched_rollouts": batched_rollouts,
+    "02_own_strategy": own_strategy,
+    "03_gripper": gripper,
+    "04_evolution": evolution,
+}
 """What holds at the end of each notebook."""
+FAST = "00_first_run", "01_batched_rollouts"
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_runs(path):
+def read(path):
+    return json.loads(path.read_text(encoding="utf-8"))["cells"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, id=p.stem, marks=[] if p.stem in FAST else pytest.mark.slow) for p in NOTEBOOKS],
+)
+def test_notebook_runs(path, tmp_path, monkeypatch):
     import matplotlib
 
     matplotlib.use("Agg")
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    monkeypatch.chdir(tmp_path)
     names: dict = {"__name__": "__main__"}
-    for cell in cells:
+    for cell in read(path):
         if cell["cell_type"] == "code":
-            assert not cell["outputs"]  # committed without outputs
             exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
     SHOWN[path.stem](names)
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_outputs_are_stored(path):
+    """As `python tools/run_notebooks.py` stores them: in order, without errors, pictures where something is drawn."""
+    code = [cell for cell in read(path) if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    for cell in code:
+        source, outputs = "".join(cell["source"]), cell["outputs"]
+        assert all(output["output_type"] != "error" and output.get("name") != "stderr" for output in outputs)
+        kinds = {kind for output in outputs for kind in output.get("data", {})}
+        assert ("image/png" in kinds) == ("plt.show()" in source or "Image(" in source)
+        assert bool(outputs) >= bool(re.search(r"^(\s{0,4})print\(", source, re.MULTILINE))
+    assert path.stat().st_size < 1e6
+
+
 def test_there_are_notebooks():
-    assert NOTEBOOKS
+    assert {path.stem for path in NOTEBOOKS} >= set(SHOWN)

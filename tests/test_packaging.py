@@ -18,7 +18,8 @@ import iswarm_mj
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REQUIRED = {r.name: r for r in map(Requirement, PROJECT["dependencies"])}
-EXTRA = {r.name: r for r in map(Requirement, PROJECT["optional-dependencies"]["dev"])}
+_EXTRAS = PROJECT["optional-dependencies"]
+EXTRA = {r.name: r for r in map(Requirement, (*_EXTRAS["dev"], *_EXTRAS["docs"]))}
 
 MODELS = [p.relative_to(ROOT).as_posix() for p in (ROOT / "models").rglob("*") if p.suffix in (".xml", ".obj")]
 BROKEN_JAX = ("0.10.2", "0.11.0")
