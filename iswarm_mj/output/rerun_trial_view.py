@@ -17,6 +17,7 @@ PLATE, PROBE = "world/plate", "world/probe"
 BALL, BALL_MARK, SHADOW, FORCES = "world/ball", "world/ball_mark", "world/shadow", "world/forces"
 PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
 SETTINGS = "settings"
+KEY = "legend"
 
 PROBE_LENGTH = 100.0
 """Length of the probe in the view [um]."""
@@ -49,8 +50,10 @@ _PHASES = ((70, 110, 170), (120, 90, 160))
 _PLAYED = 15.0
 """Duration of the playback [s]."""
 
-_LEGEND = """**Arrows** beside the ball: yellow the electrostatic force on it, green its adhesion to the tool,
-orange its adhesion to the plate. Their lengths go with the square root of the force: one radius for 4 µN.
+LEGEND = """**Green** what is between ball and tool, **orange** between ball and plate: gaps, adhesion, paler contact
+forces. **Yellow** the electrostatic force, above 0 towards the tool; **grey** the weight; **blue** the voltage.
+
+**Arrows** beside the ball: these forces on it. Their lengths go with the square root of the force: one radius for 4 µN.
 
 **Ball**: orange while it has the plate's potential, green while it has the probe's; the dot turns with it.
 
@@ -78,11 +81,15 @@ def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple
     phases = {name: _PHASES[i % 2] for i, name in enumerate(trace.phases)}
     for entity, states in ((PHASE, phases), (PLACE, PLACES), (POTENTIAL, POTENTIALS)):
         yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=list(states.values()))
-    yield SETTINGS, settings_document(_LEGEND, "Setting", settings)
+    yield KEY, rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
+    yield SETTINGS, settings_document(LEGEND, "Setting", settings)
 
 
 def layout(trace: Trace) -> rrb.Blueprint:
-    """Return the layout: the bench above the states on the left; time series or the settings on the right."""
+    """Return the layout: bench, states and legend on the left; time series or settings on the right.
+
+    The plots have no legends of their own, which would lie on the short contact and on the landing.
+    """
     radius = trace.radius * UM
     eye = rrb.EyeControls3D(
         position=(1.2 * radius, -6 * radius, 1.2 * radius),
@@ -95,18 +102,18 @@ def layout(trace: Trace) -> rrb.Blueprint:
     states = rrb.StateTimelineView(origin="states", name="Phase, and the ball's contacts and potential")
     small = 1.3 * float(np.max(trace.adhesion_tool) * NN) or 1.0
     plots = rrb.Vertical(
-        time_series("series/voltage", "Voltage (V)"),
-        time_series("series/gaps", "Gaps (µm)"),
-        time_series("series/attraction", "Forces on the ball (nN)", "RightTop"),
+        time_series("series/voltage", "Voltage (V)", None),
+        time_series("series/gaps", "Gaps (µm)", None),
+        time_series("series/attraction", "Forces on the ball (nN)", None),
         time_series(
             "series/attraction", "Small forces on the ball (nN)", None, axis_y=rrb.ScalarAxis(range=(-small, small))
         ),
-        time_series("series/contact", "Contact forces (nN)"),
+        time_series("series/contact", "Contact forces (nN)", None),
         name="Time series",
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(bench, states, row_shares=[3, 1]),
+            rrb.Vertical(bench, states, rrb.TextDocumentView(origin=KEY, name="Legend"), row_shares=[9, 3, 4]),
             rrb.Tabs(plots, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0),
             column_shares=[1, 1],
         ),

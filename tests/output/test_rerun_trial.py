@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 from helpers_rrd import read
 from helpers_trace import RADIUS, bench_trace
 from rerun.chunk import RrdReader
@@ -185,3 +186,22 @@ def test_unwritable_places(tmp_path):
     for path in (tmp_path / "file" / "trial.rrd", tmp_path / "missing" / "trial.rrd"):
         with pytest.raises(UserError, match="cannot be written"):
             record_trace(path, bench_trace(), {})
+
+
+def test_legends_lie_beside_what_they_explain():
+    """No plot has a legend on its curves; one text names the colours of arrows, gaps and forces."""
+    look = record_grasp.look
+    plots, todo = [], [look.layout(bench_trace()).root_container]
+    while todo:
+        part = todo.pop()
+        if isinstance(part, rrb.TimeSeriesView):
+            plots.append(part)
+        elif isinstance(part, rrb.Container):
+            todo += part.contents
+    assert len(plots) == 5
+    assert all(not plot.properties["PlotLegend"].visible.as_arrow_array()[0].as_py() for plot in plots)
+    (key,) = (
+        a for entity, a in record_grasp.look.static_entities(bench_trace(), {}) if entity == record_grasp.look.KEY
+    )
+    text = key.text.as_arrow_array()[0].as_py().lower()
+    assert all(colour in text for colour in ("green", "orange", "yellow", "grey", "blue"))
