@@ -10,6 +10,7 @@ from typing import Any, get_type_hints
 
 from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.rerun_names import NAMES
 from iswarm_mj.output.tables import TABLES
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
@@ -42,6 +43,12 @@ def columns(name: str) -> str:
     """Return the columns of a table that `iswarm_mj.load` makes."""
     rows = [(f"`{column.name}`", column.unit, column.description) for column in TABLES[name]]
     return table("column | unit | meaning", rows)
+
+
+def recording() -> str:
+    """Return the entities and components of a swarm's recording."""
+    rows = [(f"`{name.entity}`", f"`{name.component}`", name.unit, name.description) for name in NAMES]
+    return table("entity | component | unit | meaning", rows)
 
 
 def of_arrays(cls: type) -> str:
@@ -85,6 +92,7 @@ MADE = {
     **{name: lambda name=name: columns(name) for name in TABLES},
     "Observation": lambda: of_arrays(Observation),
     "Command": lambda: of_arrays(Command),
+    "recording": recording,
     "faults": faults,
     "settings": settings,
 }
