@@ -4,7 +4,10 @@ import json
 import re
 from pathlib import Path
 
+import pyarrow.compute as pc
 import pytest
+
+import iswarm_mj
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
@@ -44,12 +47,25 @@ def evolution(names):
     assert fitness[generation == generation.max()].mean() > fitness[generation == 0].mean()
 
 
+def recordings(names):
+    """The same as the trajectories say."""
+    saved, robots, links = iswarm_mj.load(names["out"]), names["robots"], names["links"]
+    of_first = saved.links.filter(pc.field("world") == 0)
+    assert sum(map(len, links["sender"].to_pylist())) == of_first.num_rows == len(names["heard"])
+    assert names["heard"].sum() == pc.sum(of_first["is_heard"]).as_py()
+    known = saved.robots.filter((pc.field("world") == 0) & pc.field("dust_hop").is_valid())
+    assert sum(map(len, names["news"])) == known.num_rows > 0 and robots.num_rows == 301
+    assert [row["delivered"] for row in names["runs"].to_pylist()] == [m.delivered for m in saved.measures]
+    assert names["lane"].num_rows > 1
+
+
 SHOWN = {
     "00_first_run": first_run,
     "01_batched_rollouts": batched_rollouts,
     "02_own_strategy": own_strategy,
     "03_gripper": gripper,
     "04_evolution": evolution,
+    "05_recordings": recordings,
 }
 """What holds at the end of each notebook."""
 FAST = "00_first_run", "01_batched_rollouts"
