@@ -1,7 +1,8 @@
 """Common parts of all Rerun recordings: settings as properties and as a table, plots, and whether Rerun is on."""
 
 import os
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
@@ -37,6 +38,34 @@ def check_recordings() -> None:
         UserError: the environment disables it.
     """
     require_recordings(rr.RecordingStream("iswarm_mj"))
+
+
+def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
+    """Do what Rerun sometimes never ends on a full disk: it waits for a thread that has just given up.
+
+    Args:
+        call: opens or closes a file.
+        limit_s: after which it is left alone, in a thread that goes with the process [s].
+
+    Raises:
+        RuntimeError: it has not ended by then; other errors are its own.
+    """
+    errors: list[Exception] = []
+
+    def work() -> None:
+        try:
+            call()
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(limit_s)
+    if thread.is_alive():
+        rr.unregister_shutdown()  # which would wait at the process's end
+        raise RuntimeError(f"not done within {limit_s:g} s")
+    if errors:
+        raise errors[0]
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

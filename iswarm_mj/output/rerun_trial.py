@@ -11,7 +11,7 @@ from jaxtyping import Float
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
-from iswarm_mj.output.rerun_format import FLUSH_SECONDS, require_recordings, send_properties
+from iswarm_mj.output.rerun_format import FLUSH_SECONDS, bounded, require_recordings, send_properties
 from iswarm_mj.output.rerun_trial_view import NN, UM
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.files import atomic_write
@@ -47,12 +47,12 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     try:
         with atomic_write(path) as part:
             part.open("wb").close()
-            stream.save(part, default_blueprint=look.layout(trace))
+            bounded(lambda: stream.save(part, default_blueprint=look.layout(trace)))
             try:
                 _write(stream, path.stem, thinned(trace, SAMPLES), {"version": __version__, **settings})
                 stream.flush(timeout_sec=FLUSH_SECONDS)
             finally:
-                stream.disconnect()
+                bounded(stream.disconnect)
     except (OSError, RuntimeError) as error:
         raise UserError(
             f"The recording {str(path)!r} cannot be written ({error}): "

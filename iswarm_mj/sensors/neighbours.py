@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from iswarm_mj.utils.compiled import cached
 
 
 class Neighbours(NamedTuple):
@@ -36,7 +37,7 @@ def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
     return Neighbours(robot, other, dx, dy, distance, reverse, first)
 
 
-@njit(cache=True)
+@cached
 def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tuple[np.ndarray, ...]:
     """Robot, other and reverse (P,) of each pair, sorted by robot, and the index where each robot's begin (B N + 1,).
 

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from iswarm_mj.sensors.neighbours import Neighbours
+from iswarm_mj.utils.compiled import cached
 from iswarm_mj.utils.robot import Robot
 
 CUT, CLEAR, OPEN = 0, 1, 2
@@ -46,7 +46,7 @@ def circles(robot: Robot) -> Circles:
     return Circles(outer, robot.inradius * (1 - 1e-6), outer + robot.optical_offset)
 
 
-@njit(cache=True)
+@cached
 def meets_boxes(x: float, y: float, vx: float, vy: float, boxes: np.ndarray) -> bool:
     """Whether the straight way from a point by a vector leads through one of the boxes (M, 6)."""
     for box in boxes:
@@ -66,7 +66,7 @@ def meets_boxes(x: float, y: float, vx: float, vy: float, boxes: np.ndarray) -> 
     return False
 
 
-@njit(cache=True)
+@cached
 def judge(
     paths: Paths, poses: np.ndarray, around: Neighbours, circles: Circles, enough: int, boxes: np.ndarray
 ) -> np.ndarray:

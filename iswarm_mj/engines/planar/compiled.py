@@ -9,6 +9,8 @@ import numba
 import platformdirs
 from numba.core import config
 
+from iswarm_mj.utils import compiled as compilation
+
 compiled = numba.njit(nogil=True)
 """For functions that other compiled functions call."""
 
@@ -29,6 +31,6 @@ def cached(function: Callable) -> Any:
     before = config.CACHE_DIR
     config.CACHE_DIR = str(place)
     try:
-        return numba.njit(nogil=True, cache=True)(function)
+        return compilation.cached(function, nogil=True)
     finally:
         config.CACHE_DIR = before
