@@ -4,7 +4,7 @@ The look is defined in `rerun_swarm_view`, the layout of the viewer in `rerun_sw
 block of frames at a time, never with a call per robot or per frame.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,23 +15,11 @@ import rerun as rr
 
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
-<<<<<<< HEAD
 from iswarm_mj.output.frames import HELD
 from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
 from iswarm_mj.output.rerun_format import FLUSH_SECONDS, index, require_recordings, send_properties, settings_document
 from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, robots_of, strips, trails
 from iswarm_mj.output.rerun_swarm_layout import layout
-=======
-from iswarm_mj.output.remembered import hop_counts, is_known
-from iswarm_mj.output.rerun_format import (
-    FLUSH_SECONDS,
-    bounded,
-    require_recordings,
-    send_properties,
-    settings_document,
-)
-from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, strips, trails
->>>>>>> 820d63b (What Rerun never ends on a full disk is left alone after 30 s; functions of numba need no place to be kept)
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.said import payload_of, readable
 from iswarm_mj.output.trajectory import AREA, METRIC, Frames, Scene
@@ -92,13 +80,8 @@ class Recording:
     def _open(self) -> None:
         """Open the file, with the layout."""
         try:
-<<<<<<< HEAD
             Path(self._path).open("wb").close()
             self._stream.save(self._path, default_blueprint=layout(self._scene))
-=======
-            Path(path).open("wb").close()
-            bounded(lambda: self._stream.save(path, default_blueprint=look.layout(scene)))
->>>>>>> 820d63b (What Rerun never ends on a full disk is left alone after 30 s; functions of numba need no place to be kept)
         except (OSError, RuntimeError) as error:
             raise UserError(
                 f"The recording {self._path!r} cannot be written ({error}): "
@@ -114,26 +97,18 @@ class Recording:
     ) -> None:
         """Complete and close the file, with what the world came to as property `result`; exceptions pass."""
         try:
-<<<<<<< HEAD
             send_properties(self._stream, "result", self._result)
             self._flush()
-=======
-            try:
-                self._flush()
-            finally:
-                self._write(lambda: bounded(self._stream.disconnect))
->>>>>>> 820d63b (What Rerun never ends on a full disk is left alone after 30 s; functions of numba need no place to be kept)
         except UserError:
             if error is None:
                 raise
+        finally:
+            self._stream.disconnect()
 
     def _flush(self) -> None:
         """Write everything to the file, which fails if the disk is full."""
-        self._write(lambda: self._stream.flush(timeout_sec=FLUSH_SECONDS))
-
-    def _write(self, call: Callable[[], None]) -> None:
         try:
-            call()
+            self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             raise UserError(
                 f"The recording {self._path!r} could not be written to its end ({error}): "
