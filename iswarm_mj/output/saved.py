@@ -250,4 +250,6 @@ def _scene(arrays: Mapping[str, np.ndarray], number: int, config: SwarmConfig) -
     }
     found = {name: arrays[f"scene_{name}"] for name in Scene._fields if f"scene_{name}" in arrays}
     values: dict[str, Any] = {name: value if value.ndim else value.item() for name, value in found.items()}
+    words = [name for name, usually in Scene._field_defaults.items() if isinstance(usually, tuple) and name in values]
+    values |= {name: tuple(tuple(v) if isinstance(v, list) else v for v in values[name].tolist()) for name in words}
     return Scene(**usual | values)

@@ -1,5 +1,6 @@
 """`iswarm inspect`: what ran, measures, faults, files and how to open them."""
 
+import importlib.util
 import json
 import re
 import shlex
@@ -88,3 +89,13 @@ def test_a_damaged_table_is_named(tmp_path):
 def test_directories_without_results(tmp_path, name):
     with pytest.raises(UserError, match=r"is no directory|holds no results"):
         inspection(tmp_path / name)
+
+
+def test_a_run_that_was_read_can_be_recorded_again(run):
+    """As `tools/recording_cost.py` does to say what a recorded step costs."""
+    spec = importlib.util.spec_from_file_location("recording_cost", ROOT / "tools/recording_cost.py")
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    n_steps, size, milliseconds = tool.cost(run)
+    assert n_steps == 13 and milliseconds > 0
+    assert (run / "clean.rrd").stat().st_size / 3 < n_steps * size < (run / "clean.rrd").stat().st_size
