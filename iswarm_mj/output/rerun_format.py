@@ -3,6 +3,7 @@
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
@@ -38,6 +39,18 @@ def check_recordings() -> None:
         UserError: the environment disables it.
     """
     require_recordings(rr.RecordingStream("iswarm_mj"))
+
+
+@contextmanager
+def written(path: str) -> Iterator[None]:
+    """Raise a UserError if the block cannot write a recording to its end, for example because the disk is full."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise UserError(
+            f"The recording {path!r} could not be written to its end ({error}): "
+            "make room on the disk, or give a file elsewhere."
+        ) from error
 
 
 def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:

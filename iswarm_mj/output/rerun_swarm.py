@@ -17,7 +17,15 @@ from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.frames import HELD
 from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
-from iswarm_mj.output.rerun_format import FLUSH_SECONDS, index, require_recordings, send_properties, settings_document
+from iswarm_mj.output.rerun_format import (
+    FLUSH_SECONDS,
+    bounded,
+    index,
+    require_recordings,
+    send_properties,
+    settings_document,
+    written,
+)
 from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, robots_of, strips, trails
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
@@ -81,7 +89,7 @@ class Recording:
         """Open the file, with the layout."""
         try:
             Path(self._path).open("wb").close()
-            self._stream.save(self._path, default_blueprint=layout(self._scene))
+            bounded(lambda: self._stream.save(self._path, default_blueprint=layout(self._scene)))
         except (OSError, RuntimeError) as error:
             raise UserError(
                 f"The recording {self._path!r} cannot be written ({error}): "
@@ -97,23 +105,20 @@ class Recording:
     ) -> None:
         """Complete and close the file, with what the world came to as property `result`; exceptions pass."""
         try:
-            send_properties(self._stream, "result", self._result)
-            self._flush()
+            try:
+                send_properties(self._stream, "result", self._result)
+                self._flush()
+            finally:
+                with written(self._path):
+                    bounded(self._stream.disconnect)
         except UserError:
             if error is None:
                 raise
-        finally:
-            self._stream.disconnect()
 
     def _flush(self) -> None:
         """Write everything to the file, which fails if the disk is full."""
-        try:
+        with written(self._path):
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
-        except RuntimeError as error:
-            raise UserError(
-                f"The recording {self._path!r} could not be written to its end ({error}): "
-                "make room on the disk, or give a file elsewhere."
-            ) from error
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.

@@ -49,7 +49,7 @@ def test_a_recording_that_cannot_be_closed_is_told(monkeypatch):
         def disconnect(self):
             raise RuntimeError("it is gone")
 
-    recording._path, recording._stream = "a.rrd", Stream()
+    recording._path, recording._stream, recording._result = "a.rrd", Stream(), {}
     with pytest.raises(UserError, match=r"'a.rrd' could not be written to its end \(it is gone\)"):
         recording.__exit__(None, None, None)
     recording.__exit__(ValueError, ValueError(), None)  # says more
