@@ -81,7 +81,7 @@ class Recording:
         self._lanes = rerun_states.Lanes(robots)
         for entity, archetype in [*look.static_entities(scene), *rerun_states.static_lanes(scene, robots)]:
             self._stream.log(entity, archetype, static=True, strict=True)
-        document = settings_document(look.LEGEND, "Parameter", config)
+        document = settings_document(look.legend(scene), "Parameter", config)
         self._stream.log(look.CONFIG, document, static=True, strict=True)
         self._flush()
 

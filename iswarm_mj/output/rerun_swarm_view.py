@@ -63,21 +63,21 @@ FRONT_RADIUS = 0.1
 
 _FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (205, 195, 175)
 _TRAIL, _FRONT = (86, 180, 233), (255, 255, 255)
-LEGEND = """**Robots**: orange empty, green scout, blue loaded; darker: sends priority. A dot marks the front.
-
-**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
-
-**Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; blue the trail of a loaded robot.
-
-**Hop counts**: purple 0, blue 4, teal 8, green 11, yellow 15; grey without a vector.
-
-**States**: colours as robots, lighter if an empty one knows dust or a loaded one the dump, greyer if it stands.
-
-**Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its
-turn and its way; a line the numbers of receiver and sender, side, LED, and whether the message was heard; a ball its
-number and its holder; an arrow or a trail the number of its robot.
-
-**Floor**: yellow the dump, sand the dust. All lengths are in millimetres."""
+_LEGEND = {
+    "": "**Robots**: orange empty, green scout, blue loaded; darker: sends priority. A dot marks the front.",
+    "balls": "**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.",
+    "links": "**Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; "
+    "blue the trail of a loaded robot.",
+    "hops": "**Hop counts**: purple 0, blue 4, teal 8, green 11, yellow 15; grey without a vector.",
+    "states": "**States**: colours as robots, lighter if an empty one knows dust or a loaded one the dump, "
+    "greyer if it stands.",
+    "selected": "**Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts "
+    "(-1: no vector), its turn and its way; a line the numbers of receiver and sender, side, LED, and whether the "
+    "message was heard; a ball its number and its holder; an arrow or a trail the number of its robot.",
+    "floor": "**Floor**: yellow the dump, sand the dust.",
+    "units": "All lengths are in millimetres.",
+}
+"""Paragraphs of the legend."""
 _SHEET = 0.02
 """Thickness of the areas that are painted on the floor [mm]."""
 
@@ -182,6 +182,16 @@ def series(scene: Scene) -> dict[str, tuple[str, tuple[int, int, int]]]:
     return SERIES | shares | of_task
 
 
+def legend(scene: Scene) -> str:
+    """Return what colours and lines mean, as far as this scene has them."""
+    absent = {
+        "balls": not len(scene.ball_radius),
+        "hops": not any(hop(name) in scene.memory_names for name in scene.arrows),
+        "floor": scene.dump[2] <= scene.dump[0] and not np.size(scene.dust_areas),
+    }
+    return "\n\n".join(text for name, text in _LEGEND.items() if not absent.get(name))
+
+
 def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     """Yield (entity, archetype) of all that does not change: the arena, the styles, the colours of states."""
     size = np.asarray(scene.robot_size, float) * MILLIMETRES
@@ -189,7 +199,7 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, Any]]:
     floor = np.array([[-arena / 2, -arena / 2, arena / 2, arena / 2]])
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
     yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES, *_LINK_CLASSES])
-    yield KEY, rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
+    yield KEY, rr.TextDocument(legend(scene), media_type=rr.MediaType.MARKDOWN)
     yield "world/arena/floor", _sheet(floor, 0.0, _FLOOR)
     yield "world/arena/walls", _walls(arena, size[2])
     if scene.dump[2] > scene.dump[0]:

@@ -1,5 +1,6 @@
 """What recordings of a swarm show."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -217,3 +218,18 @@ def test_the_legend_is_a_view_of_its_own():
 
     text = [archetype for entity, archetype in view.static_entities(make_scene()) if entity == view.KEY]
     assert len(text) == 1 and "orange empty" in text[0].text.as_arrow_array()[0].as_py()
+
+
+def test_the_legend_leaves_out_what_a_scene_lacks():
+    from iswarm_mj.output import rerun_swarm_view as view
+
+    bare = make_scene()._replace(
+        ball_radius=np.zeros(0), dump=np.zeros(4), dust_areas=np.zeros((0, 4)), memory_names=(), memory_units=()
+    )
+    assert {"Balls", "Hop counts", "Floor"} <= set(re.findall(r"\*\*(.+?)\*\*", view.legend(make_scene())))
+    assert re.findall(r"\*\*(.+?)\*\*", view.legend(bare._replace(memory_sizes=()))) == [
+        "Robots",
+        "Lines",
+        "States",
+        "Selected",
+    ]
