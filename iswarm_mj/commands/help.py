@@ -64,6 +64,8 @@ def _described(owner: type, f: Any, everything: bool) -> tuple[str, Any, Any]:
     kind = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
     default = _default(f)
     value = f.default_factory() if f.default_factory is not MISSING else f.default
+    if isinstance(kind, type) and hasattr(kind, "_fields"):
+        kind, value = _of_named_tuple(kind), _of_named_tuple(kind)(*value)
     if not is_dataclass(value) and not is_dataclass(kind):
         return f.name, _annotated(owner, f, everything), default
     group: Any = kind if isinstance(value, type) or not is_dataclass(value) else type(value)
@@ -74,6 +76,16 @@ def _described(owner: type, f: Any, everything: bool) -> tuple[str, Any, Any]:
     shown_values = {g.name: getattr(value, g.name) for g in fields(group)} if is_dataclass(value) else None
     factory = field(default_factory=lambda: inner(**shown_values)) if shown_values is not None else default
     return f.name, _with(inner, extras), factory
+
+
+def _of_named_tuple(kind: type) -> type:
+    """Return a dataclass with the fields of a named tuple."""
+    defaults = getattr(kind, "_field_defaults", {})
+    named = [
+        (name, hint, field(default=defaults.get(name, MISSING)))
+        for name, hint in get_type_hints(kind, include_extras=True).items()
+    ]
+    return make_dataclass(kind.__name__, named, namespace={"described_by": kind, "__doc__": kind.__doc__}, frozen=True)
 
 
 def _annotated(owner: type, f: Any, everything: bool) -> Any:

@@ -27,3 +27,4 @@ class Picture(RenderOptions):
         from iswarm_mj.output.stage import Shot
 
         render(self.directory, self.step, Shot(self.camera, (self.width, self.height), self.ball_scale), self.out)
+        print(f"step {self.step} of {self.directory}, {self.camera}: {self.out}")

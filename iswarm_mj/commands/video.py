@@ -39,3 +39,4 @@ class Video(RenderOptions):
 
         shot = Shot(self.camera, (self.width, self.height), self.ball_scale, fine=False)
         write_video(self.directory, self.out, Film(self.title, self.steps, self.frames_per_step, shot))
+        print(f"video of {self.directory}: {self.out}")

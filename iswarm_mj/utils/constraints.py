@@ -61,6 +61,8 @@ def check_kind(name: str, value: Any, kind: type | tuple[type, ...], remedy: str
 def validate(settings: Any, group: str = "") -> None:
     """Check the fields of a dataclass against their types and their `Within`; to be called by `__post_init__`.
 
+    Fields of named tuples in it are checked with it, since these have no `__post_init__`.
+
     Args:
         settings: the object.
         group: its name as part of a configuration, which precedes the fields' names in errors.
@@ -78,6 +80,9 @@ def validate(settings: Any, group: str = "") -> None:
             check(full, value, " or ".join(get_args(kind)), isinstance(value, str) and value in get_args(kind))
         elif isinstance(kind, type) and is_dataclass(kind):
             check_kind(full, value, kind)
+        elif isinstance(kind, type) and hasattr(kind, "_fields"):
+            check_kind(full, value, kind)
+            validate(value, full)
         elif constraint is not None and get_origin(kind) is tuple:
             check_kind(full, value, tuple)
             for element in value:

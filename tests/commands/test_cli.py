@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj import __version__ as version
+from iswarm_mj.commands.main import main
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from tests.helpers_cli import ARENA_FLAGS, CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, refused, result
 
@@ -250,3 +251,11 @@ def test_unknown_commands(arguments, fact, capfd, here):
 def test_version(capfd):
     assert code_of("--version") == 0
     assert capfd.readouterr() == (f"iswarm {version}\n", "")
+
+
+def test_pictures_and_videos_say_where_they_are(monkeypatch, capfd):
+    monkeypatch.setattr("iswarm_mj.output.render.render", lambda *_: None)
+    monkeypatch.setattr("iswarm_mj.output.video.write_video", lambda *_: None)
+    main(["picture", "runs/x", "--step", "7", "--camera", "oblique", "--out", "a.png"])
+    main(["video", "runs/x", "--out", "a.mp4"])
+    assert capfd.readouterr().out == "step 7 of runs/x, oblique: a.png\nvideo of runs/x: a.mp4\n"

@@ -120,7 +120,7 @@ def test_results_that_cannot_be_written(here, capfd):
     (here / "out" / "trials.parquet").mkdir(parents=True)
     assert code_of("grasp", *flags) == 2
     said = "iswarm: out/trials.parquet cannot be written (Is a directory); move it away or choose another --out\n"
-    assert capfd.readouterr().err == said
+    assert capfd.readouterr().err.endswith(said)  # on a slow machine after what was waited for
     assert [path.name for path in (here / "out").iterdir()] == ["trials.parquet"]
 
 

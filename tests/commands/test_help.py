@@ -1,13 +1,13 @@
 """`--help` fits on a screen and shows the main flags; `--help-all` shows each with its range and its unit."""
 
 import re
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import get_args, get_type_hints
 
 import pytest
 
 from iswarm_mj.commands.arguments import flag_kinds
-from iswarm_mj.commands.main import COMMANDS, parse
+from iswarm_mj.commands.main import COMMANDS, main, parse
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.utils.constraints import constraint_of
 
@@ -62,6 +62,30 @@ def test_every_number_has_a_range(command):
         if {int, float} & {own.get(f.name), *get_args(own.get(f.name))} and f.name in own
     ]
     assert [name for name in of_numbers if constraint_of(COMMANDS[command], name) is None] == []
+
+
+def numbers_of(cls, prefix=""):
+    """Names of the numbers in a class of flags and in the groups beneath, each with its constraint."""
+    for name, kind in get_type_hints(cls).items():
+        if {int, float} & {kind, *get_args(kind)} and hasattr(cls, name):
+            yield f"{prefix}{name}", constraint_of(cls, name)
+        elif isinstance(kind, type) and (is_dataclass(kind) or hasattr(kind, "_fields")):
+            yield from numbers_of(kind, f"{prefix}{name}.")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_number_of_every_group_has_a_range(command):
+    assert [name for name, constraint in numbers_of(COMMANDS[command]) if constraint is None] == []
+
+
+def test_the_bench_shows_ranges_of_its_contacts_and_keeps_to_them(capfd):
+    text, _ = shown(capfd, "grasp", "--help-all")
+    assert "(between 0 and 1e+18 Ohm; default 60000000000.0)" in text[text.index("--contacts.leak ") :].split(" --")[0]
+    assert "(between 0 and 1e-06 m; default 0.0)" in text[text.index("--plate.roughness ") :].split(" --")[0]
+    with pytest.raises(SystemExit) as end:
+        main(["grasp", "--contacts.leak", "-5"])
+    assert end.value.code == 2
+    assert "iswarm: --contacts.leak must be between 0 and 1e+18 Ohm (got -5.0)" in capfd.readouterr().err
 
 
 def test_flags_of_a_strategy_are_main_flags(capfd, tmp_path):

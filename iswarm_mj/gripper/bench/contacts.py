@@ -1,9 +1,10 @@
 """What happens in the contacts of a trial beside adhesion: conduction, breakdown, impacts."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, MODULUS_PROBE, YIELD_PRESSURE
 from iswarm_mj.gripper.units import PRESSURE, UM
+from iswarm_mj.utils.constraints import Above, Within
 
 OHM = 1e-12
 """Unit of resistance of the bench, ms / fF [1/Ohm]."""
@@ -18,25 +19,25 @@ class Contacts(NamedTuple):
     hangs.
     """
 
-    leak: float = 60e9
+    leak: Annotated[float, Within(0, 1e18, "Ohm")] = 60e9
     """Resistance of the touching tool's whole oxide [Ohm]; 0: the ball has the plate's potential while it is lifted,
     and the tool's from the moment when the voltage is off."""
-    contact: float = 1e3
+    contact: Annotated[float, Above(0, 1e18, "Ohm")] = 1e3
     """Resistance of the tool's contact after breakdown [Ohm]; a choice."""
-    plate_contact: float = 1e3
+    plate_contact: Annotated[float, Above(0, 1e18, "Ohm")] = 1e3
     """Resistance of the plate's contact [Ohm]; a choice."""
-    oxide: float = 70e-9
+    oxide: Annotated[float, Within(0, 1e-6, "m")] = 70e-9
     """Thickness of the tool's oxide where it touches [m]; 0: none. Elsewhere roughness keeps the surfaces apart, by the
     effective electrical gap."""
-    breakdown: float = 1e9
+    breakdown: Annotated[float, Above(0, 1e12, "V/m")] = 1e9
     """Field that breaks the oxide [V/m]."""
-    restitution: float | None = None
+    restitution: Annotated[float | None, Within(0, 1)] = None
     """Of impacts without adhesion; None: by plastic yield. 0: a ball stays wherever it lands."""
-    yield_pressure: float = YIELD_PRESSURE
+    yield_pressure: Annotated[float, Above(0, 1e12, "Pa")] = YIELD_PRESSURE
     """Contact pressure at which a ball yields [Pa]."""
-    plate_modulus: float = MODULUS_PLATE
+    plate_modulus: Annotated[float, Above(0, 1e13, "Pa")] = MODULUS_PLATE
     """Reduced modulus of ball and plate [Pa]."""
-    probe_modulus: float = MODULUS_PROBE
+    probe_modulus: Annotated[float, Above(0, 1e13, "Pa")] = MODULUS_PROBE
     """Reduced modulus of ball and tool [Pa]."""
 
     def electrostatic(self) -> dict[str, float]:

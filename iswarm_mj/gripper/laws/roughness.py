@@ -5,9 +5,10 @@ stated roughness would give, set the works to those of smooth surfaces and the r
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from iswarm_mj.utils.arrays import Quantity, array_module
+from iswarm_mj.utils.constraints import Above, Within
 
 SEPARATION = 0.3e-9
 """H_0, distance of surfaces in contact [m]."""
@@ -16,17 +17,17 @@ SEPARATION = 0.3e-9
 class Surface(NamedTuple):
     """What a contact is like, beyond its work of adhesion. SI units; the defaults change nothing."""
 
-    roughness: float = 0.0
+    roughness: Annotated[float, Within(0, 1e-6, "m")] = 0.0
     """Root mean square of the height [m]."""
-    spacing: float = 1e-6
+    spacing: Annotated[float, Above(0, 1e-3, "m")] = 1e-6
     """Distance of the asperities from peak to peak [m]; a choice."""
-    preload: float = 0.0
+    preload: Annotated[float, Within(0, 1e-3, "N")] = 0.0
     """Force that pressed the contact together before [N]."""
-    hardness: float = 110e6
+    hardness: Annotated[float, Above(0, 1e12, "Pa")] = 110e6
     """Of the softer body, about 2.8 times the yield stress of solder [Pa]; a choice."""
-    modulus: float = 45.5e9
+    modulus: Annotated[float, Above(0, 1e13, "Pa")] = 45.5e9
     """Reduced modulus E* [Pa]."""
-    hysteresis: float = 0.0
+    hysteresis: Annotated[float, Within(0, 100)] = 0.0
     """Relative excess of the work when surfaces separate over that when they approach."""
 
 
