@@ -69,6 +69,8 @@ def example(tmp_path, monkeypatch):
     tasks = (ROOT / "docs/tasks.md").read_text(encoding="utf-8")
     (tmp_path / "gather.py").write_text(re.search(r"```python\n(# gather.py.*?)```", tasks, re.S)[1])
     (tmp_path / "boxes.json").write_text(re.search(r"```json\n(.*?)```", tasks, re.S)[1])
+    policies = (ROOT / "docs/policies.md").read_text(encoding="utf-8")
+    (tmp_path / "turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", policies, re.S)[1])
     start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
@@ -79,7 +81,7 @@ def example(tmp_path, monkeypatch):
     return tmp_path
 
 
-INSTALLED = ("--strategy type2", "--task aggregation", "--task foraging")
+INSTALLED = ("--strategy type2", "--strategy neural", "--task aggregation", "--task foraging")
 """Parts of commands that need the package to be installed, not only to be found."""
 
 

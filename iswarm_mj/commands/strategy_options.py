@@ -64,7 +64,9 @@ def _extended(command: Any, place: str, found: Any, replaced: Sequence[str] = ()
             f"{cls.__name__} has a field {clashes[0]}, but --{clashes[0].replace('_', '-')} is already a flag of "
             f"iswarm {command.__name__.lower()}; rename the field"
         )
-    hidden = [(key, Annotated[known[key].type, tyro.conf.Suppress], _default(known[key])) for key in replaced]
+    hidden = [
+        (key, Annotated[known[key].type, tyro.conf.Suppress], _default(known[key])) for key in replaced if key in known
+    ]
     own = (place, Annotated[cls, tyro.conf.arg(name="")], _own(cls, found))
     extended = make_dataclass(command.__name__, [*hidden, own], bases=(command,), frozen=True)
     extended.__doc__ = command.__doc__

@@ -138,12 +138,13 @@ def compiled_engine(
     Raises:
         UserError: there are obstacles, which it does not know.
     """
-    if config.arena.obstacles:
+    if config.arena.obstacles and not isinstance(engine, MjxSettings):
         name = " with impl ".join(
             str(part) for part in (engine.identity["engine"], engine.identity.get("impl")) if part
         )
         raise UserError(
-            f"arena.obstacles run on the engine mujoco and on planar with impl numba (got {name}); use one of these"
+            f"arena.obstacles run on the engines mujoco and mjx, and on planar with impl numba (got {name}); use one "
+            "of these"
         )
     if isinstance(engine, MjxSettings):
         # Here, since importing MJX takes seconds, which the other engines need not wait for.

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from helpers_obstacles import BOXES, CONFIG, N, starts
 from helpers_rrd import read
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
@@ -15,32 +16,15 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.obstacles import corners, distances, numbers
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.clean import clean
-
-BOXES = (
-    (4.0, 3.0, 2.0, 0.3, 30.0),
-    (-4.0, -3.0, 0.4, 1.5, -70.0),
-    (0.0, 5.0, 1.0, 1.0, 0.0),
-    (-5.0, 4.0, 0.2, 0.2, 10.0),
-)
-CONFIG = SwarmConfig(
-    ArenaConfig(size=15, dump_size=3, dust_area_size=2, dust_area_offset=5.5, n_dust=2, obstacles=BOXES), DriveConfig()
-)
-N = 40
 
 
 @pytest.fixture(scope="module")
 def engines():
     whole, one = (compile_arena(CONFIG, n, np.zeros(0)) for n in (N, 1))
     return MujocoEngine(CONFIG, whole, 3, 1, N), PlanarEngine(CONFIG, one, 1)
-
-
-def starts(seed):
-    rng = np.random.default_rng(seed)
-    return np.stack([place_robots(CONFIG.arena, N, rng) for _ in range(3)])
 
 
 def test_robots_start_beside_obstacles():

@@ -196,6 +196,22 @@ def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
     np.testing.assert_array_equal(begins.weights, weights)
 
 
+def test_the_command_trains_a_policy_of_the_user(tmp_path, capfd, monkeypatch):
+    """That of the documentation, whose flag then takes the weights; strategies without weights are refused."""
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[2] / "docs/policies.md").read_text()
+    Path("turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", page, re.S)[1])
+    cli.main(["train", "--strategy", "turner.py:Turner", *FLAGS])
+    weights = load_weights("runs/train/weights.npz")
+    assert len(weights) == 4 * 4 + (4 + 4) * 2
+    again = cli.parse(["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"])
+    np.testing.assert_array_equal(policy(again._strategy(), SMALL, 4).weights, weights)
+    Path("walk.py").write_text("class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n")
+    with pytest.raises(SystemExit):
+        cli.main(["train", "--strategy", "walk.py:Walk"])
+    assert "Walk has no method init" in capfd.readouterr().err
+
+
 @pytest.mark.slow
 def test_killed_and_resumed(tmp_path):
     """In processes that are killed, at any moment, files end up byte for byte as without."""

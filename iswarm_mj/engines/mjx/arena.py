@@ -15,6 +15,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel, compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_rd
 
@@ -26,7 +27,7 @@ class ContactCapacity(NamedTuple):
     """Sizes of MJX's contact buffers for one world; MJX's arrays have fixed shapes."""
 
     pairs: int
-    """Pairs of robots whose boxes are compared (JAX)."""
+    """Pairs of robots, or of an obstacle and a robot, whose boxes are compared (JAX)."""
     contacts: int
     """Contact points, each a constraint row, in one world."""
 
@@ -38,16 +39,22 @@ def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) ->
     twice the most that type 1 showed in the first 60 steps at densities from 0.12 to 0.4. Swarms that jam, such as
     those whose robots hardly avoid each other, need more. A full buffer is a fault that names world and step.
 
+    Each obstacle has room for twice the robots that the circle around it has at this density, and for four contact
+    points of each robot in a row along its edges.
+
     Args:
-        config: the size of the arena.
+        config: the arena.
         n_robots: N.
         factor: times the rule.
     """
     density = n_robots * RD**2 / mm_from_rd(config.arena.size) ** 2
-    return ContactCapacity(
-        pairs=min(math.ceil(factor * (16 + n_robots * (0.4 + 1.2 * density))), max(1, n_robots * (n_robots - 1) // 2)),
-        contacts=math.ceil(factor * (64 + n_robots * (0.7 + 2.4 * density))),
-    )
+    pairs, contacts = 16 + n_robots * (0.4 + 1.2 * density), 64 + n_robots * (0.7 + 2.4 * density)
+    for *_, half_x, half_y, _ in config.arena.obstacles:
+        around = math.pi * (math.hypot(half_x, half_y) + 1) ** 2
+        pairs += min(n_robots, 8 + 2 * density * around)
+        contacts += 8 + 16 * density * (half_x + half_y)
+    most = n_robots * (n_robots - 1) // 2 + n_robots * len(config.arena.obstacles)
+    return ContactCapacity(min(math.ceil(factor * pairs), max(1, most)), math.ceil(factor * contacts))
 
 
 @jax.tree_util.register_dataclass
@@ -61,6 +68,7 @@ class MjxArena:
         sight: MJX model of the JAX implementation that `mjx.ray` looks at, without collisions.
         view: its data.
         servo_gain: (3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
+        boxes: (M, 6) obstacles, see `utils.obstacles.numbers` [mm].
         n_robots: N.
         hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
@@ -74,6 +82,7 @@ class MjxArena:
     sight: mjx.Model
     view: mjx.Data
     servo_gain: Array
+    boxes: Array
     n_robots: int = field(metadata={"static": True})
     hull: int = field(metadata={"static": True})
     impl: str = field(metadata={"static": True})
@@ -118,6 +127,7 @@ def compile_mjx_arena(
         sight=put_model(sight.model, "jax", own),
         view=_at_rest(sight.model, own),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
+        boxes=jnp.asarray(numbers(config.arena.obstacles, RD), jnp.float32),
         n_robots=n_robots,
         hull=int(sight.hull[0]),
         impl=impl,

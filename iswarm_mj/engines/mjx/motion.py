@@ -77,6 +77,11 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
     farthest = 2 * arena.robot.circumradius + 1e-3  # robots farther apart than this cannot touch [mm]
     n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
+    if len(arena.boxes):  # MJX compares boxes whose spheres meet; those of obstacles are wide and come first
+        around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5]) + jnp.linalg.norm(jnp.array(arena.robot.half_edges))
+        reach2 = ((centre[:, None, :2] - arena.boxes[None, :, :2]) ** 2).sum(axis=-1)
+        is_level = jnp.abs(centre[:, 2] - arena.robot.ray_height) < arena.robot.ray_height  # the others are absent
+        n_near += ((reach2 < around**2) & is_level[:, None]).sum()
     return crowded | jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
 
 

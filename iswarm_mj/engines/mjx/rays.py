@@ -44,6 +44,33 @@ class Paths(NamedTuple):
     """Index of the robot, or N for a wall."""
 
 
+def entries(
+    origin: Float[Array, "*P 2"], vector: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
+) -> Float[Array, "*P"]:
+    """Share of a straight way after which it enters the first of the boxes; 0 inside, infinite if it enters none.
+
+    Args:
+        origin: where the way begins [mm].
+        vector: the way [mm].
+        boxes: see `utils.obstacles.numbers`.
+    """
+    c, s, a, b = boxes.T[2:]
+
+    def within(along: Array, half: Array) -> tuple[Array, Array]:
+        """Shares between which the way is in the strip of a box along one of its edges."""
+        at = ((origin[..., None, :] - boxes[:, :2]) * along).sum(axis=-1)
+        step = (vector[..., None, :] * along).sum(axis=-1)
+        one, other = (-half - at) / step, (half - at) / step
+        is_in, is_still = jnp.abs(at) <= half, step == 0
+        first = jnp.where(is_still, jnp.where(is_in, -jnp.inf, jnp.inf), jnp.minimum(one, other))
+        return first, jnp.where(is_still, jnp.where(is_in, jnp.inf, -jnp.inf), jnp.maximum(one, other))
+
+    strips = [within(jnp.stack(axis, axis=-1), half) for axis, half in (((c, s), a), ((-s, c), b))]
+    enters = jnp.maximum(jnp.maximum(strips[0][0], strips[1][0]), 0.0)
+    leaves = jnp.minimum(jnp.minimum(strips[0][1], strips[1][1]), 1.0)
+    return jnp.where(enters <= leaves, enters, jnp.inf).min(axis=-1)
+
+
 def in_sight(arena: MjxArena, crowd: Crowd, paths: Paths, asked: Bool[Array, "P"]) -> Bool[Array, "P"]:
     """Whether light gets from target to origin; False where not asked."""
     x, y = crowd.poses[:, 0], crowd.poses[:, 1]
@@ -57,6 +84,8 @@ def in_sight(arena: MjxArena, crowd: Crowd, paths: Paths, asked: Bool[Array, "P"
     between = crowd.is_present & (index != paths.receiver[:, None]) & (index != paths.sender[:, None])
     gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf).min(axis=1)
     around = circles(arena.robot)
+    if len(arena.boxes):
+        asked &= (paths.sender == arena.n_robots) | jnp.isinf(entries(paths.origin, path, arena.boxes))
     is_clear = asked & (gap > around.outer**2)
     is_open = asked & ~is_clear & (gap > around.inner**2)
     return _by_rays(arena, crowd, paths, is_clear, is_open)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.arena import MjxArena
-from iswarm_mj.engines.mjx.rays import Crowd, Paths, in_sight
+from iswarm_mj.engines.mjx.rays import Crowd, Paths, entries, in_sight
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import (
     Reception,
@@ -25,6 +25,8 @@ from iswarm_mj.sensors.optics import (
 )
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
+
+_INTO = 1e-3  # share of the way to an obstacle by which light is followed into it
 
 
 class Search(NamedTuple):
@@ -141,14 +143,20 @@ def _heading(poses: Array) -> tuple[Array, Array]:
 
 
 def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array, "N S"]:
-    """Find out whether a wall is the first thing on the axis of each LED, within range."""
+    """Find out whether a wall or an obstacle is the first thing on the axis of each LED, within range."""
     leds = led_positions(crowd.poses, arena.robot)
-    ends = leds + led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
+    way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
+    ends, inside = leds + way, jnp.zeros(leds.shape[:-1], bool)
     beyond = (jnp.abs(ends).max(axis=-1) > arena.edge) & crowd.is_present[:, None]
+    if len(arena.boxes):
+        share = entries(leds, way, arena.boxes)
+        inside = (share == 0) & crowd.is_present[:, None]
+        beyond |= (share <= 1) & crowd.is_present[:, None]
+        ends = leds + jnp.minimum(share * (1 + _INTO), 1.0)[..., None] * way
     robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), len(arena.robot.sides))
     wall = jnp.full_like(robot, len(leds))
     paths = Paths(leds.reshape(-1, 2), ends.reshape(-1, 2), robot, wall)
-    sees = in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
+    sees = inside | in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
     if arena.robot.sides.is_regular:
         return sees
     return sees | ((jnp.abs(leds).max(axis=-1) > arena.edge) & crowd.is_present[:, None])  # in a wall, looking along it

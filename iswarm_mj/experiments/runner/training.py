@@ -146,9 +146,8 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int) -> Any:
             with explained(f"{type(strategy).__name__}.{name}"):
                 made = getattr(strategy, name)(config, read_robot(), n_robots)
             break
-    weights, is_array = getattr(made, "weights", None), False
-    if isinstance(weights, jax.Array | np.ndarray):
-        is_array = weights.ndim == 1 and weights.dtype.kind == "f"
+    weights: Any = getattr(made, "weights", None)
+    is_array = isinstance(weights, jax.Array | np.ndarray) and weights.ndim == 1 and weights.dtype.kind == "f"
     if not is_dataclass(made) or not is_array:
         raise UserError(
             f"{type(made).__name__} has no weights to train; give it a field `weights`, an array of floats of one axis"
@@ -176,7 +175,8 @@ def _tried(
         task=task,
         every=EVERY,
     )
-    faults = np.isin(np.arange(len(own.weights)), [fault.world for fault in found.faults])
+    faulty = {fault.world for fault in found.faults}
+    faults = [world in faulty for world in range(len(own.weights))]
     every = np.stack([points(found), found.picked, found.delivered_after[:, -1], found.collisions, faults], axis=1)
     means = every.reshape(len(candidates), n_worlds, -1).mean(axis=1)
     return {"candidates": zlib.crc32(candidates.tobytes()), "found": means.tolist()}
