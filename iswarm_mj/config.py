@@ -116,9 +116,9 @@ class OpticsConfig:
     """Whether a link exists depends on range and cones, as in the paper (`sector`), or on received power (`power`)."""
     communication_radius: Annotated[float, Above(0, 20, "rd")] = 3.5
     """Range on the axis of a beam (Table 1) [rd]."""
-    led_beam_aperture: Annotated[float, Above(0, 90, "deg")] = 60.0
+    led_beam_aperture: Annotated[float, Within(1, 90, "deg")] = 60.0
     """Full opening angle of an LED's beam (Table 1) [deg]."""
-    photodiode_aperture: Annotated[float, Above(0, 90, "deg")] = 90.0
+    photodiode_aperture: Annotated[float, Within(1, 90, "deg")] = 90.0
     """Full width of a side's photodiode sector in `sector` mode [deg]."""
     photodiode_splay: Annotated[float, Within(1, 44, "deg")] = 30.0
     """Angle by which each of a side's two photodiodes looks away from the side's normal in `power` mode [deg]."""

@@ -128,7 +128,7 @@ class Beeclust:
         begins, ends = meets & (wait == 0) & (length >= 1), wait == 1
         left = jnp.where(wait > 0, wait - 1, jnp.minimum(wait + 1, 0))
         left = jnp.where(ends, -self.leaving, jnp.where(begins, length, left))
-        blocked = observation.sees_wall[:, 0] | ends | (meets & (wait <= 0))
+        blocked = observation.sees_wall[:, 0] | ends | meets
         turn = jnp.where(blocked, jnp.sign(aside) * jnp.pi / 2 * (0.5 + 0.5 * jnp.abs(chance)), 0.1 * chance)
         rests = left > 0
         return {"wait": left}, Command(jnp.where(rests, 0.0, turn), jnp.where(rests, 0.0, mm_from_rd(0.5)))

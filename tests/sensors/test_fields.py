@@ -54,6 +54,12 @@ def test_numbers_come_back_within_half_a_step(low, width, bits, share):
     assert abs(got - value) <= field.quantum / 2 + rounding
 
 
+def test_half_a_turn_is_read_to_the_left():
+    codes = jnp.arange(8, dtype=jnp.uint32)
+    quarters = np.array([0, 0.5, 1, 1.5, 2, -1.5, -1, -0.5])
+    np.testing.assert_allclose(Bearing(3).decode(codes), quarters * np.pi / 2, rtol=1e-6)
+
+
 def test_numbers_outside_a_range_are_clipped():
     field = Real(-1, 3, bits=2)
     values = jnp.array([-jnp.inf, -5, -1, 0.2, 3, 99, jnp.inf, jnp.nan])

@@ -11,7 +11,8 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
-from iswarm_mj.tasks.protocol import Things
+from iswarm_mj.tasks.layout import no_balls
+from iswarm_mj.tasks.protocol import Around, Things
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout
@@ -38,6 +39,29 @@ def test_either_spot_is_the_brighter_one():
     task, things = as_task(TASK), Things(start.balls, start.own)
     assert check_task(task, CONFIG, read_robot(), things, 50).keys() == {"light"}
     assert TASK.areas(CONFIG, things)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
+
+
+def advanced(poses, present, east=1.0, key=0):
+    """The task's state and what robots sense, at poses in radii of a robot."""
+    present = np.asarray(present)
+    around = Around(np.multiply(poses, [RD, RD, 1.0]), present, present, present, None, CONFIG, None, None)
+    things = Things(no_balls(), {"east": np.float32(east), "shares": np.zeros(2, np.float32)})
+    return TASK.advance(things, around, jax.random.key(key))
+
+
+def test_shares_are_of_the_robots_that_are_there():
+    poses = np.array([[10, 0, 0], [11, 0, 0], [-10, 0, 0], [0, 0, 0], [10, 1, 0]], float)
+    things, _ = advanced(poses, [True, True, True, True, False])
+    assert things.own["shares"].tolist() == [0.5, 0.25] and TASK.progress(things) == 50
+
+
+def test_photodiodes_err_by_their_share():
+    """5 % of the light where the robot is, whatever the spot."""
+    n = 4000
+    for x, light in ((10.0, 1.0), (-10.0, 0.25)):
+        _, sensed = advanced(np.tile([x, 0.0, 0.0], (n, 1)), np.ones(n, bool))
+        seen = np.asarray(sensed.own["light"])
+        np.testing.assert_allclose([seen.mean(), seen.std()], [light, 0.05 * light], rtol=0.05)
 
 
 class TestBeeclust:

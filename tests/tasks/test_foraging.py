@@ -13,7 +13,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
-from iswarm_mj.tasks.foraging import Forager, Foraging
+from iswarm_mj.tasks.foraging import Forager, Foraging, _between
 from iswarm_mj.tasks.protocol import Things
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.units import RD
@@ -76,3 +76,28 @@ def test_a_forager_knows_where_home_is():
         seen = nothing if step < 12 else nothing._replace(is_loaded=jnp.ones(1, bool))
         memory, command = forager.act(memory, seen, jax.random.fold_in(key, step))
     assert bool(memory["home"].known[0]) and np.hypot(*pose[:2]) < 12
+
+
+def test_a_forager_forgets_a_place_where_nothing_can_be_lifted():
+    forager, key = replace(Forager(), reach=1.0), jax.random.key(0)
+    nothing = senses_nothing(2)
+    beside = nothing._replace(at_dust=jnp.ones(2, bool), ball_vector=jnp.full((2, 2), RD))
+    memory, _ = forager.act(forager.init(2, key), beside, key)
+    assert memory["food"].known.tolist() == [True, True]
+    memory, _ = forager.act(memory, nothing._replace(grasp_failed=jnp.array([True, False])), key)
+    assert memory["food"].known.tolist() == [False, True]
+
+
+def test_a_loaded_forager_at_home_searches_for_the_tip_of_the_dump():
+    """It knows that it is there, and still walks on at random until its ball is released."""
+    forager, n = replace(Forager(), reach=1.0), 50
+    at_home = senses_nothing(n)._replace(on_dump=jnp.ones(n, bool), is_loaded=jnp.ones(n, bool))
+    memory, command = forager.act(forager.init(n, None), at_home, jax.random.key(1))
+    assert memory["home"].known.all() and len(np.unique(command.turn)) == n
+
+
+def test_places_are_spread_evenly_over_their_ring():
+    """Half of all points lie within the circle that halves the ring's area."""
+    away = np.hypot(*np.asarray(_between((3.0, 9.0), 20_000, jax.random.key(0))).T)
+    assert away.min() >= 3.0 - 1e-5 and away.max() <= 9.0 + 1e-5
+    np.testing.assert_allclose(np.mean(away < np.sqrt((9 + 81) / 2)), 0.5, atol=0.02)
