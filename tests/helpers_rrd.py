@@ -12,5 +12,6 @@ def read(path):
     columns = {}
     for entity, group in rows.items():
         moving = sorted((row for row in group if "step" in row), key=lambda row: row["step"])
-        columns[entity] = {name: [row[name] for row in moving] for name in moving[0]} if moving else group[0]
+        still = {name: value for row in group for name, value in row.items()}
+        columns[entity] = {name: [row[name] for row in moving] for name in moving[0]} if moving else still
     return columns

@@ -56,7 +56,7 @@ class Recording:
         Args:
             path: the file to write, by custom `*.rrd`; an existing one is replaced.
             scene: constants of the run.
-            config: shown as a table beside the arena, and stored as property `config`; may be nested.
+            config: shown as a table beside the arena, and stored as property `settings`; may be nested.
             properties: everything else that identifies the run (seed, version, ...), stored as property `run` with the
                 number of the world.
             application: recordings of one application share the viewer's layout, and are one dataset of it.
@@ -75,7 +75,7 @@ class Recording:
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
         self._stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
-        send_properties(self._stream, "config", config)
+        send_properties(self._stream, "settings", config)
         send_properties(self._stream, "run", {**properties, "world": scene.world})
         robots = rerun_states.shown_lanes(scene, lanes)
         self._lanes = rerun_states.Lanes(robots)

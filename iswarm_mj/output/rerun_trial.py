@@ -35,7 +35,7 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     Args:
         path: the file to write, by custom `*.rrd`; an existing one is replaced.
         trace: at least two samples; long ones are thinned.
-        settings: shown as a table, and stored with the package's version as property `config`; may be nested.
+        settings: shown as a table, and stored with the package's version as property `settings`; may be nested.
 
     Raises:
         SimulationFault: a number of the trace is not finite.
@@ -75,7 +75,7 @@ def _write(stream: rr.RecordingStream, name: str, trace: Trace, settings: Mappin
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(name)
-    send_properties(stream, "config", settings)
+    send_properties(stream, "settings", settings)
     for entity, archetype in look.static_entities(trace, settings):
         stream.log(entity, archetype, static=True, strict=True)
     columns = {**_bodies(trace), **_series(trace)}

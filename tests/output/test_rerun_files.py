@@ -25,9 +25,23 @@ def test_configuration_and_properties_keep_their_types(tmp_path):
         with Recording(path, scene, {"a": {"b": value}, "none": None}, {"b": np.float64(2.5)}) as recording:
             recording.append(frames)
         recorded = read(path)
-        assert recorded["/__properties/config"]["a.b"] == [value]
+        assert recorded["/__properties/settings"]["a.b"] == [value]
         assert recorded["/__properties/run"]["b"] == [2.5]
         assert f"| a.b | {str(value).replace('|', '/')} |" in recorded["/config"]["TextDocument:text"][0]
+
+
+def test_a_table_of_runs_has_worlds_and_what_they_came_to(tmp_path):
+    scene = make_scene(5, 2)._replace(world=3)
+    frames = make_frames(scene, 9)
+    running = np.arange(9) < 7
+    ended = replace(frames, is_running=running, delivered=np.arange(9, dtype=np.int32))
+    write(tmp_path / "run.rrd", scene, ended)
+    recorded = read(tmp_path / "run.rrd")
+    assert recorded["/__properties/run"]["world"] == [3]
+    result = recorded["/__properties/result"]
+    assert result["steps"] == [6] and result["delivered"] == [8]
+    assert result["picked"] == [frames.picked[-1]] and result["collisions"] == [frames.collisions[-1]]
+    assert recorded["/__properties"]["RecordingInfo:name"] == ["run, world 3"]
 
 
 def test_a_layout_is_embedded(tmp_path):
@@ -45,6 +59,7 @@ def test_an_exception_leaves_a_complete_file(tmp_path, fault):
         recording.append(cut(frames, 0, 6))
         raise fault
     assert read(path)["/world/links"]["step"] == list(range(6))
+    assert read(path)["/__properties/result"]["steps"] == [5]
     subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True, capture_output=True)
 
 

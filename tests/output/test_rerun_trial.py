@@ -126,7 +126,7 @@ def test_the_mark_is_on_the_ball(recorded):
 
 def test_settings_and_version(recorded):
     still = read(recorded[0])
-    kept = still["/__properties/config"]
+    kept = still["/__properties/settings"]
     assert kept["version"] == [__version__] and kept["seed"] == [3] and kept["protocol.step_voltage"] == [0.25]
     text = still["/settings"]["TextDocument:text"][0]
     assert "| seed | 3 |" in text and "| note | a/b |" in text and __version__ in text
