@@ -12,6 +12,8 @@ from iswarm_mj.sensors.optics import led_axes, led_positions
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.units import RD, mm_from_rd
 
+_SHORTEST = 1e-9
+"""Length of a ray at least, which MuJoCo needs [mm]."""
 _RAY_GROUPS = np.array([0, 0, 0, 1, 0, 0], np.uint8)  # hulls and walls are in group 3
 _FAR = 1e6  # where robots are looked for that a world does not have [mm]
 
@@ -99,7 +101,7 @@ def find_walls(
 
     A LED that a robot presses slightly into a wall sees it too.
     """
-    length = mm_from_rd(scene.config.optics.wall_range)
+    length = max(mm_from_rd(scene.config.optics.wall_range), _SHORTEST)
     edge = mm_from_rd(scene.config.arena.size) / 2
     sees = np.zeros((*poses.shape[:2], len(scene.robot.sides)), bool)
     reach = scene.robot.circumradius + length

@@ -178,6 +178,15 @@ class TestRays:
         assert len(share) == len(hit) == 0
 
 
+@pytest.mark.parametrize("wall_range", [0.0, 1e-320, 0.05])
+def test_walls_are_seen_from_within_them_at_any_range(small, wall_range):
+    """A robot that is pressed into the east wall by 10 um sees it, one 0.3 mm away from it does not."""
+    config = replace(small, optics=replace(small.optics, wall_range=wall_range))
+    worlds = Worlds(config, [[(EDGE - 0.99, 0, 0), (EDGE - 1.3, 4, 0), (0, 0, 0)]])
+    sees = worlds.sense().sees_wall[0]
+    assert sees[0].tolist() == [True, False, False, False] and not sees[1:].any()
+
+
 def test_the_other_solver_ends_a_jam_at_the_same_place(small, monkeypatch):
     """A world with more contacts than `JAM` is solved by conjugate gradients, the one beside it as before."""
     grid = np.stack(np.meshgrid(*[(np.arange(5) - 2) * 1.98] * 2), -1).reshape(1, 25, 2)
