@@ -18,8 +18,8 @@ NETWORK = {"socket", "socketserver", "http", "http.server", "asyncio", "xmlrpc",
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
 LOADS_CODE = {"strategy/library.py"}
 """A strategy's file is code; it is executed because the user names it."""
-LISTENS = {"simulation/distributed.py"}
-"""Looks whether the port is free that processes on several hosts meet at."""
+LISTENS = {"simulation/distributed.py", "output/viewer.py"}
+"""The one looks whether the port is free that processes on several hosts meet at, the other for a port of a viewer."""
 
 
 def calls(tree):

@@ -1,5 +1,6 @@
 """Opens Rerun's viewer for a run that is shown live; it listens to this machine alone."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -42,6 +43,7 @@ def open_viewer(*, headless: bool = False) -> tuple[str, subprocess.Popen[bytes]
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=said,
+                env=os.environ | {"RERUN_ANALYTICS": "0"},
                 start_new_session=True,  # so that Ctrl-C ends the run alone
             )
         except OSError as error:
