@@ -28,6 +28,9 @@ class Clean(Swarm):
     """Record to trajectory.npz and clean.rrd."""
     record_worlds: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
+    record_grasps: Annotated[int, Within(0, 10_000)] = 0
+    """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many; of one
+    world on CPUs, with --gripper.resolution dynamic."""
     lanes: Annotated[tuple[int, ...], Within(0)] = ()
     """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
     live: bool = False
@@ -46,7 +49,14 @@ class Clean(Swarm):
         from iswarm_mj.workflows.clean import clean
         from iswarm_mj.workflows.recorder import Shown
 
-        refuse_ignored(self, [(("record_worlds", "lanes", "live"), not self.record, "with --no-record")])
+        in_program = self.is_compiled or config.gripper.bench == "mjx"
+        rules = [
+            (("record_worlds", "record_grasps", "lanes", "live"), not self.record, "with --no-record"),
+            (("record_grasps",), config.gripper.resolution != "dynamic", "without `gripper.resolution` dynamic"),
+            (("record_grasps",), in_program, "with trials in compiled programs"),
+            (("record_grasps",), self.worlds > 1, "with several `worlds`"),
+        ]
+        refuse_ignored(self, rules)
         check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
@@ -58,7 +68,7 @@ class Clean(Swarm):
                     pass
             run = self.run_of(config, genome, settings, hosts)
             viewer = self._viewer() if self.live and hosts.index == 0 else None
-            clean(run, settings, self.out, hosts, Shown(self.lanes, viewer))
+            clean(run, settings, self.out, hosts, Shown(self.lanes, viewer, self.record_grasps))
 
     @staticmethod
     def _viewer() -> str:

@@ -96,6 +96,11 @@ class Recording:
                 "give a file name in an existing folder that you may write to."
             ) from error
 
+    @property
+    def stream(self) -> rr.RecordingStream:
+        """Where further entities go."""
+        return self._stream
+
     def __enter__(self) -> "Recording":
         """Return the open recording."""
         return self

@@ -78,7 +78,7 @@ def _write(stream: rr.RecordingStream, name: str, trace: Trace, settings: Mappin
     send_properties(stream, "settings", settings)
     for entity, archetype in look.static_entities(trace, settings):
         stream.log(entity, archetype, static=True, strict=True)
-    columns = {**_bodies(trace), **_series(trace)}
+    columns = columns_of(trace)
     count = len(trace.time)
     for start in range(0, count, _BLOCK):
         block = slice(start, start + _BLOCK)
@@ -86,7 +86,7 @@ def _write(stream: rr.RecordingStream, name: str, trace: Trace, settings: Mappin
             parts = {key: value[block].reshape(-1, *value.shape[2:]) for key, value in values.items()}
             sent = archetype.columns(**parts).partition([sizes] * len(range(count)[block]))
             stream.send_columns(entity, _index(trace.time[block]), sent, strict=True)
-    for entity, states in _states(trace).items():
+    for entity, states in states_of(trace).items():
         changes = np.flatnonzero(np.append(True, states[1:] != states[:-1]))
         sent = rr.StateChange.columns(state=[str(state) for state in states[changes]])
         stream.send_columns(entity, _index(trace.time[changes]), sent, strict=True)
@@ -94,6 +94,11 @@ def _write(stream: rr.RecordingStream, name: str, trace: Trace, settings: Mappin
 
 def _index(time: np.ndarray) -> list[rr.TimeColumn]:
     return [rr.TimeColumn("sim_time", duration=np.rint(time * 1e9).astype("timedelta64[ns]"))]
+
+
+def columns_of(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
+    """Entity -> archetype, number of instances, and fields (T, instances, ...) of all that changes but the states."""
+    return {**_bodies(trace), **_series(trace)}
 
 
 def _bodies(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
@@ -131,7 +136,7 @@ def _series(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
     return {name: (rr.Scalars, 1, {"scalars": np.asarray(values[name], float)[:, None]}) for name in look.SERIES}
 
 
-def _states(trace: Trace) -> dict[str, np.ndarray]:
+def states_of(trace: Trace) -> dict[str, np.ndarray]:
     """Entity -> (T,) names of states."""
     at_tool, at_plate = trace.gap_tool <= 0, trace.gap_plate <= 0
     free, tool, plate, both = (list(look.PLACES)[i] for i in (3, 2, 0, 1))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from iswarm_mj import __version__
+from iswarm_mj.gripper.bench.attempt_log import Tried
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
@@ -31,6 +32,8 @@ class Shown(NamedTuple):
     """Robots whose states are lanes; a few by default."""
     viewer: str | None = None
     """Address of a viewer that shows the world while it runs, see `output.viewer`."""
+    grasps: int = 0
+    """Attempts at most whose trials are recorded beside the arena; of a run of one world on CPUs."""
 
 
 AS_USUAL = Shown()
@@ -47,6 +50,7 @@ class Recorder:
         trajectory: Path | None = None,
         settings: RunSettings | None = None,
         shown: Shown = AS_USUAL,
+        heard: list[Tried] | None = None,
     ):
         """Begin with the start.
 
@@ -57,6 +61,7 @@ class Recorder:
             trajectory: directory for trajectory.npz; none is written if not given.
             settings: of the run of all processes, by default those of the run.
             shown: what the recording shows, and where.
+            heard: attempts made since the last record, see `attempt_log.listening`; it is emptied.
         """
         from iswarm_mj.output.rerun_live import LiveRecording
         from iswarm_mj.output.rerun_swarm import Recording
@@ -79,6 +84,12 @@ class Recorder:
             **run.identity,
         }
         self._recording = Recording(recording, self._scene, metadata, identity, lanes=shown.lanes)
+        self._heard = self._attempts = None
+        if heard is not None:
+            from iswarm_mj.output.rerun_attempts import AttemptView
+
+            gap, self._heard = run.config.gripper.release_gap, heard
+            self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
         self._live = None
         if shown.viewer is not None:
             self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, shown.lanes)
@@ -105,6 +116,10 @@ class Recorder:
         """Take in the record of some steps; write a block when there are enough."""
         with postponed(), BUSY, self._watch("record"):
             self._pending.append(record)
+            if self._attempts is not None and self._heard:
+                balls = record.swarm.balls.position[-1, self._index]
+                self._attempts.append(int(record.step[-1, self._index]), list(self._heard), balls)
+                self._heard.clear()
             if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
             if self._live is not None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
+from iswarm_mj.gripper.bench import attempt_log
 
 
 def decider_for(gripper: GripperConfig) -> Decider:
@@ -31,6 +32,9 @@ def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
     def call(*arrays: jax.Array) -> Outcomes:
         from iswarm_mj.gripper.bench.swarm_trials import outcomes
 
-        return outcomes(gripper.release_gap, Attempts(*map(np.asarray, arrays)))
+        attempts = Attempts(*map(np.asarray, arrays))
+        found = outcomes(gripper.release_gap, attempts)
+        attempt_log.note(attempts, found)
+        return found
 
     return jax.pure_callback(call, shapes, *attempts, vmap_method="expand_dims")

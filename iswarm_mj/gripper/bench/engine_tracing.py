@@ -36,6 +36,8 @@ class _Samples(NamedTuple):
     voltage: Any
     tip: Any
     """Height of the tip."""
+    aside: Any
+    """Shift of the tool along x."""
     ball: Any
     """(7,) position and quaternion."""
     fall: Any
@@ -49,11 +51,15 @@ class _Samples(NamedTuple):
 class TraceBench:
     """`Bench` of a single trial, moved step by step."""
 
-    def __init__(self, trial: Trial, start_gap: float):
-        self._model = sized(bench_spec(), trial)
+    def __init__(self, trial: Trial, start_gap: float, hanging: float | None = None, timestep: float | None = None):
+        """Place the ball; arguments as of `MujocoBench`."""
+        spec = bench_spec()
+        if timestep is not None:
+            spec.option.timestep = timestep / MS
+        self._model = sized(spec, trial)
         self._data = mujoco.MjData(self._model)
         self._where, self.timestep = layout(self._model), float(self._model.opt.timestep) * MS
-        self._data.qpos[:], self._touch = start(self._model, trial, start_gap)
+        self._data.qpos[:], self._touch = start(self._model, trial, start_gap, hanging)
         for index, value in plugin_values(self._model, trial).items():
             self._data.plugin_state[index] = value
         self._data.ctrl[self._where.tip] = self._data.qpos[self._where.slide]
@@ -97,6 +103,7 @@ class TraceBench:
             time=time,
             voltage=data.ctrl[where.voltage],
             tip=qpos[where.slide] + where.tip_height,
+            aside=qpos[where.aside],
             ball=qpos[where.ball : where.ball + 7],
             fall=fall,
             plugins=data.plugin_state[self._fields],
@@ -129,11 +136,13 @@ class TraceBench:
         """See `Bench.save`."""
         state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, state, _STATE)
-        return state
+        return state, len(self._samples)
 
     def restore(self, state: Any) -> None:
-        """See `Bench.restore`."""
+        """See `Bench.restore`; what happened since is forgotten."""
+        state, count = state
         mujoco.mj_setState(self._model, self._data, state, _STATE)
+        del self._samples[count:]
 
     def trace(self) -> Trace:
         """Trace of all moves so far."""
@@ -145,7 +154,7 @@ class TraceBench:
             phase=samples.phase,
             phases=tuple(self._phases),
             voltage=samples.voltage,
-            probe=np.stack([zero, zero, samples.tip], axis=1) * UM,
+            probe=np.stack([samples.aside, zero, samples.tip], axis=1) * UM,
             ball=samples.ball[:, :3] * UM,
             ball_quaternion=samples.ball[:, 3:],
             gap_tool=gaps[:, 0],

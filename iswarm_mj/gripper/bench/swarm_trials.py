@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
+from iswarm_mj.gripper.bench.base import Bench
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.staircase import hangs, rung, touch
@@ -36,24 +37,33 @@ class Found(NamedTuple):
 
 def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
     """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
-    bench, protocol = MujocoBench(trials, PROTOCOL.start_gap, threads=1, timestep=TIMESTEP), PROTOCOL
+    return lift_on(MujocoBench(trials, PROTOCOL.start_gap, threads=1, timestep=TIMESTEP), voltage)
+
+
+def lift_on(bench: Bench, voltage: Float[np.ndarray, "n"]) -> Found:
+    """See `lift`; on n new benches."""
+    protocol, count = PROTOCOL, len(voltage)
     touch(bench, protocol)
     rung(bench, protocol, voltage)
     watch = bench.move("off", protocol.off_time, protocol.lift, 0.0)
-    duration = np.full(len(trials), bench.steps / len(trials) * bench.timestep)
-    return Found(hangs(watch, protocol) & watch.finite, duration, np.zeros(len(trials)))
+    duration = np.full(count, bench.steps / count * bench.timestep)
+    return Found(hangs(watch, protocol) & watch.finite, duration, np.zeros(count))
 
 
 def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
     """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
-    rows = [_drop_one(trial, float(volts), gap) for trial, volts in zip(trials, voltage, strict=True)]
+
+    def bench(trial: Trial) -> Bench:
+        return MujocoBench([trial], PROTOCOL.start_gap, threads=1, hanging=gap, timestep=TIMESTEP)
+
+    rows = [drop_on(bench(trial), float(volts), gap) for trial, volts in zip(trials, voltage, strict=True)]
     stays, duration, impact = zip(*rows, strict=True)
     return Found(np.array(stays), np.array(duration), np.array(impact))
 
 
-def _drop_one(trial: Trial, voltage: float, gap: float) -> tuple[bool, float, float]:
-    """Whether a ball stays, how long that took [s], and the speed of its landing [m/s]."""
-    bench, p = MujocoBench([trial], PROTOCOL.start_gap, threads=1, hanging=gap, timestep=TIMESTEP), PROTOCOL
+def drop_on(bench: Bench, voltage: float, gap: float) -> tuple[bool, float, float]:
+    """Whether a ball that hangs on a new bench stays, how long that took [s], and the speed of its landing [m/s]."""
+    p = PROTOCOL
     bench.move("rise", p.rise_time, gap, voltage)
     time = p.rise_time
     while True:

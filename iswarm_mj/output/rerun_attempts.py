@@ -1,0 +1,158 @@
+"""Trials of a swarm's attempts in the recording of its arena, so that a pick-up can be opened at both scales.
+
+An attempt that was decided in control step s plays at the end of step s - 1 on the timeline `sim_time`, in milliseconds
+while the arena stands still; of several in one step one after the other. Attempts are logged below `grasp`, each with
+a line in a list that leads to its time, and with a mark in the arena.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
+
+from iswarm_mj.gripper.bench.attempt_log import Tried
+from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
+from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
+from iswarm_mj.output import rerun_swarm_layout, rerun_trial, rerun_trial_view
+from iswarm_mj.output.rerun_trial_view import BALL, BALL_MARK, FORCES, PLATE, PROBE, SHADOW, UM
+from iswarm_mj.output.trajectory import Scene
+
+ROOT, LOG, MARKS = "grasp", "grasp/log", "world/grasps"
+SAMPLES = 600
+"""Longer traces are thinned to about this number of samples."""
+_SIZED = (PLATE, PROBE, BALL, BALL_MARK, SHADOW, FORCES)
+"""Entities that have another size with another ball."""
+_SPAN = 4e-3
+"""Of the time series about the cursor [s]."""
+_GOOD, _BAD = (0, 158, 115), (213, 94, 0)
+
+
+class AttemptView:
+    """Writes the trials of the first attempts of a run into a recording."""
+
+    def __init__(self, stream: rr.RecordingStream, scene: Scene, gap: float, limit: int):
+        """Write the layout.
+
+        Args:
+            stream: of the arena's recording, at its start.
+            scene: of the arena.
+            gap: of releases [m].
+            limit: attempts that are written at most.
+        """
+        self._stream, self._period, self._gap, self._left = stream, scene.control_period, gap, limit
+        self._count = 0
+        stream.send_blueprint(layout(scene), make_active=True, make_default=True)
+
+    def append(self, step: int, attempts: Sequence[Tried], balls: Float[np.ndarray, "K 2"]) -> None:
+        """Write the trials of the attempts of one control step.
+
+        Args:
+            step: its number, from 1.
+            attempts: that were decided in it.
+            balls: where all balls are [mm].
+        """
+        chosen = attempts[: self._left]
+        if not chosen:
+            return
+        self._left -= len(chosen)
+        start = (step - 1) * self._period
+        self._mark(step, chosen, balls)
+        for tried in chosen:
+            trace, _ = trace_attempt(tried, self._gap)
+            self._write(trace, tried, step, start)
+            start += float(trace.time[-1] - trace.time[0])
+
+    def _mark(self, step: int, attempts: Sequence[Tried], balls: Float[np.ndarray, "K 2"]) -> None:
+        """Mark attempts in the arena, until their step is over."""
+        numbers = range(self._count + 1, self._count + 1 + len(attempts))
+        self._at((step - 1) * self._period, step - 1)
+        marks = rr.Points3D(
+            [[*balls[tried.ball], 2.0] for tried in attempts],
+            radii=rr.Radius.ui_points(9.0),
+            colors=[_GOOD if tried.succeeded else _BAD for tried in attempts],
+            labels=[said(*one) for one in zip(numbers, attempts, strict=True)],
+        )
+        self._stream.log(MARKS, marks)
+        self._at(step * self._period, step)
+        self._stream.log(MARKS, rr.Points3D([]))
+        self._stream.reset_time()
+
+    def _at(self, seconds: float, step: int) -> None:
+        self._stream.set_time("sim_time", duration=np.timedelta64(round(seconds * 1e9), "ns"))
+        self._stream.set_time("step", sequence=step)
+
+    def _write(self, trace: Trace, tried: Tried, step: int, start: float) -> None:
+        """Write one trial, which begins at a time [s], and its line in the list."""
+        self._at(start, step - 1)
+        for entity, archetype in rerun_trial_view.static_entities(trace, {}):
+            if entity in _SIZED:
+                self._stream.log(f"{ROOT}/{entity}", archetype, strict=True)
+            elif self._count == 0 and entity != rerun_trial_view.SETTINGS:
+                self._stream.log(f"{ROOT}/{entity}", archetype, static=True, strict=True)
+        self._count += 1
+        level, hue = ("INFO", _GOOD) if tried.succeeded else ("WARN", _BAD)
+        self._stream.log(LOG, rr.TextLog(said(self._count, tried), level=level, color=hue))
+        self._stream.reset_time()
+        small = thinned(trace, SAMPLES)
+        time = start + small.time - small.time[0]
+        for entity, (archetype, sizes, values) in rerun_trial.columns_of(small).items():
+            parts = {key: value.reshape(-1, *value.shape[2:]) for key, value in values.items()}
+            columns = archetype.columns(**parts).partition([sizes] * len(time))
+            self._stream.send_columns(f"{ROOT}/{entity}", _index(time, step), columns, strict=True)
+        for entity, states in rerun_trial.states_of(small).items():
+            changes = np.flatnonzero(np.append(True, states[1:] != states[:-1]))
+            columns = rr.StateChange.columns(state=[str(state) for state in states[changes]])
+            self._stream.send_columns(f"{ROOT}/{entity}", _index(time[changes], step), columns, strict=True)
+
+
+def said(number: int, tried: Tried) -> str:
+    """An attempt in a line."""
+    what = ("" if tried.succeeded else "not ") + ("lifted" if tried.is_lift else "released")
+    about = f"{tried.voltage:.0f} V, {tried.radius * UM:.1f} µm, {tried.misalignment * UM:.1f} µm beside the axis"
+    return f"attempt {number} at ball {tried.ball}: {what} ({about})"
+
+
+def _index(time: np.ndarray, step: int) -> list[rr.TimeColumn]:
+    return [
+        rr.TimeColumn("sim_time", duration=np.rint(time * 1e9).astype("timedelta64[ns]")),
+        rr.TimeColumn("step", sequence=np.full(len(time), step)),
+    ]
+
+
+def layout(scene: Scene) -> rrb.Blueprint:
+    """Return the layout: the arena with its panels above; the list of attempts, the bench and its plots below."""
+    eye = rrb.EyeControls3D(position=(24, -120, 24), look_target=(4, 0, 30), eye_up=(0, 0, 1))
+    bench = rrb.Spatial3DView(
+        origin=f"{ROOT}/world", name="Grasp (µm)", eye_controls=eye, line_grid=False, background=(24, 26, 30)
+    )
+    states = rrb.StateTimelineView(origin=f"{ROOT}/states", name="Phase, and the ball's contacts and potential")
+    plots = rrb.Vertical(
+        _near_cursor("series/voltage", "Voltage (V)"),
+        _near_cursor("series/gaps", "Gaps (µm)"),
+        _near_cursor("series/attraction", "Forces on the ball (nN)"),
+        name="Grasp over time",
+    )
+    arena = rerun_swarm_layout.layout(scene).root_container
+    lines = rrb.TextLogView(origin=LOG, name="Attempts; a click on a time shows its grasp")
+    below = rrb.Horizontal(lines, rrb.Vertical(bench, states, row_shares=[3, 1]), plots, column_shares=[2, 3, 3])
+    return rrb.Blueprint(
+        rrb.Vertical(arena, below, row_shares=[3, 2]),
+        rrb.TimePanel(timeline="sim_time", state="expanded"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _near_cursor(origin: str, name: str) -> rrb.TimeSeriesView:
+    """A plot of the series of a trial, for the time about the cursor."""
+    before, after = (rr.TimeRangeBoundary.cursor_relative(seconds=side * _SPAN / 2) for side in (-1, 1))
+    return rrb.TimeSeriesView(
+        origin=f"{ROOT}/{origin}",
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+        axis_x=rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=before, end=after)),
+    )

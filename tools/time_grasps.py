@@ -1,0 +1,64 @@
+"""What trials cost in a cleaning run: processor time of a control step by trials and by the balance, alternately.
+
+    taskset -c 1 python tools/time_grasps.py --engine mujoco --pairs 5
+
+Whole runs of type 1, from the second control step to the 66th ball, on one thread; a JSON line for each engine.
+"""
+
+import argparse
+import json
+import time
+
+import numpy as np
+
+from iswarm_mj.config import GripperConfig, SwarmConfig
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.layout import robots_for
+
+ENGINES = {"mujoco": MujocoSettings(1), "planar": PlanarSettings(1, refinement=1), "planar-fine": PlanarSettings(1)}
+GOAL, LIMIT = 66, 1200
+
+
+def one(engine, resolution, seed):
+    """Processor time of a control step [ms], and attempts of a run."""
+    config, genome = SwarmConfig(gripper=GripperConfig(resolution=resolution)), PRESETS["type1"]
+    n_robots = robots_for(config.arena, genome.density_of_robots)
+    settings = RunSettings(n_robots, LIMIT, seed, stop_at=GOAL, record_worlds=())
+    run = Run(config, genome, settings, ENGINES[engine])
+    run.advance()  # which compiles
+    started = time.process_time()
+    while not run.is_over:
+        run.advance()
+    seconds = time.process_time() - started
+    found = run.measures(0)
+    made = found.attempts + found.delivered + found.failed_releases
+    return 1e3 * seconds / (run.step - 1), made, run.step
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--engine", nargs="+", default=["mujoco"], choices=list(ENGINES))
+    parser.add_argument("--pairs", type=int, default=5)
+    args = parser.parse_args()
+    for engine in args.engine:
+        one(engine, "dynamic", 0)  # which loads everything
+        both = np.array(
+            [[one(engine, kind, seed) for kind in ("quasi-static", "dynamic")] for seed in range(args.pairs)]
+        )
+        ratios = both[:, 1, 0] / both[:, 0, 0]
+        row = {
+            "engine": engine,
+            "ms_per_step_quasi_static": round(float(np.median(both[:, 0, 0])), 2),
+            "ms_per_step_dynamic": round(float(np.median(both[:, 1, 0])), 2),
+            "ratio": round(float(np.median(ratios)), 3),
+            "ratios": [round(float(ratio), 3) for ratio in ratios],
+            "attempts_and_releases": float(np.median(both[:, 1, 1])),
+            "steps": both[:, :, 2].astype(int).tolist(),
+        }
+        print(json.dumps(row), flush=True)
+
+
+if __name__ == "__main__":
+    main()
