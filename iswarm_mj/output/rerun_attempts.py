@@ -72,7 +72,7 @@ class AttemptView:
             [[*balls[tried.ball], 2.0] for tried in attempts],
             radii=rr.Radius.ui_points(9.0),
             colors=[_GOOD if tried.succeeded else _BAD for tried in attempts],
-            labels=[said(*one) for one in zip(numbers, attempts, strict=True)],
+            labels=[f"attempt {k}: {outcome(tried)}" for k, tried in zip(numbers, attempts, strict=True)],
         )
         self._stream.log(MARKS, marks)
         self._at(step * self._period, step)
@@ -109,9 +109,13 @@ class AttemptView:
 
 def said(number: int, tried: Tried) -> str:
     """An attempt in a line."""
-    what = ("" if tried.succeeded else "not ") + ("lifted" if tried.is_lift else "released")
     about = f"{tried.voltage:.0f} V, {tried.radius * UM:.1f} µm, {tried.misalignment * UM:.1f} µm beside the axis"
-    return f"attempt {number} at ball {tried.ball}: {what} ({about})"
+    return f"attempt {number} at ball {tried.ball}: {outcome(tried)} ({about})"
+
+
+def outcome(tried: Tried) -> str:
+    """What came of an attempt, in words."""
+    return ("" if tried.succeeded else "not ") + ("lifted" if tried.is_lift else "released")
 
 
 def _index(time: np.ndarray, step: int) -> list[rr.TimeColumn]:
@@ -136,10 +140,10 @@ def layout(scene: Scene) -> rrb.Blueprint:
     )
     arena = rerun_swarm_layout.layout(scene).root_container
     lines = rrb.TextLogView(origin=LOG, name="Attempts; a click on a time shows its grasp")
-    below = rrb.Horizontal(lines, rrb.Vertical(bench, states, row_shares=[3, 1]), plots, column_shares=[2, 3, 3])
+    below = rrb.Horizontal(lines, rrb.Vertical(bench, states, row_shares=[2, 1]), plots, column_shares=[2, 3, 3])
     return rrb.Blueprint(
-        rrb.Vertical(arena, below, row_shares=[3, 2]),
-        rrb.TimePanel(timeline="sim_time", state="expanded"),
+        rrb.Vertical(arena, below, row_shares=[1, 1]),
+        rrb.TimePanel(timeline="sim_time", state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         auto_layout=False,

@@ -168,7 +168,7 @@ def test_a_write_that_breaks_off_leaves_the_old_file(tmp_path, monkeypatch):
     def full(*_):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(record_grasp, "_states", full)
+    monkeypatch.setattr(record_grasp, "states_of", full)
     with pytest.raises(UserError, match="No space left"):
         record_trace(path, bench_trace(), {})
     assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1

@@ -1,0 +1,48 @@
+"""`iswarm clean --record-grasps`: what the recording says of attempts is what happened to the balls."""
+
+import re
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from iswarm_mj.commands.clean import Clean
+from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.utils.errors import UserError
+
+DYNAMIC = GripperConfig(resolution="dynamic", grasp_voltage=30.0, relative_humidity=50.0)
+SMALL = ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"gripper": GripperConfig()}, "without `gripper.resolution` dynamic"),
+        ({"record": False}, "with --no-record"),
+        ({"worlds": 2}, "with several `worlds`"),
+        ({"engine": "mjx"}, "with trials in compiled programs"),
+    ],
+)
+def test_grasps_that_cannot_be_recorded_are_refused(tmp_path, changed, why):
+    options = {"gripper": DYNAMIC, "arena": SMALL, "out": tmp_path, "record_grasps": 5} | changed
+    with pytest.raises(UserError, match=why):
+        Clean(**options).run()
+
+
+@pytest.mark.slow
+def test_balls_that_were_lifted_are_held_from_the_step_on(tmp_path, capsys):
+    Clean(engine="planar", gripper=DYNAMIC, arena=SMALL, steps=40, out=tmp_path, record_grasps=25).run()
+    states = np.load(tmp_path / "trajectory.npz")["ball_state"]
+    chunks = RrdReader(tmp_path / "clean.rrd").stream().to_chunks()
+    log = [row for c in chunks if c.entity_path == "/grasp/log" for row in c.to_record_batch().to_pylist()]
+    assert len(log) == 25
+    found = set()
+    for row in log:
+        after = int(row["sim_time"].total_seconds()) + 1
+        ball, what = re.search(r"at ball (\d+): (.*) \(", row["TextLog:text"][0]).groups()
+        before, now = states[after - 1, int(ball)], states[after, int(ball)]
+        assert (before, now) == {"lifted": (0, 1), "not lifted": (0, 0), "released": (1, 2), "not released": (1, 1)}[
+            what
+        ]
+        found.add(what)
+    assert {"lifted", "not lifted"} <= found
