@@ -10,7 +10,9 @@ from helpers_sensing import lay, place
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.gripper.attempts import Attempts, by_balance
+from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.deciders import by_host
+from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.handling import Rules, carry, handle, working
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.sensors.conditions import conditions_of
@@ -180,3 +182,16 @@ def test_a_batch_that_is_full_postpones():
         balls = go(balls)
         held.append((int(balls.is_held.sum()), int(balls.attempts.sum()), int(balls.postponed.sum())))
     assert held == [(2, 2, 1), (3, 3, 1)]
+
+
+def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
+    """To the last bit, whatever was tried before: a lift and a release of another ball."""
+    trial = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6)
+    volts, gap = np.array([35.0]), GRIPPER.release_gap
+    swarm_trials.lift([Trial(24e-6, 1.2e-3, 16e-3)], np.array([20.0]))
+    swarm_trials.drop([Trial(22e-6, 1.4e-3, 14e-3)], np.array([60.0]), gap)
+    used = swarm_trials.lift([trial], volts), swarm_trials.drop([trial], volts + 20, gap)
+    swarm_trials._own.__dict__.clear()
+    new = swarm_trials.lift([trial], volts)
+    swarm_trials._own.__dict__.clear()
+    assert used == (new, swarm_trials.drop([trial], volts + 20, gap))

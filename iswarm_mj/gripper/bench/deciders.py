@@ -33,6 +33,9 @@ def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
         from iswarm_mj.gripper.bench.swarm_trials import outcomes
 
         attempts = Attempts(*map(np.asarray, arrays))
+        if not (attempts.lifts | attempts.releases).any():
+            none = np.zeros(attempts.lifts.shape, bool)
+            return Outcomes(none, none, none, none.astype(np.float32), none.astype(np.float32))
         found = outcomes(gripper.release_gap, attempts)
         attempt_log.note(attempts, found)
         return found

@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
+from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, resized, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
@@ -44,22 +44,31 @@ class MujocoBench:
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
             timestep: instead of that of the specification [s].
         """
-        make = partial(sized, spec) if spec is not None else partial(_compiled, timestep)
-        models = [make(trial) for trial in trials]
+        self._make = partial(sized, spec) if spec is not None else partial(_compiled, timestep)
+        models = [self._make(trial) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
-        self.steps = 0
         self._where = layout(first)
         self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
         self._batch = Batch(first, len(trials), threads)
+        self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
+        self._touch = np.zeros(len(trials))
+        self._place(models, trials, start_gap, hanging)
+
+    def place(self, trials: Sequence[Trial], start_gap: float, hanging: float | None = None) -> None:
+        """Begin anew with as many other trials, in a third of the time that a new bench takes; see `__init__`."""
+        self._place([self._make(trial) for trial in trials], trials, start_gap, hanging)
+
+    def _place(
+        self, models: list[mujoco.MjModel], trials: Sequence[Trial], start_gap: float, hanging: float | None
+    ) -> None:
+        self.steps = 0
         self._batch.set_models(models)
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
         qpos, state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
-        self._touch = np.zeros(len(trials))
-        for i, trial in enumerate(trials):
-            qpos[i], self._touch[i] = start(first, trial, start_gap, hanging)
-            for index, value in plugin_values(first, trial).items():
+        for i, (model, trial) in enumerate(zip(models, trials, strict=True)):
+            qpos[i], self._touch[i] = start(model, trial, start_gap, hanging)
+            for index, value in plugin_values(model, trial).items():
                 state[i, index] = value
         self._ctrl[:] = 0
         self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
@@ -76,17 +85,23 @@ class MujocoBench:
         end[:, self._where.tip] = self._touch[ids] + tip / UM - self._where.tip_height
         end[:, self._where.voltage] = np.broadcast_to(voltage, n_benches)[ids]
         contacts = _Contacts(len(ids))
+        chosen = None if active is None else ids
+        is_still = bool((begin == end).all())
         for first in range(0, n_steps, BLOCK):
-            share = np.arange(first + 1, min(first + BLOCK, n_steps) + 1) / n_steps
-            way = np.repeat(share[:, None], begin.shape[1], axis=1)
-            way[:, self._where.tip] = minimum_jerk(share)
+            count = min(BLOCK, n_steps - first)
+            control = None if is_still else self._way(begin, end, np.arange(first + 1, first + count + 1) / n_steps)
             speed = -self._qvel[ids, None, self._where.ball + 2]
-            control = begin[:, None] + way * (end - begin)[:, None]
             with without_timers():
-                block = self._batch.rollout(len(share), control, record=("qvel", "plugin_state"), ids=ids)
+                block = self._batch.rollout(count, control, record=("qvel", "plugin_state"), ids=chosen)
             speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
+
+    def _way(self, begin: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """Controls (n, T, nu) at T shares of the way from those at the begin (n, nu) to those at the end."""
+        way = np.repeat(share[:, None], begin.shape[1], axis=1)
+        way[:, self._where.tip] = minimum_jerk(share)
+        return begin[:, None] + way * (end - begin)[:, None]
 
     def throw(self, height: float, speed: np.ndarray) -> None:
         """Put the balls at a height above the plate [m], falling at these speeds (B,) [m/s]."""
@@ -96,7 +111,7 @@ class MujocoBench:
 
     def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
         ball = slice(self._where.ball, self._where.ball + 3)
-        speed = np.linalg.norm(self._qvel[ids, ball], axis=1)
+        speed = np.sqrt((self._qvel[ids, ball] ** 2).sum(axis=1))
         warned = self._batch.warning[ids].any(axis=(1, 2))
         finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
         watch = Watch(
@@ -109,6 +124,8 @@ class MujocoBench:
             speed=speed * UM / MS,
             finite=finite,
         )
+        if len(ids) == len(self._touch):
+            return watch
         return Watch(*(_scattered(values, ids, len(self._touch)) for values in watch))
 
     def save(self) -> Any:
@@ -127,11 +144,17 @@ def _compiled(timestep: float | None, trial: Trial) -> mujoco.MjModel:
 
 @lru_cache(maxsize=4096)
 def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
+    return resized(_usual(timestep, probe_radius), radius)
+
+
+@lru_cache(maxsize=16)
+def _usual(timestep: float | None, probe_radius: float) -> mujoco.MjModel:
+    """The default bench with a ball of 20 um."""
     spec = bench_spec()
     spec.memory = MEMORY
     if timestep is not None:
         spec.option.timestep = timestep / MS
-    return sized(spec, Trial(radius, 0.0, 0.0, probe_radius=probe_radius))
+    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius))
 
 
 class _Contacts:
@@ -157,12 +180,14 @@ class _Contacts:
         touches = gaps <= 0
         last = first + count - 1 - np.argmax(touches[:, ::-1], axis=1)
         self.last = np.where(touches.any(axis=1), last, self.last)
-        at = np.argmax(touches[:, :, 1], axis=1)
         new = touches[:, :, 1].any(axis=1) & np.isnan(self.first)
-        self.first = np.where(new, first + at, self.first)
-        now = np.stack([gaps[rows, at, 1], speed[rows, at]], axis=1)
-        before = np.where(at[:, None] > 0, np.stack([gaps[rows, at - 1, 1], speed[rows, at - 1]], axis=1), self._before)
-        self.landing_speed = np.where(new, speed_at_zero(before, now), self.landing_speed)
+        if new.any():
+            at = np.argmax(touches[:, :, 1], axis=1)
+            self.first = np.where(new, first + at, self.first)
+            now = np.stack([gaps[rows, at, 1], speed[rows, at]], axis=1)
+            earlier = np.stack([gaps[rows, at - 1, 1], speed[rows, at - 1]], axis=1)
+            before = np.where(at[:, None] > 0, earlier, self._before)
+            self.landing_speed = np.where(new, speed_at_zero(before, now), self.landing_speed)
         self.gaps, self._before = gaps[:, -1], np.stack([gaps[:, -1, 1], speed[:, -1]], axis=1)
 
 

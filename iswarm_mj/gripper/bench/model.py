@@ -1,5 +1,6 @@
 """The model of the bench, `models/bench.xml`: stripped for speed, sized for a trial, with addresses of its numbers."""
 
+import copy
 import re
 from typing import NamedTuple
 
@@ -74,6 +75,25 @@ def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
     return spec.compile()
+
+
+def resized(model: mujoco.MjModel, radius: float) -> mujoco.MjModel:
+    """Copy of a bench's model whose ball has another radius [m]; a fifth of the time that compiling takes."""
+    new = copy.copy(model)
+    geom, body, dof = new.geom("ball").id, new.body("ball").id, int(new.joint("ball").dofadr[0])
+    ratio = radius / UM / float(new.geom_size[geom, 0])
+    mass, inertia = ratio**3, ratio**5
+    new.geom_size[geom, 0] = new.geom_rbound[geom] = radius / UM
+    new.geom_aabb[geom] *= ratio
+    new.body_mass[body] *= mass
+    new.body_subtreemass[0] += new.body_mass[body] - new.body_subtreemass[body]
+    new.body_subtreemass[body] = new.body_mass[body]
+    new.body_inertia[body] *= inertia
+    new.body_invweight0[body] /= (mass, inertia)
+    for values, power in ((new.dof_invweight0, -1), (new.dof_M0, 1)):
+        values[dof : dof + 3] *= mass**power
+        values[dof + 3 : dof + 6] *= inertia**power
+    return new
 
 
 def plugin_values(model: mujoco.MjModel, trial: Trial) -> dict[int, float]:

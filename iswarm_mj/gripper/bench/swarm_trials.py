@@ -1,5 +1,6 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
+import threading
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,8 @@ RELEASE_LIMIT = 6e-3
 charge [s]."""
 _LONG = 0.08e-3
 """Time that is tried at once while a ball hangs or falls; too short for it to reach the plate and come back [s]."""
+_LONGER = 4
+"""So many of these are tried at once first; if the ball does not hang all the time, once more one by one."""
 
 
 class Found(NamedTuple):
@@ -35,9 +38,23 @@ class Found(NamedTuple):
     """[m/s]; 0 where nothing lands."""
 
 
+_own = threading.local()
+
+
+def _bench(trials: list[Trial], hanging: float | None = None) -> MujocoBench:
+    """A bench for trials; that for one is kept in each thread, since making it takes as long as 300 steps."""
+    if len(trials) > 1 or not hasattr(_own, "bench"):
+        made = MujocoBench(trials, PROTOCOL.start_gap, threads=1, hanging=hanging, timestep=TIMESTEP)
+        if len(trials) == 1:
+            _own.bench = made
+        return made
+    _own.bench.place(trials, PROTOCOL.start_gap, hanging)
+    return _own.bench
+
+
 def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
     """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
-    return lift_on(MujocoBench(trials, PROTOCOL.start_gap, threads=1, timestep=TIMESTEP), voltage)
+    return lift_on(_bench(trials), voltage)
 
 
 def lift_on(bench: Bench, voltage: Float[np.ndarray, "n"]) -> Found:
@@ -52,11 +69,7 @@ def lift_on(bench: Bench, voltage: Float[np.ndarray, "n"]) -> Found:
 
 def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
     """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
-
-    def bench(trial: Trial) -> Bench:
-        return MujocoBench([trial], PROTOCOL.start_gap, threads=1, hanging=gap, timestep=TIMESTEP)
-
-    rows = [drop_on(bench(trial), float(volts), gap) for trial, volts in zip(trials, voltage, strict=True)]
+    rows = [drop_on(_bench([trial], gap), float(volts), gap) for trial, volts in zip(trials, voltage, strict=True)]
     stays, duration, impact = zip(*rows, strict=True)
     return Found(np.array(stays), np.array(duration), np.array(impact))
 
@@ -66,6 +79,13 @@ def drop_on(bench: Bench, voltage: float, gap: float) -> tuple[bool, float, floa
     p = PROTOCOL
     bench.move("rise", p.rise_time, gap, voltage)
     time = p.rise_time
+    while time + _LONGER * _LONG <= RELEASE_LIMIT:
+        before = bench.save()
+        watch = bench.move("wait", _LONGER * _LONG, gap, voltage)
+        if not (watch.gap_tool[0] <= 0 and np.isnan(watch.first_plate[0]) and watch.finite[0]):
+            bench.restore(before)
+            break
+        time += _LONGER * _LONG
     while True:
         before = bench.save()
         watch = bench.move("wait", _LONG, gap, voltage)
