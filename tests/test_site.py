@@ -139,6 +139,25 @@ def test_commands_run(page, example):
         run([part if part not in out else "picture.png" for part in words[1:]] + more)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["quick-start.md", "strategies.md"])
+def test_python_runs(name, example):
+    """Blocks as a reader copies them, with fewer steps and robots."""
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if not block.startswith("# walk")]
+    for block in blocks:
+        for old, new in (
+            ("steps=800", "steps=4"),
+            ("n_robots=280", "n_robots=20"),
+            ("not run.is_over", "run.step < 4"),
+        ):
+            block = block.replace(old, new)
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(example)])}
+        done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, f"{block}: {done.stderr}"
+    assert blocks
+
+
 class TestSite:
     @pytest.fixture(scope="class")
     def site(self, tmp_path_factory):
