@@ -7,6 +7,7 @@ Whole runs of type 1, from the second control step to the 66th ball, on one thre
 
 import argparse
 import json
+import sys
 import time
 
 import numpy as np
@@ -44,9 +45,11 @@ def main():
     args = parser.parse_args()
     for engine in args.engine:
         one(engine, "dynamic", 0)  # which loads everything
-        both = np.array(
-            [[one(engine, kind, seed) for kind in ("quasi-static", "dynamic")] for seed in range(args.pairs)]
-        )
+        found = []
+        for seed in range(args.pairs):
+            found.append([one(engine, kind, seed) for kind in ("quasi-static", "dynamic")])
+            print(f"{engine}, seed {seed}: " + ", ".join(f"{run[0]:.2f} ms" for run in found[-1]), file=sys.stderr)
+        both = np.array(found)
         ratios = both[:, 1, 0] / both[:, 0, 0]
         row = {
             "engine": engine,
