@@ -1,6 +1,7 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
-import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -38,23 +39,30 @@ class Found(NamedTuple):
     """[m/s]; 0 where nothing lands."""
 
 
-_own = threading.local()
+_FREE: list[MujocoBench] = []
+"""Benches for one trial that nobody uses, for any thread; those of a thread of JAX would end with each call."""
 
 
-def _bench(trials: list[Trial], hanging: float | None = None) -> MujocoBench:
-    """A bench for trials; that for one is kept in each thread, since making it takes as long as 300 steps."""
-    if len(trials) > 1 or not hasattr(_own, "bench"):
-        made = MujocoBench(trials, PROTOCOL.start_gap, threads=1, hanging=hanging, timestep=TIMESTEP)
-        if len(trials) == 1:
-            _own.bench = made
-        return made
-    _own.bench.place(trials, PROTOCOL.start_gap, hanging)
-    return _own.bench
+@contextmanager
+def _bench(trials: list[Trial], hanging: float | None = None) -> Iterator[MujocoBench]:
+    """A bench for trials; one for a single trial is used again, since making it takes as long as 300 steps."""
+    try:
+        bench = _FREE.pop() if len(trials) == 1 else None
+    except IndexError:
+        bench = None
+    if bench is None:
+        bench = MujocoBench(trials, PROTOCOL.start_gap, threads=1, hanging=hanging, timestep=TIMESTEP)
+    else:
+        bench.place(trials, PROTOCOL.start_gap, hanging)
+    yield bench
+    if len(trials) == 1:
+        _FREE.append(bench)
 
 
 def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
     """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
-    return lift_on(_bench(trials), voltage)
+    with _bench(trials) as bench:
+        return lift_on(bench, voltage)
 
 
 def lift_on(bench: Bench, voltage: Float[np.ndarray, "n"]) -> Found:
@@ -69,7 +77,10 @@ def lift_on(bench: Bench, voltage: Float[np.ndarray, "n"]) -> Found:
 
 def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
     """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
-    rows = [drop_on(_bench([trial], gap), float(volts), gap) for trial, volts in zip(trials, voltage, strict=True)]
+    rows = []
+    for trial, volts in zip(trials, voltage, strict=True):
+        with _bench([trial], gap) as bench:
+            rows.append(drop_on(bench, float(volts), gap))
     stays, duration, impact = zip(*rows, strict=True)
     return Found(np.array(stays), np.array(duration), np.array(impact))
 
