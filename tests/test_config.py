@@ -34,7 +34,7 @@ def test_defaults_are_table_1():
 
 def test_choices_where_the_paper_is_silent():
     config = SwarmConfig()
-    assert (config.arena.dump_size, config.arena.dust_area_size, config.arena.dust_area_offset) == (5.0, 6.0, 16.0)
+    assert (config.arena.dump_size, config.arena.dust_area_size, config.arena.dust_area_offset) == (5.0, 6.0, 12.0)
     assert (config.arena.ball_radius_min, config.arena.ball_radius_max) == (15e-6, 25e-6)
     assert (config.drive.control_period, config.drive.timestep) == (1.0, 0.1)
     assert (config.strategy.dust_range, config.strategy.random_turn) == (0.75, 30.0)
@@ -91,9 +91,9 @@ def test_every_float_refuses_what_is_not_finite(group, name, value):
 @pytest.mark.parametrize(
     "group, name, good, bad",
     [
-        (ArenaConfig, "size", [38, 150], [9.9, 37.9, 151]),
-        (ArenaConfig, "dump_size", [1, 24.5], [0.9, 26.1, 0]),
-        (ArenaConfig, "dust_area_size", [0.1, 17], [0, -1, 17.1]),
+        (ArenaConfig, "size", [30, 150], [9.9, 29.9, 151]),
+        (ArenaConfig, "dump_size", [1, 18], [0.9, 18.1, 0]),
+        (ArenaConfig, "dust_area_size", [0.1, 19], [0, -1, 19.1]),
         (ArenaConfig, "dust_area_offset", [5.5, 21.5], [5.4, 21.6, -16]),
         (ArenaConfig, "n_dust", [1, 2500], [0, -1, 2501]),
         (ArenaConfig, "ball_radius_min", [1e-6, 25e-6], [0, 9e-7, 26e-6]),

@@ -101,7 +101,8 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
     n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
     listed = []
     for place, name in enumerate(READINGS):
-        base = replace(READINGS[name], arena=plan.config.arena)
+        offset = READINGS[name].arena.dust_area_offset
+        base = replace(READINGS[name], arena=replace(plan.config.arena, dust_area_offset=offset))
         labels = dict.fromkeys(FACTORS) | {"combination": place - len(READINGS), "reading": name}
         listed += _runs(plan, base, labels, named)
     for place, labels in enumerate(design(n, plan.seed)):

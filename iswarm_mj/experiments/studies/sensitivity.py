@@ -24,7 +24,7 @@ VARIATIONS: Mapping[str, tuple[tuple[str, tuple[Any, ...]], ...]] = {
         ("strategy.dust_range", (0.5, 1.0)),
         ("arena.dump_size", (4.0, 7.0)),
         ("arena.dust_area_size", (4.0, 9.0)),
-        ("arena.dust_area_offset", (12.0, 20.0)),
+        ("arena.dust_area_offset", (16.0, 20.0)),
     ),
     "light": (
         ("optics.photodiode_aperture", (60.0,)),
