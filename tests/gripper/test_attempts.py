@@ -64,6 +64,14 @@ def test_an_attempt_occupies_robot_and_ball_for_its_time(time, steps):
     assert balls.is_held.all() and int(balls.holder[0]) == 0
 
 
+def test_a_long_attempt_in_vain_is_told_when_it_ends():
+    gripper, balls, told = replace(GRIPPER, grasp_time=2.0, grasp_voltage=5.0), lay((40.9, 0)), []
+    for _ in range(3):
+        balls, failed = step(gripper, balls, [(40, 0, 0)])
+        told.append(bool(failed[0]))
+    assert told == [False, False, True] and balls.failed_grasps.tolist() == [1]
+
+
 def test_a_release_takes_its_time():
     gripper, balls = replace(GRIPPER, release_time=1.0), lay((1.0, 0.0), holders=[0])
     states = []
