@@ -20,8 +20,9 @@ from iswarm_mj.experiments.analysis.measures import (
 )
 from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
+from iswarm_mj.experiments.analysis.support import accepted, support
 from iswarm_mj.experiments.report.markdown import text
-from iswarm_mj.experiments.studies import resolved_grasps, robustness, sensitivity
+from iswarm_mj.experiments.studies import infer, resolved_grasps, robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
 
 
@@ -185,6 +186,22 @@ def evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> str:
     return markdown([*head, f"best {BEST} runs", "best run"], lines)
 
 
+def _infer(rows: Rows) -> str:
+    """Support of each reading by the combinations that miss the fewest of the paper's statements."""
+    sample = [one for one in infer.combinations_of(rows) if one.reading is None]
+    kept = accepted(sample)
+    lines = []
+    for name, levels in infer.FACTORS.items():
+        shares = support(sample, kept, name, list(levels))
+        told = [
+            f"{label}: {100 * s.estimate:.0f} ({100 * s.low:.0f} to {100 * s.high:.0f}) %"
+            for label, s in shares.items()
+        ]
+        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told)])
+    head = ["reading", "share without support", f"share of the {len(kept)} accepted of {len(sample)} (95 % interval)"]
+    return markdown(head, lines)
+
+
 TABLES: dict[str, Callable[[Rows], str]] = {
     "hop-count": _hop_count,
     "density": _density,
@@ -194,6 +211,7 @@ TABLES: dict[str, Callable[[Rows], str]] = {
     "time-step": _time_step,
     "resolved-grasps": _resolved_grasps,
     "message-time": _message_time,
+    "infer": _infer,
     "grasp": _grasp,
 }
 """Tables of the rows of an experiment, or of the trials."""

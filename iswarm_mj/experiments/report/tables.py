@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.experiments.analysis.findings import Finding
+from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, Finding
 from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.statements import EVOLUTION, LAWS, TITLES, Topic, tally, topics_of
@@ -97,11 +97,14 @@ def numbers(topic: Topic) -> str:
 
 
 def verdicts(findings: Mapping[str, Sequence[Finding]]) -> str:
-    """Statements with the paper's values, kinds, and the verdicts of one or several directories."""
+    """Statements with the paper's values, kinds, and the verdicts of one or several directories.
+
+    Numbers of which the paper has none, and that no rule judges, stand in the tables of numbers only.
+    """
     several = len(findings) > 1
     judged = [{f.claim: f.verdict or "not judged" for f in each} for each in findings.values()]
     head = ["statement", "the paper", *(f"verdict, `{place}`" if several else "verdict" for place in findings), "kind"]
-    first = next(iter(findings.values()))
+    first = [f for f in next(iter(findings.values())) if f.verdict or f.kind != NOT_COMPARABLE]
     return markdown(head, [[f.claim, f.paper, *(each.get(f.claim, "") for each in judged), f.kind] for f in first])
 
 
