@@ -25,8 +25,7 @@ class ArenaConfig:
     dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
     """Edge of each of the two square dust areas [rd]."""
     dust_area_offset: Annotated[float, Within(0, 75, "rd")] = 12.0
-    """Distance of the dust areas' centres from the arena's centre, along the x axis [rd]. Not in the paper; of 12, 16
-    and 20 rd the value with which most of its results come out (docs/readings.md)."""
+    """Distance of the dust areas' centres from the arena's centre, along the x axis [rd]: see docs/readings.md."""
     n_dust: Annotated[int, Within(1, 2500)] = 72
     """Number of dust particles (Table 1), half of them in each area."""
     ball_radius_min: Annotated[float, Within(1e-6, 1e-4, "m")] = 15e-6

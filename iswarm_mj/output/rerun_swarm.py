@@ -15,6 +15,7 @@ import rerun as rr
 
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
+from iswarm_mj.output.frame_checks import check_frames
 from iswarm_mj.output.frames import HELD
 from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
 from iswarm_mj.output.rerun_format import (
@@ -31,7 +32,7 @@ from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.said import payload_of, readable
 from iswarm_mj.output.trajectory import AREA, METRIC, Frames, Scene
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.geometry import rotate
 
 
@@ -135,7 +136,7 @@ class Recording:
         """
         if len(frames) == 0:
             return
-        self._check(frames)
+        check_frames(self._scene, frames, self._last_step)
         self._index = index(frames.step, self._scene.control_period)
         size = np.asarray(self._scene.robot_size, np.float32) * np.float32(MILLIMETRES)
         yaw = frames.pose[..., 2]
@@ -164,24 +165,6 @@ class Recording:
         taken = np.asarray(frames.step)[np.asarray(frames.is_running)]
         self._result |= {name: value[-1] for name, value in values.items()}
         self._result["steps"] = int(taken[-1]) if len(taken) else self._result.get("steps", 0)
-
-    def _check(self, frames: Frames) -> None:
-        """Refuse values that the viewer would silently draw wrong."""
-        steps = np.diff(frames.step, prepend=self._last_step)
-        if np.any(steps <= 0):
-            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
-        everything: dict[str, tuple[str, Any]] = {
-            "pose": ("robots", ~np.isfinite(frames.pose).all(-1)),
-            "position": ("balls", ~np.isfinite(frames.ball_position).all(-1)),
-        }
-        for name in self._scene.arrows:
-            is_finite = np.isfinite(frames.memory[name]).all(axis=-1)
-            everything[look.title(name)] = ("robots", np.logical_and(is_known(frames, name), ~is_finite))
-        for name, (kind, is_bad) in everything.items():
-            if is_bad.any():
-                t = int(np.argmax(is_bad.any(axis=1)))
-                which = ", ".join(map(str, np.flatnonzero(is_bad[t])[:10]))
-                raise SimulationFault(f"Step {frames.step[t]}: the {name} of {kind} {which} is not finite.")
 
     def _send(
         self, entity: str, columns: Any, lengths: np.ndarray | list[int] | None = None, **values: np.ndarray

@@ -17,10 +17,9 @@ from iswarm_mj.gripper.mjx_forces import (
     first_state,
     gripper_force,
     gripper_forces,
-    mjx_compatible,
-    resize,
     step,
 )
+from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.utils.errors import UserError
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"

@@ -22,10 +22,8 @@ from iswarm_mj.gripper.mjx_forces import (
     first_state,
     gripper_force,
     gripper_forces,
-    mjx_compatible,
-    resize,
-    set_probe_radius,
 )
+from iswarm_mj.gripper.mjx_model import mjx_compatible, resize, set_probe_radius
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 
