@@ -69,7 +69,7 @@ COUNTS = (ATTEMPTS, FAILED, STUCK, LOST)
 
 def entries(plan: Plan) -> list[Entry]:
     """Pairs of runs of both types at all humidities and voltages."""
-    repeats, steps = (3, 100) if plan.quick else (REPEATS, TIME_LIMIT)
+    repeats, steps = (2, 100) if plan.quick else (REPEATS, TIME_LIMIT)
     humidities, voltages = (HUMIDITIES[-1:], VOLTAGES[::2]) if plan.quick else (HUMIDITIES, VOLTAGES)
     listed = []
     for number, name in enumerate(TYPES):

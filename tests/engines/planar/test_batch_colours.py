@@ -5,6 +5,7 @@ import pytest
 import warp as wp
 
 from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS, colour_contacts
+from iswarm_mj.engines.planar.gpu.records import RECORD_BYTES
 from iswarm_mj.engines.planar.gpu.world import World
 from iswarm_mj.utils.errors import FaultKind
 
@@ -21,13 +22,14 @@ def coloured(pairs, n_robots=N_ROBOTS):
     w, n = World(), len(pairs)
     w.place = wp.zeros(n_robots, dtype=wp.vec4, device="cpu")
     w.found = wp.array([(*pair, -1) for pair in pairs], dtype=wp.vec3i, device="cpu")
-    w.pair = wp.zeros(n, dtype=wp.vec2i, device="cpu")
+    records = wp.zeros((n, RECORD_BYTES // 4), dtype=int, device="cpu")
+    w.n_first, w.first = n, records.ptr
     w.used = wp.full(n_robots, -1, dtype=int, device="cpu")  # of the step before
     w.claim = wp.zeros(n_robots, dtype=wp.int64, device="cpu")
     w.end = wp.full(MAX_COLOURS + 1, 7, dtype=int, device="cpu")
     w.count = wp.array([0, n, 0, 0], dtype=int, device="cpu")
     wp.launch(colour, 1, [w], device="cpu", block_dim=1)
-    return w.found.numpy()[:, 2], w.pair.numpy(), w.end.numpy(), w.count.numpy()
+    return w.found.numpy()[:, 2], records.numpy()[:, -2:], w.end.numpy(), w.count.numpy()
 
 
 def heap(rng, n_pairs=90):
