@@ -72,7 +72,7 @@ def test_balls_lie_in_their_areas():
     at = layout.place_balls(replace(PAPER, n_dust=2001), generator()) / RD
     west = at[:, 0] < 0
     assert (west.sum(), (~west).sum()) == (1000, 1001)
-    inside = np.column_stack([np.abs(at[:, 0]) - 16, at[:, 1]])
+    inside = np.column_stack([np.abs(at[:, 0]) - PAPER.dust_area_offset, at[:, 1]])
     assert np.abs(inside).max() <= 3.0
     assert np.abs(np.quantile(inside, [0.25, 0.75], axis=0) - [[-1.5, -1.5], [1.5, 1.5]]).max() < 0.3
 
