@@ -1,5 +1,6 @@
 """Common parts of all Rerun recordings: settings as properties and as a table, plots, and whether Rerun is on."""
 
+import ctypes
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -41,12 +42,23 @@ def check_recordings() -> None:
     require_recordings(rr.RecordingStream("iswarm_mj"))
 
 
+def leave_alone(stream: rr.RecordingStream) -> None:
+    """Keep a stream that failed for ever.
+
+    Rerun's thread of it may have given up, and Rerun waits for that thread without end when Python forgets the stream,
+    and at the process's end.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+    rr.unregister_shutdown()
+
+
 @contextmanager
-def written(path: str) -> Iterator[None]:
+def written(path: str, stream: rr.RecordingStream) -> Iterator[None]:
     """Raise a UserError if the block cannot write a recording to its end, for example because the disk is full."""
     try:
         yield
     except RuntimeError as error:
+        leave_alone(stream)
         raise UserError(
             f"The recording {path!r} could not be written to its end ({error}): "
             "make room on the disk, or give a file elsewhere."

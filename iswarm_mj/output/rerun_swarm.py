@@ -22,6 +22,7 @@ from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
     bounded,
     index,
+    leave_alone,
     require_recordings,
     send_properties,
     settings_document,
@@ -92,6 +93,7 @@ class Recording:
             Path(self._path).open("wb").close()
             bounded(lambda: self._stream.save(self._path, default_blueprint=layout(self._scene)))
         except (OSError, RuntimeError) as error:
+            leave_alone(self._stream)
             raise UserError(
                 f"The recording {self._path!r} cannot be written ({error}): "
                 "give a file name in an existing folder that you may write to."
@@ -115,7 +117,7 @@ class Recording:
                 send_properties(self._stream, "result", self._result)
                 self._flush()
             finally:
-                with written(self._path):
+                with written(self._path, self._stream):
                     bounded(self._stream.disconnect)
         except UserError:
             if error is None:
@@ -123,7 +125,7 @@ class Recording:
 
     def _flush(self) -> None:
         """Write everything to the file, which fails if the disk is full."""
-        with written(self._path):
+        with written(self._path, self._stream):
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
 
     def append(self, frames: Frames) -> None:

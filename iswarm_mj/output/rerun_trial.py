@@ -11,7 +11,7 @@ from jaxtyping import Float
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
-from iswarm_mj.output.rerun_format import FLUSH_SECONDS, bounded, require_recordings, send_properties
+from iswarm_mj.output.rerun_format import FLUSH_SECONDS, bounded, leave_alone, require_recordings, send_properties
 from iswarm_mj.output.rerun_trial_view import NN, UM
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.files import atomic_write
@@ -54,6 +54,7 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
             finally:
                 bounded(stream.disconnect)
     except (OSError, RuntimeError) as error:
+        leave_alone(stream)
         raise UserError(
             f"The recording {str(path)!r} cannot be written ({error}): "
             "give a file name in an existing folder that you may write to, with room on its disk."
