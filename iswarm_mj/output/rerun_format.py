@@ -2,7 +2,6 @@
 
 import ctypes
 import os
-import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
@@ -14,6 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Int
 
+from iswarm_mj.utils.deadline import ends_within
 from iswarm_mj.utils.errors import UserError
 
 FLUSH_SECONDS = 30.0
@@ -75,22 +75,9 @@ def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
     Raises:
         RuntimeError: it has not ended by then; other errors are its own.
     """
-    errors: list[Exception] = []
-
-    def work() -> None:
-        try:
-            call()
-        except Exception as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    thread.join(limit_s)
-    if thread.is_alive():
+    if not ends_within(limit_s, call):
         rr.unregister_shutdown()  # which would wait at the process's end
         raise RuntimeError(f"not done within {limit_s:g} s")
-    if errors:
-        raise errors[0]
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -8,7 +8,6 @@ import json
 import os
 import re
 import socket
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import Any
 import jax
 
 from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.deadline import ends_within
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
 HEARTBEAT_S = 60
@@ -148,30 +148,25 @@ def join(timeout_s: float) -> Hosts:
     """
     given = _given()
     jax.config.update("jax_enable_preemption_service", False)  # or SIGTERM would not end a process
-    failures: list[Exception] = []
 
     def initialize() -> None:
-        try:
-            jax.distributed.initialize(
-                *given,
-                initialization_timeout=round(timeout_s) + 3600,
-                coordinator_bind_address=given[0] if _is_loopback(given[0]) else None,
-                heartbeat_timeout_seconds=HEARTBEAT_S,
-                shutdown_timeout_seconds=PARTING_S,
-            )
-            jax.local_devices()  # asks for those of the others
-        except Exception as error:
-            failures.append(error)
+        jax.distributed.initialize(
+            *given,
+            initialization_timeout=round(timeout_s) + 3600,
+            coordinator_bind_address=given[0] if _is_loopback(given[0]) else None,
+            heartbeat_timeout_seconds=HEARTBEAT_S,
+            shutdown_timeout_seconds=PARTING_S,
+        )
+        jax.local_devices()  # asks for those of the others
 
     # JAX aborts the process when its own time limit expires; so that one is longer, and this one decides.
-    attempt = threading.Thread(target=initialize, daemon=True)
-    attempt.start()
-    attempt.join(timeout_s)
-    if attempt.is_alive():
+    try:
+        answered = ends_within(timeout_s, initialize)
+    except Exception as error:
+        raise _refusal(str(error).splitlines()[0].rstrip(".")) from None
+    if not answered:
         where = f" at {given[0]}" if given[0] else ""
         raise _refusal(f"not all processes{where} answered within {timeout_s:g} s")
-    if failures:
-        raise _refusal(str(failures[0]).splitlines()[0].rstrip("."))
     return Hosts(jax.process_index(), jax.process_count())
 
 

@@ -2,7 +2,7 @@
 
 import zipfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -81,9 +81,9 @@ def load_weights(path: Path | str) -> Float[np.ndarray, "W"]:
     return found
 
 
-def _check_sizes(file: object, where: Path) -> None:
+def _check_sizes(file: BinaryIO, where: Path) -> None:
     """Raise a ValueError if what is compressed in a file is much larger than the file may be."""
-    with zipfile.ZipFile(file) as parts:  # type: ignore[arg-type]
+    with zipfile.ZipFile(file) as parts:
         if sum(part.file_size for part in parts.infolist()) > LARGEST_FILE:
             raise ValueError(f"{where} has too many weights")
-    file.seek(0)  # type: ignore[attr-defined]
+    file.seek(0)
