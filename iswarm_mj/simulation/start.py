@@ -134,18 +134,7 @@ def compiled_engine(
         robot_file: MJCF file of the robots; None for `models/robot.xml`.
         platform: of the devices.
         is_masked: some worlds have fewer robots than places.
-
-    Raises:
-        UserError: there are obstacles, which it does not know.
     """
-    if config.arena.obstacles and not isinstance(engine, MjxSettings):
-        name = " with impl ".join(
-            str(part) for part in (engine.identity["engine"], engine.identity.get("impl")) if part
-        )
-        raise UserError(
-            f"arena.obstacles run on the engines mujoco and mjx, and on planar with impl numba (got {name}); use one "
-            "of these"
-        )
     if isinstance(engine, MjxSettings):
         # Here, since importing MJX takes seconds, which the other engines need not wait for.
         from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
@@ -168,7 +157,7 @@ def _batch_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> Comp
         raise UserError("impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
     from iswarm_mj.engines.planar.batch_engine import read_engine
 
-    return read_engine(arena, config.optics, platform)
+    return read_engine(arena, config, platform)
 
 
 def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot) -> StepRecord:

@@ -32,7 +32,7 @@ ROUNDING = 1e-3
 def engines(n_worlds, n_robots, config=CONFIG, impl="numba"):
     """MuJoCo in C and the planar engine."""
     arena = compile_arena(config, n_robots, np.zeros(0))
-    planar = PlanarEngine(config, arena, 1) if impl == "numba" else read_engine(arena, config.optics, "cpu")
+    planar = PlanarEngine(config, arena, 1) if impl == "numba" else read_engine(arena, config, "cpu")
     return MujocoEngine(config, arena, n_worlds, 1, n_robots), planar
 
 

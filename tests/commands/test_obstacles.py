@@ -63,12 +63,6 @@ def test_no_obstacle_where_balls_lie():
         Run(config, settings=RunSettings(3, 5), engine=PlanarSettings())
 
 
-def test_an_engine_without_obstacles_says_so():
-    config = SwarmConfig(ArenaConfig(obstacles=((8.0, 8.0, 1.0, 1.0, 0.0),)))
-    with pytest.raises(UserError, match="obstacles run on the engines mujoco and mjx, and on planar with impl numba"):
-        Run(config, settings=RunSettings(3, 5), engine=PlanarSettings(impl="warp"))
-
-
 @pytest.mark.parametrize(
     "text, sentence",
     [

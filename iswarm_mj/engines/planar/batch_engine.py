@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, find_lost
 from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
@@ -24,7 +24,9 @@ from iswarm_mj.engines.planar.reception import Light, read_light
 from iswarm_mj.engines.planar.sight import search_radius
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.units import RD
 
 TOLERANCE = 2e-5
 """Largest change of a velocity in the last sweep of the contact solver [mm/s]: in jams, robots end a control step
@@ -54,12 +56,14 @@ class PlanarBatchEngine:
         light: optics.
         robot: geometry.
         on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
+        boxes: obstacles, see `utils.obstacles.numbers` [mm].
     """
 
     plane: Plane = field(metadata={"static": True})
     light: Light = field(metadata={"static": True})
     robot: Robot = field(metadata={"static": True})
     on_gpu: bool = field(metadata={"static": True})
+    boxes: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
 
     def mapping(self, platform: str) -> Mapping:
         """See `CompiledEngine.mapping`."""
@@ -76,7 +80,7 @@ class PlanarBatchEngine:
     def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
-        is_present, plane = bodies.is_present & is_running[:, None], _numbers(self.plane)
+        is_present, plane = bodies.is_present & is_running[:, None], _numbers((*self.plane, *self.boxes))
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
         grid = n_cells(self.plane.edge, radius, n_robots)
         place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(
@@ -126,7 +130,8 @@ class PlanarBatchEngine:
         n_worlds, n_robots = bodies.is_present.shape
         radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
-        sizes = physics.places(n_worlds, n_robots, grid, n_threads)
+        n_boxes = len(self.boxes)
+        sizes = physics.places(n_worlds, n_robots, n_boxes, grid, n_threads)
         touching, poses, velocity, failure, *_ = self._kernel(
             physics.take_steps_in(shared_bytes(n_robots)), n_threads, len(sizes), "touching"
         )(
@@ -135,10 +140,10 @@ class PlanarBatchEngine:
             targets.astype(jnp.float32),
             bodies.is_present,
             runs,
-            _numbers(self.plane),
+            _numbers((*self.plane, *self.boxes)),
             n_substeps,
             grid,
-            *physics.rooms(n_robots),
+            *physics.rooms(n_robots, n_boxes),
             touching,
             launch_dims=n_worlds * n_threads,
             output_dims=sizes,
@@ -154,19 +159,21 @@ class PlanarBatchEngine:
         return 32 * max(1, min(8, round(n_robots / ROBOTS_PER_WARP))) if self.on_gpu else 1
 
 
-def read_engine(arena: ArenaModel, optics: OpticsConfig, platform: str) -> PlanarBatchEngine:
+def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> PlanarBatchEngine:
     """Read the model.
 
     Args:
         arena: compiled; any number of its robots stands for all.
-        optics: range, cones and mode.
+        config: optics and obstacles.
         platform: of the devices, as JAX calls it.
 
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
     plane = read_plane(arena)._replace(tolerance=TOLERANCE)
-    return PlanarBatchEngine(plane, read_light(arena.robot, optics), arena.robot, platform != "cpu")
+    boxes = tuple(map(tuple, numbers(config.arena.obstacles, RD).tolist()))
+    light = read_light(arena.robot, config.optics)
+    return PlanarBatchEngine(plane, light, arena.robot, platform != "cpu", boxes)
 
 
 def _numbers(parameters: tuple) -> Float[Array, "P"]:

@@ -17,7 +17,17 @@ from iswarm_mj.engines.planar.gpu.records import (
     bodies_of,
     numbers_of,
 )
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Plane, World, contact_law
+from iswarm_mj.engines.planar.gpu.world import (
+    FAILURE,
+    N_CONTACTS,
+    N_NEAR,
+    N_WALLS,
+    Box,
+    Plane,
+    World,
+    box_of,
+    contact_law,
+)
 from iswarm_mj.utils.errors import FaultKind
 
 _TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
@@ -46,6 +56,7 @@ def find_contacts(w: World, plane: Plane, lane: int):
     for i in range(lane, w.place.shape[0], wp.block_dim()):
         if w.is_present[i]:
             _find_walls(w, i, plane)
+            _find_boxes(w, i, plane)
     barrier()
 
 
@@ -67,6 +78,20 @@ def _find_walls(w: World, i: int, plane: Plane):
         for wall in range(4):
             if _gap(p, wall, plane) < reach:
                 _append(w, wp.vec2i(w.place.shape[0] + wall, i))
+
+
+@wp.func
+def _find_boxes(w: World, i: int, plane: Plane):
+    """Append the contacts of a robot with obstacles."""
+    p = w.place[i]
+    for m in range(plane.n_boxes):
+        box = box_of(plane, m)
+        b, hx, hy = box.place, box.half_x, box.half_y
+        dx, dy = p[0] - b[0], p[1] - b[1]
+        if wp.max(wp.abs(dx), wp.abs(dy)) <= plane.radius + wp.sqrt(hx * hx + hy * hy):
+            gap, _ = _separation(dx, dy, b[2], b[3], p[2], p[3], hx, hy, plane.half_x, plane.half_y)
+            if gap < 0.0:
+                _append(w, wp.vec2i(w.place.shape[0] + N_WALLS + m, i))
 
 
 @wp.func
@@ -104,18 +129,35 @@ def _gap(p: wp.vec4, wall: int, plane: Plane) -> float:
 
 
 @wp.func
+def _box(w: World, body: int, plane: Plane) -> Box:
+    """A body that is no wall: a robot or an obstacle."""
+    n_robots = w.place.shape[0]
+    if body >= n_robots:
+        return box_of(plane, body - n_robots - N_WALLS)
+    robot = Box()
+    robot.place = w.place[body]
+    robot.half_x = plane.half_x
+    robot.half_y = plane.half_y
+    return robot
+
+
+@wp.func
 def _set_contact(w: World, k: int, plane: Plane):
     """Compute normal, arms, levers and offsets of contact k."""
     bodies, n_robots = bodies_of(w, k), w.place.shape[0]
     first, second = bodies[0], bodies[1]
     q, hx, hy = w.place[second], plane.half_x, plane.half_y
     n, arms, levers, gaps = wp.vec2(), wp.vec2(), wp.vec2(), wp.vec2()
-    if first < n_robots:
-        p = w.place[first]
+    if first < n_robots or first >= n_robots + N_WALLS:
+        box = _box(w, first, plane)
+        p = box.place
         dx, dy = q[0] - p[0], q[1] - p[1]
-        nx, ny, x1, y1, d1, x2, y2, d2 = _rectangle_contact(dx, dy, p[2], p[3], q[2], q[3], hx, hy, hx, hy)
+        nx, ny, x1, y1, d1, x2, y2, d2 = _rectangle_contact(
+            dx, dy, p[2], p[3], q[2], q[3], box.half_x, box.half_y, hx, hy
+        )
         n, gaps = wp.vec2(nx, ny), wp.vec2(d1, d2)
-        arms = wp.vec2(x1 * ny - y1 * nx, x2 * ny - y2 * nx)
+        if first < n_robots:
+            arms = wp.vec2(x1 * ny - y1 * nx, x2 * ny - y2 * nx)
         levers = wp.vec2((x1 - dx) * ny - (y1 - dy) * nx, (x2 - dx) * ny - (y2 - dy) * nx)
     else:
         n = _inward(first - n_robots)

@@ -17,6 +17,7 @@ from iswarm_mj.engines.planar.gpu.solver import solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading, plane_of
 
 _SKIN = wp.constant(physics.SKIN)
+_BOXES_AT_ONCE = 4  # obstacles that all robots of a world touch on average, at most
 
 
 @functools.cache
@@ -152,14 +153,15 @@ def _mark(w: World, touching: wp.array2d(dtype=wp.bool), lane: int):
             touching[bodies[0], bodies[1]] = True
 
 
-def rooms(n_robots: int) -> tuple[int, int]:
+def rooms(n_robots: int, n_boxes: int) -> tuple[int, int]:
     """Places for near pairs and for contacts: for all that there are, or for more a robot than any crowd has."""
     pairs = n_robots * (n_robots - 1) // 2
-    return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + 4 * n_robots
+    fixed = (4 + min(n_boxes, _BOXES_AT_ONCE)) * n_robots
+    return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed
 
 
-def places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> dict[str, Any]:
+def places(n_worlds: int, n_robots: int, n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
     """Sizes of the outputs of `take_steps`."""
-    n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots)), (n_worlds, n_robots)
+    n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots, n_boxes)), (n_worlds, n_robots)
     sizes = {"touching": (n_worlds, n_robots, n_robots), "new_poses": robots, "new_velocities": robots}
     return sizes | {"failure": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}

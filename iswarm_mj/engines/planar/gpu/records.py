@@ -35,5 +35,5 @@ def numbers_of(w: World, k: int):
 
 @wp.func
 def bodies_of(w: World, k: int):
-    """(2,) two robots, or N plus the number of a wall, and a robot."""
+    """(2,) two robots, or N plus the number of a wall or, after the walls, of an obstacle, and a robot."""
     return wp.array(ptr=_record(w, k) + wp.uint64(4 * _N_NUMBERS), shape=(2,), dtype=int)

@@ -6,7 +6,7 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu import functions
 from iswarm_mj.engines.planar.gpu.reception import Light, light_of, receive
-from iswarm_mj.engines.planar.gpu.world import plane_of
+from iswarm_mj.engines.planar.gpu.world import Box, Plane, box_of, plane_of
 
 _is_crossed, _meets_rectangle, _meets_walls = (
     functions.light.is_crossed,
@@ -62,15 +62,12 @@ def find_light(
     view.i = i
     view.slot = slot
     view.n = n_near[world, slot]
-    view.half_x = plane.half_x
-    view.half_y = plane.half_y
-    view.radius = plane.radius
     found = Candidate()
     found.effective = -1.0
     found.robot = -1
     for rank in range(light.n_senders):
         if rank == 0 or found.robot >= 0:
-            found = _next_in_sight(view, side, light, found)
+            found = _next_in_sight(view, side, light, plane, found)
         j = found.robot
         p, q = view.place[i], view.place[wp.max(j, 0)]
         dx, dy = q[0] - p[0], q[1] - p[1]
@@ -80,7 +77,7 @@ def find_light(
         led[world, i, side, rank] = wp.where(hears, one.led, 0)
         bearing[world, i, side, rank] = wp.where(hears, _bearing(side, light) + one.turn, 0.0)
         distance[world, i, side, rank] = wp.where(hears, wp.sqrt(dx * dx + dy * dy), 0.0)
-    sees_wall[world, i, side] = is_present[world, i] and _sees_wall(view, side, light, plane.edge)
+    sees_wall[world, i, side] = is_present[world, i] and _sees_wall(view, side, light, plane)
 
 
 @wp.struct
@@ -99,10 +96,6 @@ class View:
     """Its place in the lists."""
     n: int
     """Number of robots near it."""
-    half_x: float
-    half_y: float
-    radius: float
-    """Of a robot's circumcircle."""
 
 
 @wp.struct
@@ -116,7 +109,7 @@ class Candidate:
 
 
 @wp.func
-def _next_in_sight(view: View, side: int, light: Light, before: Candidate) -> Candidate:
+def _next_in_sight(view: View, side: int, light: Light, plane: Plane, before: Candidate) -> Candidate:
     """The nearest sender in sight of a side beyond another one, by effective distance and then by index."""
     last, searches = before, bool(True)
     while searches:
@@ -134,18 +127,18 @@ def _next_in_sight(view: View, side: int, light: Light, before: Candidate) -> Ca
         last = best
         searches = last.robot >= 0 and light.needs_sight
         if searches:
-            searches = not _is_clear(view, side, last.robot, light)
+            searches = not _is_clear(view, side, last.robot, light, plane)
     return last
 
 
 @wp.func
-def _is_clear(view: View, side: int, sender: int, light: Light) -> bool:
-    """Whether no third robot blocks the light that a side receives."""
+def _is_clear(view: View, side: int, sender: int, light: Light, plane: Plane) -> bool:
+    """Whether neither a third robot nor an obstacle blocks the light that a side receives."""
     p, q = view.place[view.i], view.place[sender]
     dx, dy = q[0] - p[0], q[1] - p[1]
     start = _in_world(p, light.points[light.n_sides + side])
     way = _in_world(q, light.points[receive(p, q, dx, dy, light).led]) - start
-    farthest = wp.sqrt(dx * dx + dy * dy) + (1.0 + _SPARE) * view.radius + light.optical_offset
+    farthest = wp.sqrt(dx * dx + dy * dy) + (1.0 + _SPARE) * plane.radius + light.optical_offset
     is_clear = bool(True)
     for k in range(view.n):
         j = view.near[k, view.slot] >> 3
@@ -153,16 +146,24 @@ def _is_clear(view: View, side: int, sender: int, light: Light) -> bool:
         x, y = third[0] - p[0], third[1] - p[1]
         is_near = j != sender and x * x + y * y <= farthest * farthest
         ox, oy = start[0] - third[0], start[1] - third[1]
-        crosses = _is_crossed(ox, oy, way[0], way[1], third[2], third[3], view.half_x, view.half_y)
+        crosses = _is_crossed(ox, oy, way[0], way[1], third[2], third[3], plane.half_x, plane.half_y)
         is_clear = is_clear and not (is_near and crosses)
+    for m in range(plane.n_boxes):
+        box = box_of(plane, m)
+        b = box.place
+        ox, oy = start[0] - b[0], start[1] - b[1]
+        is_clear = is_clear and not _is_crossed(ox, oy, way[0], way[1], b[2], b[3], box.half_x, box.half_y)
     return is_clear
 
 
 @wp.func
-def _sees_wall(view: View, side: int, light: Light, edge: float) -> bool:
-    """Whether a wall is the first thing on the axis of a side's LED."""
+def _sees_wall(view: View, side: int, light: Light, plane: Plane) -> bool:
+    """Whether a wall or an obstacle is the first thing on the axis of a side's LED."""
     p, reach = view.place[view.i], light.wall_reach
-    if wp.max(wp.abs(p[0]), wp.abs(p[1])) < edge - reach - view.radius:
+    is_far = wp.max(wp.abs(p[0]), wp.abs(p[1])) < plane.edge - reach - plane.radius
+    if is_far:
+        is_far = not _is_near_box(p, plane, reach + plane.radius)
+    if is_far:
         return False
     start = _in_world(p, light.points[side])
     c, s = wp.cos(float(side) * _QUARTER), wp.sin(float(side) * _QUARTER)
@@ -170,15 +171,46 @@ def _sees_wall(view: View, side: int, light: Light, edge: float) -> bool:
         c = light.points[2 * light.n_sides + side][0]
         s = light.points[2 * light.n_sides + side][1]
     way = reach * wp.vec2(p[2] * c - p[3] * s, p[3] * c + p[2] * s)
-    share = _meets_walls(start[0], start[1], way[0], way[1], edge)
+    share = _meets_walls(start[0], start[1], way[0], way[1], plane.edge)
+    for m in range(plane.n_boxes):
+        share = wp.min(share, _meets_box(start, way, box_of(plane, m)))
     if share <= 0.0 or share > 1.0:
         return share <= 0.0
     for k in range(view.n):
         q = view.place[view.near[k, view.slot] >> 3]
         x, y = start[0] - q[0], start[1] - q[1]
-        if _meets_rectangle(x, y, way[0], way[1], q[2], q[3], view.half_x, view.half_y) < share:
+        if _meets_rectangle(x, y, way[0], way[1], q[2], q[3], plane.half_x, plane.half_y) < share:
             return False
     return True
+
+
+@wp.func
+def _beyond(p: wp.vec2, box: Box) -> wp.vec2:
+    """How far a point is beyond the sides of an obstacle, along the obstacle's x and y; negative within."""
+    b = box.place
+    dx, dy = p[0] - b[0], p[1] - b[1]
+    return wp.vec2(wp.abs(b[2] * dx + b[3] * dy) - box.half_x, wp.abs(b[2] * dy - b[3] * dx) - box.half_y)
+
+
+@wp.func
+def _is_near_box(p: wp.vec4, plane: Plane, within: float) -> bool:
+    """Whether a place is nearer than this to an obstacle [mm]."""
+    for m in range(plane.n_boxes):
+        beyond = _beyond(wp.vec2(p[0], p[1]), box_of(plane, m))
+        u, v = wp.max(beyond[0], 0.0), wp.max(beyond[1], 0.0)
+        if u * u + v * v < within * within:
+            return True
+    return False
+
+
+@wp.func
+def _meets_box(start: wp.vec2, way: wp.vec2, box: Box) -> float:
+    """Share of a way at which it meets an obstacle; 0 where it begins in one, infinite if it never meets it."""
+    beyond, b = _beyond(start, box), box.place
+    if beyond[0] <= 0.0 and beyond[1] <= 0.0:
+        return float(0.0)
+    ox, oy = start[0] - b[0], start[1] - b[1]
+    return _meets_rectangle(ox, oy, way[0], way[1], b[2], b[3], box.half_x, box.half_y)
 
 
 @wp.func

@@ -5,10 +5,13 @@ import warp as wp
 from iswarm_mj.engines.planar.gpu.cells import Cells
 from iswarm_mj.engines.planar.gpu.functions import ContactLaw
 
+N_WALLS = wp.constant(4)
+_FIRST_BOX = wp.constant(28)  # where the obstacles' numbers begin, after those of a `plane.Plane`
+
 
 @wp.struct
 class Plane:
-    """Robots and arena, as `plane.Plane`. Units: mm, mg, s."""
+    """Robots and arena, as `plane.Plane`, and obstacles. Units: mm, mg, s."""
 
     half_x: float
     half_y: float
@@ -21,13 +24,15 @@ class Plane:
     max_sweeps: int
     radius: float
     """Of a robot's circumcircle."""
+    n_boxes: int
+    """Number of obstacles."""
     values: wp.array(dtype=float)
-    """All numbers; the contact laws are read from it where they are needed, since registers are scarce."""
+    """All numbers; contact laws and obstacles are read from it where they are needed, since registers are scarce."""
 
 
 @wp.func
 def plane_of(values: wp.array(dtype=float)) -> Plane:
-    """Parameters from the numbers of a `plane.Plane`, one after the other."""
+    """Parameters from the numbers of a `plane.Plane`, one after the other, and then of each obstacle, see `box_of`."""
     p = Plane()
     p.half_x = values[0]
     p.half_y = values[1]
@@ -40,7 +45,28 @@ def plane_of(values: wp.array(dtype=float)) -> Plane:
     p.tolerance = values[26]
     p.max_sweeps = int(values[27])
     p.radius = wp.sqrt(p.half_x * p.half_x + p.half_y * p.half_y)
+    p.n_boxes = (values.shape[0] - _FIRST_BOX) // 6
     return p
+
+
+@wp.struct
+class Box:
+    """A box that stands upright, as a row of `utils.obstacles.numbers` [mm]."""
+
+    place: wp.vec4
+    """x, y, cosine and sine of the yaw."""
+    half_x: float
+    half_y: float
+
+
+@wp.func
+def box_of(plane: Plane, m: int) -> Box:
+    """Obstacle m."""
+    box, at = Box(), _FIRST_BOX + 6 * m
+    box.place = wp.vec4(plane.values[at], plane.values[at + 1], plane.values[at + 2], plane.values[at + 3])
+    box.half_x = plane.values[at + 4]
+    box.half_y = plane.values[at + 5]
+    return box
 
 
 @wp.func
@@ -77,8 +103,8 @@ class World:
     near: wp.array(dtype=wp.vec2i)
     """(P,) pairs of robots near each other."""
     found: wp.array(dtype=wp.vec3i)
-    """(C,) bodies of a contact: two robots, or N plus the number of a wall, and a robot; and its colour: contacts of
-    the same colour share no robot."""
+    """(C,) bodies of a contact: two robots, or N plus the number of a wall or, after the walls, of an obstacle, and a
+    robot; and its colour: contacts of the same colour share no robot."""
     n_first: int
     """Number of contacts that lie in `first`, sorted by colour; the others are in `others`."""
     first: wp.uint64
