@@ -1,6 +1,6 @@
 """`iswarm train`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -9,14 +9,14 @@ import tyro
 from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.commands.strategy_options import OWN, check_flags
-from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
-from iswarm_mj.utils.constraints import Above, constraint_of
+from iswarm_mj.experiments.runner.training_plan import TrainingPlan
+from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings
+from iswarm_mj.utils.constraints import constraint_of
 from iswarm_mj.utils.jax_setup import can_use_warp
 
 
 @dataclass(frozen=True)
-class Train(ConfigOptions):
+class Train(TrainingPlan, ConfigOptions):
     """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint to resume from."""
 
     MAIN: ClassVar = (
@@ -26,20 +26,6 @@ class Train(ConfigOptions):
 
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
-    robots: Annotated[int, constraint_of(RunSettings, "n_robots")] = 60
-    """Number of robots."""
-    steps: Steps = 200
-    """Control steps of a world."""
-    generations: Generations = 200
-    """Generations in all; a training that has ended goes on with more, and --resume."""
-    population: Population = 40
-    """Candidates in a generation."""
-    worlds: Repeats = 2
-    """Worlds in which each candidate is tried, together with all others of its generation."""
-    spread: Annotated[float, Above(0, 100)] = 0.1
-    """Standard deviation of the weights at the start."""
-    seed: Seed = 0
-    """Seed of all random numbers."""
     engine: Literal["mujoco", "planar", "mjx"] = "planar"
     """Physics: planar (on an NVIDIA GPU if there is one), mjx (likewise) or mujoco (C); all in one process."""
     refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
@@ -60,16 +46,8 @@ class Train(ConfigOptions):
 
         config = self.config
         check_robots(config.arena, self.robots)
-        training = Training(
-            config=config,
-            n_robots=self.robots,
-            steps=self.steps,
-            generations=self.generations,
-            population=self.population,
-            worlds=self.worlds,
-            spread=self.spread,
-            seed=self.seed,
-        )
+        plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
+        training = Training(**plan, config=config)
         train(training, strategy, self.out, self._engine(), task=CLEANING, resume=self.resume)
 
     def _strategy(self) -> Any:

@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,13 +16,13 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.experiments.analysis.learning_figure import draw_learning
 from iswarm_mj.experiments.runner.checkpoint import Journal
-from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
+from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 from iswarm_mj.simulation.settings import EngineSettings
 from iswarm_mj.simulation.strategies import stated
 from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
-from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import remove, remove_parts
 from iswarm_mj.utils.lock import locked
@@ -39,21 +39,10 @@ EVERY = 25
 
 
 @dataclass(frozen=True)
-class Training:
+class Training(TrainingPlan):
     """Everything that determines the outcome of a training, apart from the strategy and the engine."""
 
     config: SwarmConfig = field(default_factory=SwarmConfig)
-    n_robots: Annotated[int, Within(1)] = 60
-    steps: Steps = 200
-    """Control steps of a world."""
-    generations: Generations = 200
-    population: Population = 40
-    """Candidates in a generation."""
-    worlds: Repeats = 2
-    """Worlds in which each candidate is tried, the same for all of a generation; its fitness is their mean."""
-    spread: Annotated[float, Above(0, 100)] = 0.1
-    """Standard deviation of the weights at the start."""
-    seed: Seed = 0
 
     def __post_init__(self):
         validate(self)
@@ -96,7 +85,7 @@ def train(
         UserError: the strategy cannot be trained; `out` is not writable or in use, contains a training that is not to
             be resumed, or a different one.
     """
-    made = policy(strategy, training.config, training.n_robots)
+    made = policy(strategy, training.config, training.robots)
     settings = {**to_dict(training), "strategy": stated(strategy), "task": stated(task), **engine.identity}
     del settings["generations"]  # a training may go on for longer
     search = SepCMA(
@@ -168,7 +157,7 @@ def _tried(
         training.config,
         own,
         jnp.tile(keys, len(candidates)),
-        n_robots=training.n_robots,
+        n_robots=training.robots,
         steps=training.steps,
         engine=engine,
         strategy_per_world=True,

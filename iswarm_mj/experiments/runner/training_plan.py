@@ -1,0 +1,28 @@
+"""What a training is to do, as numbers: settings of the training itself, and flags of its command."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.utils.constraints import Above, constraint_of
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """How many robots, for how long, and how the weights are searched for."""
+
+    robots: Annotated[int, constraint_of(RunSettings, "n_robots")] = 60
+    """Number of robots."""
+    steps: Steps = 200
+    """Control steps of a world."""
+    generations: Generations = 200
+    """Generations in all; a training that has ended goes on with more, and --resume."""
+    population: Population = 40
+    """Candidates in a generation."""
+    worlds: Repeats = 2
+    """Worlds in which each candidate is tried, the same for all of a generation; its fitness is their mean."""
+    spread: Annotated[float, Above(0, 100)] = 0.1
+    """Standard deviation of the weights at the start."""
+    seed: Seed = 0
+    """Seed of all random numbers."""
