@@ -1,9 +1,13 @@
 """Shapes of a swarm's recording, frame by frame: colours of robots, links, trails."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from jaxtyping import Bool, Float, Int, Int16, UInt16
+from jaxtyping import Bool, Float, Int, Int16, UInt8, UInt16
+
+from iswarm_mj.output.trajectory import Frames
 
 TRAIL_FRAMES = 20
 """Length of a trail [frames]."""
@@ -16,19 +20,43 @@ def robot_classes(
     return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
 
 
-def link_segments(
-    centres: Float[np.ndarray, "T N 3"], sender: Int[np.ndarray, "T N S"], valid: Bool[np.ndarray, "T N S"]
-) -> tuple[Float[np.ndarray, "M 2 3"], Int[np.ndarray, "M"], Int[np.ndarray, "M"], Int[np.ndarray, "T"]]:
-    """Segments from receivers to senders in the order of frames, their receivers and sides, their number in each frame.
+class Links(NamedTuple):
+    """Who hears whom, M links in the order of frames."""
+
+    strips: pa.Array
+    """From receivers to senders."""
+    counts: Int[np.ndarray, "T"]
+    """Links of each frame."""
+    receiver: Int16[np.ndarray, "M"]
+    side: UInt8[np.ndarray, "M"]
+    sender: Int16[np.ndarray, "M"]
+    led: UInt8[np.ndarray, "M"]
+    is_heard: Bool[np.ndarray, "M"]
+
+
+def links_of(centres: Float[np.ndarray, "T N 3"], frames: Frames) -> Links:
+    """Return the links of some frames.
 
     Args:
         centres: of the robots.
-        sender: which robot a sector receives; meaningless where not `valid`.
-        valid: whether it receives one.
+        frames: with whom each side of each robot receives, and whether it receives someone.
     """
-    frame, receiver, side = np.nonzero(valid)
-    segments = np.stack([centres[frame, receiver], centres[frame, sender[valid]]], axis=1)
-    return segments, receiver, side, np.count_nonzero(valid, axis=(1, 2))
+    n_frames, n_robots, n_sides = frames.link_valid.shape
+    place = np.flatnonzero(frames.link_valid)
+    robot, side = np.divmod(place.astype(np.int32), n_sides)
+    frame, receiver = np.divmod(robot, n_robots)
+    sender = frames.link_sender.reshape(-1)[place]
+    points, ends = centres.reshape(-1, 3), np.empty((len(place), 2, 3), np.float32)
+    ends[:, 0], ends[:, 1] = points[robot], points[frame * n_robots + sender]
+    return Links(
+        strips(ends, np.full(len(place), 2)),
+        np.bincount(frame, minlength=n_frames),
+        receiver.astype(np.int16),
+        side.astype(np.uint8),
+        sender.astype(np.int16),
+        frames.link_led.reshape(-1)[place],
+        frames.link_heard.reshape(-1)[place],
+    )
 
 
 def robots_of(is_shown: Bool[np.ndarray, "T N"]) -> Int16[np.ndarray, "M"]:

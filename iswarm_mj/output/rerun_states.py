@@ -79,7 +79,7 @@ def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:
 
 def counts(found: UInt8[np.ndarray, "T N"], n_states: int) -> Int[np.ndarray, "T K"]:
     """Return the number of robots in each state."""
-    return np.stack([(found == place).sum(axis=1) for place in range(n_states)], axis=1)
+    return np.stack([np.count_nonzero(found == place, axis=1) for place in range(n_states)], axis=1)
 
 
 def lane(robot: int) -> str:

@@ -10,7 +10,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 
 from iswarm_mj.output import rerun_states
@@ -21,6 +20,7 @@ from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
 from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
     bounded,
+    columns_of,
     index,
     leave_alone,
     require_recordings,
@@ -28,7 +28,7 @@ from iswarm_mj.output.rerun_format import (
     settings_document,
     written,
 )
-from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, link_segments, robot_classes, robots_of, strips, trails
+from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, links_of, robot_classes, robots_of, strips, trails
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.said import payload_of, readable
@@ -139,7 +139,7 @@ class Recording:
         if len(frames) == 0:
             return
         check_frames(self._scene, frames, self._last_step)
-        self._index = index(frames.step, self._scene.control_period)
+        self._index, self._n_frames = index(frames.step, self._scene.control_period), len(frames)
         size = np.asarray(self._scene.robot_size, np.float32) * np.float32(MILLIMETRES)
         yaw = frames.pose[..., 2]
         centres = np.empty_like(frames.pose, dtype=np.float32)
@@ -168,26 +168,20 @@ class Recording:
         self._result |= {name: value[-1] for name, value in values.items()}
         self._result["steps"] = int(taken[-1]) if len(taken) else self._result.get("steps", 0)
 
-    def _send(
-        self, entity: str, columns: Any, lengths: np.ndarray | list[int] | None = None, **values: np.ndarray
-    ) -> None:
-        """Send columns of one entity; row t gets the next `lengths[t]` instances (one each if not given).
+    def _send(self, entity: str, shown: Any, lengths: np.ndarray | int = 1, **values: np.ndarray) -> None:
+        """Send columns of one entity; row t gets the next `lengths[t]` instances, or each the same number.
 
         `values` are shown by the viewer where an instance is selected.
         """
-        # As arrow arrays: of an empty one Rerun otherwise does not know the type.
-        more = rr.AnyValues.columns(**{name: pa.array(value.ravel()) for name, value in values.items()})
-        parts = [*columns, *more]
-        if lengths is not None:
-            parts = [part.partition(lengths) for part in parts]
-        self._stream.send_columns(entity, self._index, parts, strict=True)
+        columns = columns_of(shown, values, self._n_frames, lengths)
+        self._stream.send_columns(entity, self._index, columns, strict=True)
 
     def _robots(self, frames: Frames, centres: np.ndarray, yaw: np.ndarray, size: np.ndarray) -> None:
         """Boxes coloured by state, and a dot at each front."""
-        n_frames, n_robots = yaw.shape
-        quaternions = np.zeros((n_frames, n_robots, 4), np.float32)
+        n_robots = yaw.shape[1]
+        quaternions = np.zeros((*yaw.shape, 4), np.float32)
         quaternions[..., 2], quaternions[..., 3] = np.sin(yaw / 2), np.cos(yaw / 2)
-        columns = rr.Boxes3D.columns(
+        boxes = rr.Boxes3D.from_fields(
             centers=centres.reshape(-1, 3),
             quaternions=quaternions.reshape(-1, 4),
             class_ids=robot_classes(frames.is_loaded, self._scene.is_scout, frames.has_priority).reshape(-1),
@@ -195,8 +189,8 @@ class Recording:
         hops = hop_counts(self._scene, frames)
         self._send(
             look.ROBOTS,
-            columns,
-            [n_robots] * n_frames,
+            boxes,
+            n_robots,
             message=frames.message,
             **readable(self._payload, self._scene.n_leds, frames.message),
             **hops,
@@ -206,68 +200,66 @@ class Recording:
         )
         fronts = centres + 0.34 * size[0] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
         fronts[..., 2] = size[2] + look.FRONT_RADIUS * size[0]
-        self._send(look.FRONTS, rr.Points3D.columns(positions=fronts.reshape(-1, 3)), [n_robots] * n_frames)
+        self._send(look.FRONTS, rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), n_robots)
 
     def _balls(self, frames: Frames) -> None:
         """Points of true size; above the robots, markers that stay visible with the whole arena in view."""
-        n_frames, n_balls, _ = frames.ball_position.shape
+        n_balls = frames.ball_position.shape[1]
         positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
         classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
         above = positions + np.array([0, 0, 1.5 * self._scene.robot_size[2] * MILLIMETRES])
         holder = {"holder": np.where(frames.ball_state == HELD, frames.ball_holder, -1).astype(np.int16)}
         for entity, shown in ((look.BALLS, positions), (look.BALL_MARKERS, above)):
-            columns = rr.Points3D.columns(positions=shown, class_ids=classes)
-            self._send(entity, columns, [n_balls] * n_frames, **(holder if entity == look.BALLS else {}))
+            points = rr.Points3D.from_fields(positions=shown, class_ids=classes)
+            self._send(entity, points, n_balls, **(holder if entity == look.BALLS else {}))
 
     def _lines(self, frames: Frames, centres: np.ndarray) -> None:
         """Links of each step, and the trails of robots now loaded."""
-        segments, receiver, side, counts = link_segments(centres, frames.link_sender, frames.link_valid)
-        joined = strips(segments, np.full(len(segments), 2))
-        valid = frames.link_valid
-        classes = (frames.link_heard[valid] + look.LINK_CLASS_OFFSET).astype(np.uint16)
+        links = links_of(centres, frames)
         self._send(
             look.LINKS,
-            rr.LineStrips3D.columns(strips=joined, class_ids=classes),
-            counts,
-            receiver=receiver.astype(np.int16),
-            side=side.astype(np.uint8),
-            sender=frames.link_sender[valid],
-            led=frames.link_led[valid],
-            is_heard=frames.link_heard[valid],
+            rr.LineStrips3D.from_fields(
+                strips=links.strips, class_ids=links.is_heard + np.uint16(look.LINK_CLASS_OFFSET)
+            ),
+            links.counts,
+            receiver=links.receiver,
+            side=links.side,
+            sender=links.sender,
+            led=links.led,
+            is_heard=links.is_heard,
         )
         history = np.concatenate([self._before, centres])
         points, lengths = trails(history, len(self._before), frames.is_loaded)
-        columns = rr.LineStrips3D.columns(strips=strips(points, lengths))
+        trail = rr.LineStrips3D.from_fields(strips=strips(points, lengths))
         loaded = frames.is_loaded
-        self._send(look.TRAILS, columns, np.count_nonzero(loaded, axis=1), robot=robots_of(loaded))
+        self._send(look.TRAILS, trail, np.count_nonzero(loaded, axis=1), robot=robots_of(loaded))
         self._before = history[-TRAIL_FRAMES:]
 
     def _arrows(self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray) -> None:
         """Arrows from the robots that know a vector, turned to the world."""
-        vectors = np.zeros((np.count_nonzero(known), 3), np.float32)
-        vectors[:, :2] = rotate(vector[known], yaw[known]) * MILLIMETRES
-        columns = rr.Arrows3D.columns(origins=origins[known], vectors=vectors)
-        self._send(entity, columns, np.count_nonzero(known, axis=1), robot=robots_of(known))
+        place = np.flatnonzero(known)
+        vectors = np.zeros((len(place), 3), np.float32)
+        vectors[:, :2] = rotate(vector.reshape(-1, 2)[place], yaw.ravel()[place]) * np.float32(MILLIMETRES)
+        shown = rr.Arrows3D.from_fields(origins=origins.reshape(-1, 3)[place], vectors=vectors)
+        self._send(entity, shown, np.count_nonzero(known, axis=1), robot=robots_of(known))
 
     def _memory(self, frames: Frames) -> None:
         """Numbers and flags that the robots remember, a series for each number of each robot."""
         for name in look.numbers(self._scene):
             values = frames.memory[name].reshape(len(frames), -1).astype(np.float64)
-            columns = rr.Scalars.columns(scalars=values.reshape(-1))
-            self._send(f"{look.MEMORY}/{name}", columns, [values.shape[1]] * len(frames))
+            self._send(f"{look.MEMORY}/{name}", rr.Scalars(values.reshape(-1)), values.shape[1])
 
     def _areas(self, frames: Frames) -> None:
         """Areas of the task on the floor, which may move."""
         for name, shape in zip(self._scene.area_names, self._scene.area_shapes, strict=True):
             areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
-            counts = [areas.shape[1]] * len(frames)
-            self._send(look.area(name), look.area_columns(areas.reshape(-1, 3), shape), counts)
+            self._send(look.area(name), look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
 
     def _states(self, frames: Frames) -> None:
         """How many robots are in each state, and the changes of some robots' states."""
         names, found = rerun_states.names(self._scene), rerun_states.states_of(self._scene, frames)
         counts = rerun_states.counts(found, len(names)).astype(np.float64)
-        self._send(rerun_states.COUNTS, rr.Scalars.columns(scalars=counts.reshape(-1)), [len(names)] * len(frames))
+        self._send(rerun_states.COUNTS, rr.Scalars(counts.reshape(-1)), len(names))
         for robot, when in self._lanes.changes(found).items():
             columns = rr.StateChange.columns(state=[names[place] for place in found[when, robot]])
             when_columns = index(frames.step[when], self._scene.control_period)
@@ -286,4 +278,4 @@ class Recording:
         for name in self._scene.metric_names:
             values[look.metric(name)] = frames.task[METRIC + name]
         for entity in look.series(self._scene):
-            self._send(entity, rr.Scalars.columns(scalars=np.asarray(values[entity], np.float64)))
+            self._send(entity, rr.Scalars(np.asarray(values[entity], np.float64)))

@@ -155,13 +155,13 @@ def area(name: str) -> str:
     return f"world/arena/{name}"
 
 
-def area_columns(areas: np.ndarray, shape: str) -> Any:
-    """Columns of flat areas (A, 3) of x, y and half the width or the radius [mm], of squares or discs."""
+def areas(areas: np.ndarray, shape: str) -> Any:
+    """Return flat areas (A, 3) of x, y and half the width or the radius [mm], of squares or discs."""
     centres = np.column_stack([areas[:, :2], np.full(len(areas), 1.5 * _SHEET)])
     if shape == "disc":
-        return rr.Cylinders3D.columns(centers=centres, radii=areas[:, 2], lengths=np.full(len(areas), _SHEET))
+        return rr.Cylinders3D.from_fields(centers=centres, radii=areas[:, 2], lengths=np.full(len(areas), _SHEET))
     half = np.column_stack([areas[:, 2], areas[:, 2], np.full(len(areas), _SHEET / 2)])
-    return rr.Boxes3D.columns(centers=centres, half_sizes=half)
+    return rr.Boxes3D.from_fields(centers=centres, half_sizes=half)
 
 
 def metric(name: str) -> str:
