@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import shutil
+import subprocess
 from pathlib import Path
 
 import pyarrow.parquet
@@ -49,6 +50,31 @@ def test_the_ways_to_open_files_work(run):
     command = shlex.split(again.removesuffix(" repeats it"))
     main([*command, "--steps", "2", "--no-record", "--out", str(run.parent / "again")])
     assert json.loads((run.parent / "again/result.json").read_text())["steps"] == 2
+
+
+@pytest.mark.parametrize("below", [False, True])
+def test_all_recordings_open_at_once(run, tmp_path, below):
+    out = tmp_path / "it's $HOME"
+    shutil.copytree(run, out)
+    assert "as one dataset" not in inspection(out)
+    for world in (2, 11):
+        shutil.copytree(run, out / f"world-{world}", ignore=lambda *_: ["result.json"])
+    (line,) = (line for line in inspection(tmp_path if below else out).splitlines() if "all 3 recordings" in line)
+    opened = subprocess.run(["sh", "-c", line.split(": ")[1].replace("rerun", "ls -1")], capture_output=True, text=True)
+    assert opened.stdout.splitlines() == [str(out / name / "clean.rrd") for name in ("", "world-11", "world-2")]
+
+
+def test_runs_below_a_directory_say_how_to_open_their_recordings(run):
+    assert f"  recording: rerun {shlex.quote(str(run))}/clean.rrd" in inspection(run.parent).splitlines()
+
+
+def test_a_run_of_another_task(run, tmp_path):
+    content = json.loads((run / "result.json").read_text())
+    content = {name: value for name, value in content.items() if name not in ("delivered", "picked")}
+    content |= {"task": {"class": "gather.py:Gather"}, "metrics": {"close": [0.5]}}
+    (tmp_path / "result.json").write_text(json.dumps(content))
+    assert inspection(tmp_path).startswith("run of a task with the paper's strategy on planar, version ")
+    assert "close  0.5" in inspection(tmp_path)
 
 
 def test_an_interrupted_run_with_a_fault(run, tmp_path):

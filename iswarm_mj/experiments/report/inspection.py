@@ -1,5 +1,7 @@
 """What a directory of results holds, in words: of runs, experiments, searches and trials, interrupted ones included."""
 
+import re
+import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -31,11 +33,14 @@ def inspection(directory: Path) -> str:
     if not directory.is_dir():
         raise UserError(f"{directory} is no directory; give the --out of a command.")
     if _is_result(directory):
-        return "\n".join([*_about(directory), "", *_files(directory)])
+        return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
     found = sorted({path.parent for name in _KNOWN for path in directory.glob(f"**/{name}")})
     if not found:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
-    return "\n\n".join("\n".join([str(place), *(f"  {line}" for line in _about(place))]) for place in found)
+    return "\n\n".join(
+        "\n".join([str(place), *(f"  {line}" for line in [*_about(place), *_recordings(place, at_least=1)])])
+        for place in found
+    )
 
 
 def _is_result(directory: Path) -> bool:
@@ -62,11 +67,12 @@ def _about(directory: Path) -> Iterator[str]:
 
 
 def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
-    """Of `iswarm clean`."""
+    """Of `iswarm clean` and `iswarm run`."""
     engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
     own = content.get("strategy")
     what = f"strategy {own['class']}" if isinstance(own, Mapping) and "class" in own else "the paper's strategy"
-    yield f"cleaning run with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
+    is_cleaning = "delivered" in content
+    yield f"{'cleaning run' if is_cleaning else 'run of a task'} with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
         yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
     try:
@@ -114,6 +120,16 @@ def _files(directory: Path) -> Iterator[str]:
         yield f"{name:<{width}}  {_size(path.stat().st_size):>8}  {opening(path)}"
     if len(files) > _MAX_LISTED:
         yield f"{len(files) - _MAX_LISTED} more files"
+
+
+def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:
+    """Say how to open all recordings at once, with the numbers of worlds and trials left to the shell."""
+    found = [path for path in sorted(directory.rglob("*.rrd")) if path.is_file()]
+    if len(found) >= at_least:
+        names = [shlex.quote(str(path.relative_to(directory))) for path in found]
+        names = dict.fromkeys(name if "'" in name else re.sub(r"\d+", "*", name) for name in names)
+        opened = " ".join(f"{shlex.quote(str(directory))}/{name}" for name in names)
+        yield f"{'recording' if len(found) == 1 else f'all {len(found)} recordings as one dataset'}: rerun {opened}"
 
 
 def _size(n_bytes: float) -> str:
