@@ -33,13 +33,22 @@ class Within:
         return f"between {_text(self.low)} and {_text(self.high)}"
 
 
+TINY = 1e-12
+"""Difference from a limit that is excluded; what is nearer may be the limit itself in single precision."""
+
+
 @dataclass(frozen=True)
 class Above(Within):
-    """Numbers above `low` and up to `high`, which is included."""
+    """Numbers above `low`, by at least `TINY`, and up to `high`, which is included."""
+
+    @property
+    def least(self) -> float:
+        """The smallest of them."""
+        return self.low + TINY
 
     def allows(self, value: Any) -> bool:
         """Return whether the value lies within."""
-        return value > self.low and super().allows(value)
+        return value >= self.least and super().allows(value)
 
     def _limits(self) -> str:
         return f"above {_text(self.low)} and at most {_text(self.high)}"
@@ -95,7 +104,10 @@ def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
     whole = "a whole number " if kind is int else ""
     number = numbers.Integral if whole else numbers.Real
     is_number = isinstance(value, number) and not isinstance(value, bool)
-    check(name, value, f"{whole}{constraint}", is_number and constraint.allows(value))
+    text = str(constraint)
+    if is_number and isinstance(constraint, Above) and constraint.low < value < constraint.least:
+        text = f"at least {constraint.least:g} {constraint.unit}".rstrip()
+    check(name, value, f"{whole}{text}", is_number and constraint.allows(value))
 
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:

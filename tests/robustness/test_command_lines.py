@@ -92,7 +92,7 @@ def check(code, out, error):
     return "answered"
 
 
-@pytest.mark.attack(0.25)
+@pytest.mark.attack(0.2)
 def test_each_is_done_or_refused(attack, place, monkeypatch):
     for name in STARTS:
         monkeypatch.setattr(name, reach)
@@ -130,7 +130,7 @@ def finite(out):
         assert all(np.isfinite(file[name]).all() for name in ("pose", "ball_position", "mean_speed") if name in file)
 
 
-@pytest.mark.attack(0.15)
+@pytest.mark.attack(0.1)
 def test_what_is_accepted_runs(attack, place):
     """To its end, or to a fault in a sentence; what it records is finite."""
     for rng in attack.generators(least=2):

@@ -78,7 +78,7 @@ def test_genomes(attack, tmp_path):
     attack_file(attack, path, GENOME, lambda: load_genome(str(path)), odd_json)
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(0.04)
 @pytest.mark.parametrize("name", ["robot.xml", "robot6.xml"])
 def test_robots(attack, tmp_path, name):
     path = tmp_path / name
@@ -110,7 +110,7 @@ def tables_of(out):
     assert run.units and run.scene
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(0.04)
 @pytest.mark.parametrize(("name", "odd"), [(RESULT, odd_json), (TRAJECTORY, odd_arrays)])
 def test_runs(attack, recorded_run, tmp_path, name, odd):
     out = shutil.copytree(recorded_run, tmp_path / "run")
@@ -122,7 +122,7 @@ def same(jobs, *_):
     yield from ((index, Outcome(1, 1, 1, 2.0, None, 9, 0.5)) for index in range(len(jobs)))
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(0.04)
 @pytest.mark.parametrize("kind", ["search", "experiment"])
 def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
     """Of a search, and of an experiment."""
@@ -148,7 +148,7 @@ def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
 TABLES = ["grasp/trials.parquet", "hop-count/hop_count.parquet", "message-time/message_time.parquet"]
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(0.04)
 @pytest.mark.parametrize("name", TABLES)
 def test_tables(attack, tmp_path, name, capsys):
     """What cannot be used is left out of a report, and named."""

@@ -19,7 +19,7 @@ from iswarm_mj.utils.errors import ConfigError
         (Within(1e-6, 2e-5, "m"), "between 1e-06 and 2e-05 m", [1e-6], [9e-7]),
         (Within(1), "at least 1", [1, 1e300], [0]),
         (Within(1, 100_000), "between 1 and 100000", [100_000], [100_001]),
-        (Above(0, 1, "rd"), "above 0 and at most 1 rd", [1e-9, 1], [0, -1, 1.1]),
+        (Above(0, 1, "rd"), "above 0 and at most 1 rd", [1e-9, 1], [0, -1, 1.1, 1e-300, 5e-324]),
         (Within(0, 69, "V", "70 V melts the ball"), "between 0 and 69 V, since 70 V melts the ball", [69], [70]),
     ],
 )

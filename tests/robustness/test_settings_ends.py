@@ -1,0 +1,127 @@
+"""Settings at the ends of their ranges: numbers stay finite, nothing is divided by zero or warned of.
+
+Robots stand at balls, on the dump with balls, and in each other's way, so that each setting is of use.
+"""
+
+import warnings
+from contextlib import suppress
+from dataclasses import fields, replace
+
+import jax
+import numpy as np
+import pytest
+
+from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.sensors.floor import probe_tips
+from iswarm_mj.simulation.common import DIFFERENT, check_common
+from iswarm_mj.simulation.initial import draw_start
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import Above, choices, constraint_of
+from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.units import RD
+
+PARTS = ("gripper", "strategy", "energy", "drive", "optics")
+SLOW = {"bench": ["auto", "c"], "resolution": ["quasi-static", "quasi-static", "dynamic"]}
+"""Choices where others take long: a batch of trials in MJX is compiled anew for each setting."""
+N_ROBOTS, N_WORLDS, N_STEPS = 12, 8, 4
+PLACES = [(x * RD, y * RD) for x in (-3, -1, 1, 3) for y in (-2, 0, 2)]
+ON_DUMP = [number for number, (x, y) in enumerate(PLACES) if abs(x) <= RD and y == 0]
+
+
+def end(rng, cls, name):
+    """One of the last values that a setting may have, or one of its words."""
+    limits = constraint_of(cls, name)
+    if limits is None:
+        words = SLOW.get(name) or list(choices(cls, name)) or [False, True]
+        return words[rng.integers(len(words))]
+    if next(f.type for f in fields(cls) if f.name == name) is int or isinstance(getattr(cls(), name), int):
+        return int([limits.low, limits.low + 1, limits.high][rng.integers(3)])
+    least = limits.least if isinstance(limits, Above) else limits.low
+    values = [least, max(least, 1e-38), np.nextafter(least, limits.high), limits.high]
+    return float(values[rng.integers(len(values))])
+
+
+def moved(rng, config, names, n):
+    """A configuration with `n` of these settings, (part, name), at the ends of their ranges."""
+    for index in rng.permutation(len(names))[:n]:
+        part, name = names[index]
+        mine = getattr(config, part)
+        with suppress(ConfigError):  # a value that does not go with the others
+            config = replace(config, **{part: replace(mine, **{name: end(rng, type(mine), name)})})
+    return config
+
+
+SETTINGS = [(part, f.name) for part in PARTS for f in fields(getattr(SwarmConfig(), part))]
+OF_RUNS = [(part, name) for part, name in SETTINGS if name not in DIFFERENT[part]]
+OF_WORLDS = [(part, name) for part, name in SETTINGS if name in DIFFERENT[part]]
+
+
+def busy_start(config, rng):
+    """Robots in a grid: those over the dump hold a ball, most of the others have one at the tip."""
+    start = draw_start(config, N_ROBOTS, int(rng.integers(1000)), 0)
+    poses = np.column_stack([PLACES, rng.uniform(-np.pi, np.pi, N_ROBOTS)])
+    tips = np.asarray(probe_tips(poses.astype(np.float32), np.asarray(read_robot().probe_tip, np.float32)))
+    balls = {name: np.array(values) for name, values in start.balls._asdict().items()}
+    balls["position"][:N_ROBOTS] = tips
+    balls["holder"][ON_DUMP] = ON_DUMP
+    balls["is_held"][ON_DUMP] = balls["was_picked"][ON_DUMP] = True
+    return start._replace(poses=poses, balls=start.balls._replace(**balls))
+
+
+def drawn(rng, small):
+    """A run whose worlds have settings at their ends, and what is unusual about it."""
+    config = moved(rng, replace(small, energy=replace(small.energy, model="capacitor")), OF_RUNS, rng.integers(3))
+    worlds, told = [], []
+    for _ in range(N_WORLDS):
+        genome = replace(Genome(), **{f.name: end(rng, Genome, f.name) for f in fields(Genome) if rng.random() < 0.2})
+        own = moved(rng, config, OF_WORLDS, rng.integers(1, 4))
+        check_common(config, own)
+        worlds.append(World(genome, N_ROBOTS, config=own, start=busy_start(own, rng)))
+        told.append(differences(config, own))
+    engine = PlanarSettings(1) if rng.random() < 0.8 else MujocoSettings(1)
+    about = f"{type(engine).__name__}, {differences(small, config)}, worlds {told}"
+    settings = RunSettings(N_ROBOTS, N_STEPS, n_worlds=N_WORLDS, record_worlds=tuple(range(N_WORLDS)))
+    return about, lambda: Run(config, settings=settings, engine=engine, worlds=worlds)
+
+
+def differences(usual, config):
+    """Settings in which a configuration is not the usual one."""
+    pairs = [(part, name, getattr(getattr(config, part), name)) for part, name in SETTINGS]
+    return ", ".join(
+        f"{part}.{name}={value!r}" for part, name, value in pairs if value != getattr(vars(usual)[part], name)
+    )
+
+
+def check(record, faults):
+    """Each number of worlds without a fault is finite, and energy is never owed."""
+    sound = np.array([fault is None for fault in faults])
+    parts = {"swarm": record.swarm, "poses": record.poses, "command": record.command, "speed": record.speed}
+    for path, values in jax.tree_util.tree_leaves_with_path({**parts, "measured": record.measured_distance}):
+        values = np.asarray(values)
+        if values.dtype.kind == "f":
+            assert np.isfinite(values[:, sound]).all(), f"{jax.tree_util.keystr(path)} is not finite"
+    if record.swarm.energy is not None:
+        assert (np.asarray(record.swarm.energy) >= 0).all()
+
+
+@pytest.fixture(scope="module")
+def compiled(small):
+    """Programs of the engines that are compiled once for all settings, which takes longer than a case may."""
+    for engine in (PlanarSettings(1), MujocoSettings(1)):
+        Run(small, settings=RunSettings(N_ROBOTS, 1), engine=engine).advance()
+
+
+@pytest.mark.attack(0.04)
+@pytest.mark.usefixtures("compiled")
+def test_numbers_stay_finite(attack, small):
+    for rng in attack.generators():
+        about, begin = drawn(rng, small)
+        with attack.case(about) as outcome, warnings.catch_warnings():
+            warnings.simplefilter("error")
+            run = begin()
+            while not run.is_over:
+                record = run.advance()
+                check(record, run.fault_of_each)
+            outcome.append("with faults" if any(run.faults) else "done")
