@@ -71,8 +71,8 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
     engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
     own = content.get("strategy")
     what = f"strategy {own['class']}" if isinstance(own, Mapping) and "class" in own else "the paper's strategy"
-    is_cleaning = "delivered" in content
-    yield f"{'cleaning run' if is_cleaning else 'run of a task'} with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
+    kind = "cleaning run" if "delivered" in content else "run of a task"
+    yield f"{kind} with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
         yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
     try:
