@@ -22,10 +22,7 @@ def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
     works = tried.work_tool_object, tried.work_object_substrate
     trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
     bench = TraceBench(trial, PROTOCOL.start_gap, None if tried.is_lift else gap, TIMESTEP)
-    if tried.is_lift:
-        succeeded = bool(lift_on(bench, np.array([tried.voltage])).succeeded[0])
-    else:
-        succeeded = drop_on(bench, tried.voltage, gap)[0]
+    succeeded = lift_on(bench, tried.voltage)[0] if tried.is_lift else drop_on(bench, tried.voltage, gap)[0]
     trace = bench.trace()
     places = np.array([PHASES.index(name) for name in trace.phases])
     return trace._replace(phase=places[trace.phase], phases=PHASES), succeeded

@@ -11,6 +11,18 @@ Voltages: TypeAlias = float | Float[np.ndarray, "B"]
 Mask: TypeAlias = Bool[np.ndarray, "B"]
 
 
+class Move(NamedTuple):
+    """A move of the tool and its voltage to their targets, see `Bench.move`."""
+
+    phase: str
+    duration: float
+    """[s]"""
+    tip: float
+    """[m]"""
+    voltage: Voltages
+    """[V]"""
+
+
 class Watch(NamedTuple):
     """What happened during one move on each of B benches. Times count from the start of the move; nan: never."""
 

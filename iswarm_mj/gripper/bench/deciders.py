@@ -3,10 +3,12 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
 from iswarm_mj.gripper.bench import attempt_log
+from iswarm_mj.utils.arrays import Array
 
 
 def decider_for(gripper: GripperConfig) -> Decider:
@@ -23,21 +25,35 @@ def decider_for(gripper: GripperConfig) -> Decider:
 def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
     """Outcomes of trials in MuJoCo's C engine; inside a program of JAX, which calls the host for them.
 
-    Only attempts that are made become trials; a step without any costs a call.
+    Only attempts that are made become trials; a step in which no world makes any does not call. All numbers go as one
+    array and come back as one, since JAX takes its time for each.
     """
-    shape = attempts.lifts.shape
-    flags, floats = jax.ShapeDtypeStruct(shape, bool), jax.ShapeDtypeStruct(shape, jnp.float32)
-    shapes = Outcomes(flags, flags, flags, floats, floats)
 
-    def call(*arrays: jax.Array) -> Outcomes:
+    def call(numbers: jax.Array) -> np.ndarray:
         from iswarm_mj.gripper.bench.swarm_trials import outcomes
 
-        attempts = Attempts(*map(np.asarray, arrays))
-        if not (attempts.lifts | attempts.releases).any():
-            none = np.zeros(attempts.lifts.shape, bool)
-            return Outcomes(none, none, none, none.astype(np.float32), none.astype(np.float32))
+        lifts, releases, *others = np.asarray(numbers)
+        attempts = Attempts(lifts > 0, releases > 0, *others)
         found = outcomes(gripper.release_gap, attempts)
         attempt_log.note(attempts, found)
-        return found
+        return np.stack(found).astype(np.float32)
 
-    return jax.pure_callback(call, shapes, *attempts, vmap_method="expand_dims")
+    def on_host(numbers: Array) -> Array:
+        return jax.pure_callback(call, _places(numbers), numbers)
+
+    @custom_vmap
+    def decide(numbers: Array) -> Array:
+        return jax.lax.cond(numbers[:2].any(), on_host, lambda a: jnp.zeros_like(a, shape=_places(a).shape), numbers)
+
+    @decide.def_vmap
+    def _(count: int, is_batched: list[bool], numbers: Array) -> tuple[Array, bool]:
+        del count, is_batched
+        return jnp.moveaxis(decide(jnp.moveaxis(numbers, 0, 1)), 1, 0), True
+
+    lifted, released, postponed, *others = decide(jnp.stack([jnp.asarray(a, jnp.float32) for a in attempts]))
+    return Outcomes(lifted > 0, released > 0, postponed > 0, *others)
+
+
+def _places(numbers: Array) -> jax.ShapeDtypeStruct:
+    """Of the outcomes of attempts (7, ..., K): (5, ..., K)."""
+    return jax.ShapeDtypeStruct((len(Outcomes._fields), *numbers.shape[1:]), jnp.float32)

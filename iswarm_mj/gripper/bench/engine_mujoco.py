@@ -10,14 +10,16 @@ from mujoco.batch import Batch
 
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, resized, sized, start
+from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.film import Film
+from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
 MEMORY = 2**18
 """Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 BLOCK = 256
 """Physics steps in one call of MuJoCo."""
 
@@ -44,32 +46,40 @@ class MujocoBench:
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
             timestep: instead of that of the specification [s].
         """
-        self._make = partial(sized, spec) if spec is not None else partial(_compiled, timestep)
+        self._make = partial(_compiled, timestep) if spec is None else partial(sized, spec)
+        self._usual = partial(_usual, timestep, trials[0].probe_radius)
+        self._own: mujoco.MjModel | None = None
         models = [self._make(trial) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
         self._where = layout(first)
         self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
+        self._numbers = [plugin.state_index(first, *names) for names in plugin_numbers(trials[0])]
         self._batch = Batch(first, len(trials), threads)
         self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
+        self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
+        self._first = self._batch.state[0].copy()
         self._touch = np.zeros(len(trials))
         self._place(models, trials, start_gap, hanging)
 
-    def place(self, trials: Sequence[Trial], start_gap: float, hanging: float | None = None) -> None:
-        """Begin anew with as many other trials, in a third of the time that a new bench takes; see `__init__`."""
-        self._place([self._make(trial) for trial in trials], trials, start_gap, hanging)
+    def place(self, trial: Trial, start_gap: float, hanging: float | None = None) -> None:
+        """Begin anew with another trial on a bench of one, in a tenth of the time that a new bench takes.
+
+        See `__init__`; the bench has the usual specification, and the probe is that of the first trial.
+        """
+        self._own = resized(self._usual(), trial.radius, self._own)
+        self._place([self._own], [trial], start_gap, hanging)
 
     def _place(
         self, models: list[mujoco.MjModel], trials: Sequence[Trial], start_gap: float, hanging: float | None
     ) -> None:
         self.steps = 0
         self._batch.set_models(models)
-        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        qpos, state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
+        self._batch.state[:], self._batch.warning[:] = self._first, 0
+        qpos, state = self._qpos, self._state
         for i, (model, trial) in enumerate(zip(models, trials, strict=True)):
             qpos[i], self._touch[i] = start(model, trial, start_gap, hanging)
-            for index, value in plugin_values(model, trial).items():
-                state[i, index] = value
+            state[i, self._numbers] = list(plugin_numbers(trial).values())
         self._ctrl[:] = 0
         self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
         self._ctrl[:, self._where.aside_servo] = qpos[:, self._where.aside]
@@ -77,19 +87,14 @@ class MujocoBench:
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
         del phase
-        n_benches, n_steps = len(self._touch), max(1, round(duration / self.timestep))
-        ids = np.arange(n_benches) if active is None else np.flatnonzero(active)
-        self.steps += n_steps * len(ids)
-        begin = self._ctrl[ids]
-        end = begin.copy()
-        end[:, self._where.tip] = self._touch[ids] + tip / UM - self._where.tip_height
-        end[:, self._where.voltage] = np.broadcast_to(voltage, n_benches)[ids]
+        ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
+        n_steps, begin, end = self._plan(ids, duration, tip, voltage)
         contacts = _Contacts(len(ids))
         chosen = None if active is None else ids
         is_still = bool((begin == end).all())
         for first in range(0, n_steps, BLOCK):
             count = min(BLOCK, n_steps - first)
-            control = None if is_still else self._way(begin, end, np.arange(first + 1, first + count + 1) / n_steps)
+            control = None if is_still else self._way(begin, end, _shares(n_steps)[first : first + count])
             speed = -self._qvel[ids, None, self._where.ball + 2]
             with without_timers():
                 block = self._batch.rollout(count, control, record=("qvel", "plugin_state"), ids=chosen)
@@ -97,16 +102,71 @@ class MujocoBench:
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
 
-    def _way(self, begin: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """Controls (n, T, nu) at T shares of the way from those at the begin (n, nu) to those at the end."""
-        way = np.repeat(share[:, None], begin.shape[1], axis=1)
-        way[:, self._where.tip] = minimum_jerk(share)
-        return begin[:, None] + way * (end - begin)[:, None]
+    def moves(self, moves: Sequence[Move]) -> Watch:
+        """See `FilmBench.moves`."""
+        ids, ways = np.arange(len(self._touch)), []
+        begin = self._ctrl[ids]
+        for _, duration, tip, voltage in moves:
+            n_steps, _, end = self._plan(ids, duration, tip, voltage, begin)
+            ways.append(self._way(begin, end, _shares(n_steps)))
+            begin = ways[-1][:, -1]
+        way = np.concatenate(ways, axis=1)
+        with without_timers():
+            self._batch.rollout(way.shape[1], way, record=())
+        return self._watch(_Contacts(len(ids), self._state[:, self._gaps]), ids)
+
+    def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
+        """See `FilmBench.film`."""
+        del phase
+        n_steps, _, self._ctrl[:] = self._plan(np.zeros(1, int), duration, tip, voltage)
+        time, fall, self._warned = (
+            self._batch.state[0, 0],
+            -self._qvel[0, self._where.ball + 2],
+            self._batch.warning.copy(),
+        )
+        with without_timers():  # a bench with a warning stands still from then on
+            block = self._batch.rollout(n_steps, None, record=("qvel", "plugin_state", _STATE))
+        velocity, gaps = block["qvel"][0, :, self._where.ball :], block["plugin_state"][0][:, self._gaps] * UM
+        finite = np.isfinite(block[_STATE][0]).all(axis=1)
+        if (self._batch.warning > self._warned).any():
+            finite[max(int(np.count_nonzero(np.diff(block[_STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
+        return Film(
+            gap_tool=gaps[:, 0],
+            gap_plate=gaps[:, 1],
+            fall=np.concatenate([[fall], -velocity[:-1, 2]]) * UM / MS,
+            speed=np.sqrt((velocity[:, :3] ** 2).sum(axis=1)) * UM / MS,
+            finite=finite,
+            states=block[_STATE][0],
+        )
+
+    def rewind(self, film: Film, step: int) -> None:
+        """See `FilmBench.rewind`."""
+        self._batch.state[0] = film.states[step]
+        if film.finite[step]:
+            self._batch.warning[:] = self._warned
+
+    def _plan(
+        self, ids: np.ndarray, duration: float, tip: float, voltage: Voltages, begin: np.ndarray | None = None
+    ) -> tuple[int, np.ndarray, np.ndarray]:
+        """Number of steps of a move, and controls (n, nu) at its begin, by default the present ones, and its end."""
+        n_steps = max(1, round(duration / self.timestep))
+        self.steps += n_steps * len(ids)
+        begin = self._ctrl[ids] if begin is None else begin
+        end = begin.copy()
+        end[:, self._where.tip] = self._touch[ids] + tip / UM - self._where.tip_height
+        end[:, self._where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
+        return n_steps, begin, end
+
+    def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
+        way = begin[:, None] + shares[:, :1] * (end - begin)[:, None]
+        tip = self._where.tip
+        way[:, :, tip] = begin[:, None, tip] + shares[:, 1] * (end - begin)[:, None, tip]
+        return way
 
     def throw(self, height: float, speed: np.ndarray) -> None:
         """Put the balls at a height above the plate [m], falling at these speeds (B,) [m/s]."""
-        qpos = self._batch.bind("qpos")
-        qpos[:, self._where.ball + 2] += height / UM
+        self._qpos[:, self._where.ball + 2] += height / UM
         self._qvel[:, self._where.ball + 2] = -speed * MS / UM
 
     def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
@@ -135,6 +195,13 @@ class MujocoBench:
     def restore(self, state: Any) -> None:
         """See `Bench.restore`."""
         self._batch.state[:] = state
+
+
+@lru_cache(maxsize=64)
+def _shares(n_steps: int) -> np.ndarray:
+    """Shares (n_steps, 2) of the way after each step of a move: of time and voltage, and of the tool."""
+    share = np.arange(1, n_steps + 1) / n_steps
+    return np.stack([share, minimum_jerk(share)], axis=1)
 
 
 def _compiled(timestep: float | None, trial: Trial) -> mujoco.MjModel:
@@ -167,11 +234,11 @@ class _Contacts:
         gaps: (n, 2) to tool and plate at the last step.
     """
 
-    def __init__(self, count: int):
+    def __init__(self, count: int, gaps: np.ndarray | None = None):
         self.last = np.full((count, 2), np.nan)
         self.first = np.full(count, np.nan)
         self.landing_speed = np.full(count, np.nan)
-        self.gaps = np.full((count, 2), np.nan)
+        self.gaps = np.full((count, 2), np.nan) if gaps is None else gaps
         self._before = np.full((count, 2), np.nan)
 
     def add(self, gaps: np.ndarray, speed: np.ndarray, first: int) -> None:

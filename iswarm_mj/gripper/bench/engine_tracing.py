@@ -1,12 +1,14 @@
 """A bench in MuJoCo's C engine that records every physics step, and the traces of whole trials."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.film import Film
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
@@ -88,6 +90,24 @@ class TraceBench:
             data.ctrl[:] = begin + way * (end - begin)
             self._samples.append(self._step(phase))
         return self._watch(_stacked(self._samples[first:]))
+
+    def moves(self, moves: Sequence[Move]) -> Watch:
+        """See `FilmBench.moves`."""
+        return [self.move(*move) for move in moves][-1]
+
+    def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
+        """See `FilmBench.film`."""
+        rows, states = [], []
+        for _ in range(round(duration / self.timestep)):
+            watch, fall = self.move(phase, self.timestep, tip, voltage), self._samples[-1].fall
+            rows.append((watch.gap_tool[0], watch.gap_plate[0], fall * UM / MS, watch.speed[0], watch.finite[0]))
+            states.append(self.save())
+        gap_tool, gap_plate, falls, speed, finite = map(np.array, zip(*rows, strict=True))
+        return Film(gap_tool, gap_plate, falls, speed, finite, states)
+
+    def rewind(self, film: Film, step: int) -> None:
+        """See `FilmBench.rewind`."""
+        self.restore(film.states[step])
 
     def _step(self, phase: str) -> _Samples:
         """Take a physics step; its sample is the state before, with the forces that acted in it."""

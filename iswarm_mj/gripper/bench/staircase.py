@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.gripper.bench.base import Bench, Mask, Voltages, Watch
+from iswarm_mj.gripper.bench.base import Bench, Mask, Move, Voltages, Watch
 from iswarm_mj.gripper.bench.protocol import Protocol
 
 
@@ -23,17 +23,35 @@ class Grasp(NamedTuple):
     """Whether the state became infinite or nan."""
 
 
+def touching(protocol: Protocol) -> list[Move]:
+    """Moves that bring the tool into contact, without voltage."""
+    return [
+        Move("approach", protocol.approach_time, -protocol.press, 0.0),
+        Move("contact", protocol.dwell, -protocol.press, 0.0),
+    ]
+
+
+def lifting(protocol: Protocol, voltage: Voltages) -> list[Move]:
+    """Moves that raise the voltage on a touching tool, then retract it."""
+    return [
+        Move("voltage", protocol.rise_time, -protocol.press, voltage),
+        Move("retract", protocol.peel_time, protocol.peel, voltage),
+        Move("lift", protocol.carry_time(protocol.lift - protocol.peel), protocol.lift, voltage),
+    ]
+
+
 def touch(bench: Bench, protocol: Protocol) -> None:
     """Bring the tool into contact, without voltage."""
-    bench.move("approach", protocol.approach_time, -protocol.press, 0.0)
-    bench.move("contact", protocol.dwell, -protocol.press, 0.0)
+    for move in touching(protocol):
+        bench.move(*move)
 
 
 def rung(bench: Bench, protocol: Protocol, voltage: Voltages, active: Mask | None = None) -> Watch:
     """Raise the voltage on a touching tool, then retract it."""
-    bench.move("voltage", protocol.rise_time, -protocol.press, voltage, active)
-    bench.move("retract", protocol.peel_time, protocol.peel, voltage, active)
-    return bench.move("lift", protocol.carry_time(protocol.lift - protocol.peel), protocol.lift, voltage, active)
+    *first, last = lifting(protocol, voltage)
+    for move in first:
+        bench.move(*move, active)
+    return bench.move(*last, active)
 
 
 def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:

@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.base import Bench
+from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
+from iswarm_mj.gripper.bench.film import FilmBench, Look, joined, looks
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.staircase import hangs, rung, touch
+from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import GRAVITY
 
@@ -24,9 +25,9 @@ RELEASE_LIMIT = 6e-3
 """Time at the release voltage after which a ball that still hangs counts as not released: ten relaxation times of its
 charge [s]."""
 _LONG = 0.08e-3
-"""Time that is tried at once while a ball hangs or falls; too short for it to reach the plate and come back [s]."""
-_LONGER = 4
-"""So many of these are tried at once first; if the ball does not hang all the time, once more one by one."""
+"""Interval at which a ball that hangs or falls is looked at; too short for it to reach the plate and come back [s]."""
+_HANGS, _FALLS = 7, 9
+"""Intervals in which few balls leave the tool, or come to rest."""
 
 
 class Found(NamedTuple):
@@ -44,85 +45,88 @@ _FREE: list[MujocoBench] = []
 
 
 @contextmanager
-def _bench(trials: list[Trial], hanging: float | None = None) -> Iterator[MujocoBench]:
-    """A bench for trials; one for a single trial is used again, since making it takes as long as 300 steps."""
+def _bench(trial: Trial, hanging: float | None = None) -> Iterator[MujocoBench]:
+    """A bench, used again, since making it takes as long as 300 steps; hence trials are made one after the other."""
     try:
-        bench = _FREE.pop() if len(trials) == 1 else None
+        bench = _FREE.pop()
+        bench.place(trial, PROTOCOL.start_gap, hanging)
     except IndexError:
-        bench = None
-    if bench is None:
-        bench = MujocoBench(trials, PROTOCOL.start_gap, threads=1, hanging=hanging, timestep=TIMESTEP)
-    else:
-        bench.place(trials, PROTOCOL.start_gap, hanging)
+        bench = MujocoBench([trial], PROTOCOL.start_gap, threads=1, hanging=hanging, timestep=TIMESTEP)
     yield bench
-    if len(trials) == 1:
-        _FREE.append(bench)
+    _FREE.append(bench)
 
 
 def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
     """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
-    with _bench(trials) as bench:
-        return lift_on(bench, voltage)
+    rows = []
+    for trial, volts in zip(trials, voltage, strict=True):
+        with _bench(trial) as bench:
+            rows.append((*lift_on(bench, float(volts)), 0.0))
+    return Found(*map(np.array, zip(*rows, strict=True)))
 
 
-def lift_on(bench: Bench, voltage: Float[np.ndarray, "n"]) -> Found:
-    """See `lift`; on n new benches."""
-    protocol, count = PROTOCOL, len(voltage)
-    touch(bench, protocol)
-    rung(bench, protocol, voltage)
-    watch = bench.move("off", protocol.off_time, protocol.lift, 0.0)
-    duration = np.full(count, bench.steps / count * bench.timestep)
-    return Found(hangs(watch, protocol) & watch.finite, duration, np.zeros(count))
+def lift_on(bench: FilmBench, voltage: float) -> tuple[bool, float]:
+    """Whether a ball on a new bench hangs in the end, and how long that took [s]."""
+    p = PROTOCOL
+    watch = bench.moves([*touching(p), *lifting(p, voltage), Move("off", p.off_time, p.lift, 0.0)])
+    return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep
 
 
 def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
     """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
     rows = []
     for trial, volts in zip(trials, voltage, strict=True):
-        with _bench([trial], gap) as bench:
+        with _bench(trial, gap) as bench:
             rows.append(drop_on(bench, float(volts), gap))
-    stays, duration, impact = zip(*rows, strict=True)
-    return Found(np.array(stays), np.array(duration), np.array(impact))
+    return Found(*map(np.array, zip(*rows, strict=True)))
 
 
-def drop_on(bench: Bench, voltage: float, gap: float) -> tuple[bool, float, float]:
+def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, float]:
     """Whether a ball that hangs on a new bench stays, how long that took [s], and the speed of its landing [m/s]."""
     p = PROTOCOL
-    bench.move("rise", p.rise_time, gap, voltage)
-    time = p.rise_time
-    while time + _LONGER * _LONG <= RELEASE_LIMIT:
-        before = bench.save()
-        watch = bench.move("wait", _LONGER * _LONG, gap, voltage)
-        if not (watch.gap_tool[0] <= 0 and np.isnan(watch.first_plate[0]) and watch.finite[0]):
-            bench.restore(before)
-            break
-        time += _LONGER * _LONG
-    while True:
-        before = bench.save()
-        watch = bench.move("wait", _LONG, gap, voltage)
-        if watch.gap_tool[0] > p.away or not watch.finite[0]:
+    bench.moves([Move("rise", p.rise_time, gap, voltage)])
+    time, look = p.rise_time, None
+    for look in looks(bench, "wait", _LONG, gap, voltage, _HANGS):
+        if look.gap_tool > p.away or not look.finite:
             break
         time += _LONG
         if time > RELEASE_LIMIT:
+            bench.rewind(look.film, look.last)
             return False, time, 0.0
-    # Once more, up to the moment when it is seen to have left.
-    bench.restore(before)
-    seen = max(np.nan_to_num(watch.last_tool[0]), bench.timestep)
-    watch = bench.move("wait", seen, gap, voltage)
-    while watch.gap_tool[0] <= p.away and seen < _LONG:
-        watch, seen = bench.move("wait", p.watch_time, gap, voltage), seen + p.watch_time
-    time, impact, volts = time + seen, watch.landing_speed[0], 0.0
-    if p.after_release == "held":
-        volts = voltage
+    assert look is not None  # there is always another
+    seen = _seen_to_leave(bench, look, gap, voltage)
+    time += (seen.last + 1 - look.first) * bench.timestep
+    impact, volts = seen.landing_speed, voltage if p.after_release == "held" else 0.0
     watch = bench.move("cut", p.cut_time, gap, volts)
-    end, time = time + p.flight_limit, time + p.cut_time
-    while time < end and watch.finite[0]:
-        impact = watch.landing_speed[0] if np.isnan(impact) else impact
-        reach = watch.speed[0] ** 2 / (2 * GRAVITY) + max(watch.gap_plate[0], 0.0)
-        if not np.isnan(impact) and volts == 0 and reach < gap / 2:
-            return True, time, float(impact)
-        watch, time = bench.move("fall", _LONG, gap, volts), time + _LONG
-    return False, time, float(np.nan_to_num(impact))
+    end, time, look, stays = time + p.flight_limit, time + p.cut_time, None, False
+    landing, speed, above, finite = (
+        float(values[0]) for values in (watch.landing_speed, watch.speed, watch.gap_plate, watch.finite)
+    )
+    falls = looks(bench, "fall", _LONG, gap, volts, _FALLS)
+    while time < end and finite and not stays:
+        impact = landing if np.isnan(impact) else impact
+        reach = speed**2 / (2 * GRAVITY) + max(above, 0.0)
+        stays = not np.isnan(impact) and volts == 0 and bool(reach < gap / 2)
+        if not stays:
+            look, time = next(falls), time + _LONG
+            landing, speed, above, finite = look.landing_speed, look.speed, look.gap_plate, look.finite
+    if look is not None:
+        bench.rewind(look.film, look.last)
+    return stays, time, float(np.nan_to_num(impact))
+
+
+def _seen_to_leave(bench: FilmBench, look: Look, gap: float, voltage: float) -> Look:
+    """The part of an interval at whose end the ball is seen to have left the tool; the bench returns to there."""
+    film, first = look.film, look.first
+    touches = np.flatnonzero(film.gap_tool[first : look.last + 1] <= 0)
+    last = first + (max(1, int(touches[-1])) if len(touches) else 1) - 1
+    again = round(PROTOCOL.watch_time / bench.timestep)
+    while film.gap_tool[last] <= PROTOCOL.away and last < look.last:
+        first, last = last + 1, last + again
+        if last >= len(film.gap_tool):
+            film = joined(film, bench.film("wait", PROTOCOL.watch_time, gap, voltage))
+    bench.rewind(film, last)
+    return Look(film, first, last)
 
 
 def outcomes(gap: float, attempts: Attempts) -> Outcomes:
@@ -139,12 +143,20 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
         if not len(where[0]):
             continue
         columns = np.stack([np.broadcast_to(values, shape)[where].astype(float) for values in attempts[2:]], axis=1)
-        rows, same = np.unique(columns, axis=0, return_inverse=True)  # worlds that only fill up a batch are copies
+        rows, same = _unique(columns)  # worlds that only fill up a batch are copies
         trials = [
             Trial(radius, tool, floor, 10.0, misalignment=miss)  # whose factor of humidity is 1
             for _, radius, tool, floor, miss in rows.tolist()
         ]
         found = lift(trials, rows[:, 0]) if k == 0 else drop(trials, rows[:, 0], gap)
-        succeeded[k][where] = found.succeeded[same.ravel()]
-        numbers[0][where], numbers[1][where] = found.duration[same.ravel()], found.impact[same.ravel()]
+        succeeded[k][where] = found.succeeded[same]
+        numbers[0][where], numbers[1][where] = found.duration[same], found.impact[same]
     return Outcomes(succeeded[0], succeeded[1], np.zeros(shape, bool), numbers[0], numbers[1])
+
+
+def _unique(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Different rows, and which of them each row is."""
+    if len(rows) == 1:
+        return rows, np.zeros(1, int)
+    found, which = np.unique(rows, axis=0, return_inverse=True)
+    return found, which.ravel()

@@ -20,10 +20,10 @@ from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.native import attraction, attributes, circuit, fields, impact, spline
 from iswarm_mj.gripper.native.attraction import attract, gap_to
 from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
-from iswarm_mj.gripper.native.circuit import ball_voltage, relaxed
+from iswarm_mj.gripper.native.circuit import ball_voltage, relaxed, shapes_of
 from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
 from iswarm_mj.gripper.native.impact import rebound_ratio
-from iswarm_mj.gripper.native.spline import probe_factor, spline_tables
+from iswarm_mj.gripper.native.spline import spline_tables
 from iswarm_mj.gripper.units import CLEARANCE, NN, UM
 
 _dmt = compiled(adhesion.dmt_pull_off)
@@ -156,7 +156,7 @@ def electrostatic_callbacks() -> dict[str, Any]:
     """Callbacks of the force of a voltage on the ball, and of the potential of the ball.
 
     The state is ball, probe, plate, voltage, contact_gap, off_voltage, leak, contact, plate_contact, oxide, breakdown;
-    potential, probe_gap, plate_gap, force, charge, ball_voltage, broken.
+    potential, probe_gap, plate_gap, force, charge, ball_voltage, broken, to_probe, to_plate.
     """
     offsets, (splines, axes) = _offsets(), spline_tables()
 
@@ -173,23 +173,23 @@ def electrostatic_callbacks() -> dict[str, Any]:
         above, below = max(probe_gap, least), max(plate_gap, least)
         release = f.plugin_state[s + 11] > 0.5 and plate_gap > 0
         up_voltage, down_voltage = (0.0, voltage) if release else (voltage, 0.0)
+        sizes = (probe_gap, plate_gap, least, probe_radius)
+        pick_shape, release_shape, to_probe, to_plate = shapes_of(radius, sizes, splines, axes)
         if leak > 0:
-            sizes = (probe_gap, plate_gap, least, probe_radius)
-            down_voltage = ball_voltage(f.plugin_state[s + 15], voltage, radius, sizes, splines, axes)
+            down_voltage = ball_voltage(f.plugin_state[s + 15], voltage, to_probe, to_plate)
             up_voltage = voltage - down_voltage
         f.plugin_state[s + 16] = down_voltage
         up = down = 0.0
         if up_voltage != 0:
-            shape = probe_factor(0, above / radius, probe_radius / radius, splines, axes)
-            up = shape * _asymptotic(up_voltage, above * UM, radius * UM) / NN
+            up = pick_shape * _asymptotic(up_voltage, above * UM, radius * UM) / NN
             attract(f, ball, probe, probe_gap, px, py, pz, up)
         if down_voltage != 0:
-            shape = probe_factor(1, below / radius, probe_radius / radius, splines, axes)
-            down = shape * _asymptotic(down_voltage, below * UM, radius * UM) / NN
+            down = release_shape * _asymptotic(down_voltage, below * UM, radius * UM) / NN
             attract(f, ball, plate, plate_gap, nx, ny, nz, down)
         f.plugin_state[s + 12] = probe_gap
         f.plugin_state[s + 13] = plate_gap
         f.plugin_state[s + 14] = up - down
+        f.plugin_state[s + 18], f.plugin_state[s + 19] = to_probe, to_plate
 
     @_callback(_advance)
     def advance(m, d, instance):
@@ -198,9 +198,6 @@ def electrostatic_callbacks() -> dict[str, Any]:
         voltage = f.ctrl[int(f.plugin_state[s + 3])]
         probe_gap, plate_gap, least = f.plugin_state[s + 12], f.plugin_state[s + 13], f.plugin_state[s + 4]
         if f.plugin_state[s + 6] > 0:
-            ball, probe = int(f.plugin_state[s]), int(f.plugin_state[s + 1])
-            radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
-            sizes = (probe_gap, plate_gap, least, probe_radius)
             across = voltage - f.plugin_state[s + 16]
             if probe_gap <= 0 and abs(across) >= f.plugin_state[s + 9] * f.plugin_state[s + 10]:
                 f.plugin_state[s + 17] = 1.0
@@ -210,8 +207,8 @@ def electrostatic_callbacks() -> dict[str, Any]:
             above = 1 / resistance if probe_gap <= 0 else 0.0
             below = 1 / f.plugin_state[s + 8] if plate_gap <= 0 else 0.0
             if above + below > 0:
-                now = (f.plugin_state[s + 16], voltage, radius, sizes)
-                f.plugin_state[s + 15] = relaxed(now, above, below, f.timestep, splines, axes)
+                now = (f.plugin_state[s + 16], voltage, f.plugin_state[s + 18], f.plugin_state[s + 19])
+                f.plugin_state[s + 15] = relaxed(now, above, below, f.timestep)
             f.plugin_state[s + 11] = 1.0 if abs(f.plugin_state[s + 16]) > abs(across) else 0.0
         elif plate_gap <= 0:
             f.plugin_state[s + 11] = 0.0

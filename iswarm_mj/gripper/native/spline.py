@@ -37,15 +37,22 @@ def _weights(t):
 
 
 @compiled
-def probe_factor(task, gap_ratio, probe_ratio, splines, axes):
+def place_of(gap_ratio, probe_ratio, axes):
+    """Where the splines are read at these ratios, the same for all of them: row, column and their weights."""
+    row, t = _locate(gap_ratio, axes[0])
+    column, u = _locate(probe_ratio, axes[1])
+    return row, column, _weights(t), _weights(u)
+
+
+@compiled
+def factor_at(task, place, splines):
     """Shape factor of `probe_table.probe_factor`, clamped to the table's edge; `task` is 0 to pick, 1 to release.
 
     With 2 and 3, the capacitance to probe and plate over 4 pi eps0 R.
     """
-    row, t = _locate(gap_ratio, axes[0])
-    column, u = _locate(probe_ratio, axes[1])
-    across, total = _weights(u), 0.0
-    for i, weight in enumerate(_weights(t)):
+    row, column, down, across = place
+    total = 0.0
+    for i, weight in enumerate(down):
         line = splines[task, row + i]
         total += weight * (
             across[0] * line[column]
