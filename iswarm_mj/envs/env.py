@@ -29,8 +29,9 @@ class Env(ABC):
         n_worlds: B; None where `reset` and `step` are of one world, and `jax.vmap` maps them.
     """
 
-    def __init__(self, core: Core, n_worlds: int | None):
+    def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None):
         self.core, self.n_worlds = core, n_worlds
+        self._bodies = engine.place.__annotations__["return"]
         self.n_robots = core.beginnings.poses.shape[1]
 
     @property
@@ -80,7 +81,7 @@ class Env(ABC):
                 fault, which ends the episode of its world alone.
 
         Raises:
-            UserError: shape or type of the action do not fit.
+            UserError: shape or type of the action do not fit, or the state is that of another environment.
         """
 
     @property
@@ -98,6 +99,14 @@ class Env(ABC):
             raise UserError(f"reset needs {what}; make them by {example}")
         return key
 
+    def _check(self, state: Any) -> None:
+        """Refuse what is no state of this environment."""
+        if not isinstance(state, State) or not isinstance(state.data, Episode):
+            raise UserError(f"step needs a state that reset or step returned (got a {type(state).__name__})")
+        shape = *self._axes, self.n_robots, self.observation_size
+        if state.obs.shape != shape or not isinstance(state.data.world.bodies, self._bodies):
+            raise UserError("step got a state of another environment; begin with a state of this one's reset")
+
     def _action(self, action: Any) -> Any:
         return checked(action, (*self._axes, self.n_robots, self.action_size))
 
@@ -106,7 +115,7 @@ class CompiledEnv(Env):
     """An environment of pure functions, for `jax.jit`, and `jax.vmap` where `n_worlds` is None."""
 
     def __init__(self, core: Core, engine: CompiledEngine, n_worlds: int | None):
-        super().__init__(core, n_worlds)
+        super().__init__(core, engine, n_worlds)
         self._engine = engine
         self._compiled_reset, self._compiled_step = jax.jit(self._reset), jax.jit(self._step)
 
@@ -116,6 +125,7 @@ class CompiledEnv(Env):
 
     def step(self, state: State, action: Any) -> State:
         """See `Env.step`."""
+        self._check(state)
         return self._compiled_step(state, action)
 
     def _each(self, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -154,7 +164,7 @@ class HostEnv(Env):
     """
 
     def __init__(self, core: Core, engine: Engine, n_worlds: int):
-        super().__init__(core, n_worlds)
+        super().__init__(core, engine, n_worlds)
         self._engine, self._cpu = engine, jax.local_devices(backend="cpu")[0]
         self._ended, self._prepare, self._finish = (
             jax.jit(alike(jax.vmap(function))) for function in (core.ended, core.prepare, core.finish)
@@ -163,6 +173,7 @@ class HostEnv(Env):
 
     def reset(self, key: jax.Array) -> State:
         """See `Env.reset`."""
+        _refuse_tracers("reset", key)
         with jax.default_device(self._cpu):
             data, done = self._ended(jax.device_put(self._keys(key), self._cpu))
             action = np.zeros((*self._axes, self.n_robots, self.action_size), np.float32)
@@ -174,6 +185,8 @@ class HostEnv(Env):
 
     def step(self, state: State, action: Any) -> State:
         """See `Env.step`."""
+        self._check(state)
+        _refuse_tracers("step", action, state.done)
         given = self._action(action)
         bodies, world = state.data.world.bodies, state.data.world
         if isinstance(self._engine, MujocoEngine) and bodies is not self._latest:
@@ -213,6 +226,15 @@ class HostEnv(Env):
             return old
 
         return jax.tree.map(put, placed, bodies)
+
+
+def _refuse_tracers(name: str, *values: Any) -> None:
+    """Refuse values inside of `jax.jit` and `jax.vmap`, which an engine of the host cannot compute with."""
+    if any(isinstance(value, jax.core.Tracer) for value in values):
+        raise UserError(
+            f"this environment's engine computes on the host, outside of programs of JAX; call {name} without jax.jit "
+            "and jax.vmap, or make the environment with MjxSettings() or PlanarSettings(impl='warp')"
+        )
 
 
 def _over(flags: jax.Array, values: jax.Array) -> jax.Array:

@@ -20,7 +20,7 @@ def checked(given: Any, half_arena: float, half_dump: float) -> tuple[Obstacle, 
     """Return obstacles as tuples of floats.
 
     Args:
-        given: a sequence of five numbers each.
+        given: a sequence of five numbers each, or an array.
         half_arena: half the arena's edge [rd].
         half_dump: half the dump's edge [rd].
 
@@ -28,6 +28,7 @@ def checked(given: Any, half_arena: float, half_dump: float) -> tuple[Obstacle, 
         ConfigError: one has other numbers, no size, or is not inside the walls, or on the dump.
     """
     what = "arena.obstacles"
+    given = given.tolist() if isinstance(given, np.ndarray) else given
     is_list = isinstance(given, Sequence) and not isinstance(given, str)
     if not is_list or not all(isinstance(one, Sequence) and len(one) == len(FIELDS) for one in given):
         raise ConfigError(what, given, f"boxes of {len(FIELDS)} numbers each, {', '.join(FIELDS)} [rd, deg]")

@@ -75,9 +75,9 @@ def test_room_for_obstacles():
 @pytest.mark.slow
 def test_steps_agree(in_c):
     """After each of six control steps, begun at the same places, robots that touch obstacles, but no other robots, are
-    within 0.02 mm of C's."""
+    within 0.02 mm of C's; of all, also of those that jam, 99 %, and the others within 0.1 mm."""
     rng, poses, engine = np.random.default_rng(1), starts(1), engine_with(contact_capacity(CONFIG, N, 4.0))
-    boxes, n_touched = numbers(BOXES, RD), 0
+    boxes, n_touched, every = numbers(BOXES, RD), 0, []
     for _ in range(6):
         command = Command(rng.uniform(-0.3, 0.3, (3, N)), np.full((3, N), 1.4))
         there = in_c.move(in_c.place(poses.copy(), PRESENT), drive_phases(CONFIG.drive, command), RUNNING)
@@ -87,11 +87,13 @@ def test_steps_agree(in_c):
         is_alone = ~(pairs.any(axis=1) | pairs.any(axis=2))
         away = distances(theirs[..., :2].reshape(-1, 2), boxes).reshape(3, N)
         assert distances(here.bodies.poses[..., :2].reshape(-1, 2), boxes).min() > 0.8  # half a robot is 1 mm
-        off = np.abs(here.bodies.poses - theirs)[is_alone]
-        assert off.max() < 0.02
+        off = np.abs(here.bodies.poses - theirs)
+        assert off[is_alone].max() < 0.02
+        every.append(off[..., :2].max(axis=-1))
         n_touched += (away[is_alone] < 1.2).sum()
         poses = theirs
     assert n_touched > 10
+    assert np.mean(np.array(every) < 0.02) > 0.99 and np.max(every) < 0.1
 
 
 @pytest.mark.slow

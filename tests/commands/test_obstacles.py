@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from iswarm_mj.commands.main import parse
@@ -43,6 +44,12 @@ def test_what_cannot_be(box, sentence):
         return
     with pytest.raises(UserError, match=sentence):
         ArenaConfig(obstacles=(box,))
+
+
+def test_arrays_of_boxes():
+    assert ArenaConfig(obstacles=np.array([[8.0, 8, 1, 1, 0]])) == ArenaConfig(obstacles=((8.0, 8.0, 1.0, 1.0, 0.0),))
+    with pytest.raises(UserError, match=r"arena.obstacles must be boxes of 5 numbers each"):
+        ArenaConfig(obstacles=np.zeros((2, 4)))
 
 
 def test_no_room_is_left():

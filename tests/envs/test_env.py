@@ -269,6 +269,27 @@ class TestMistakes:
         with pytest.raises(UserError, match=r"reset needs 1 random keys, .*make them by jax.random.split"):
             self.ENV().reset(key)
 
+    def test_states_of_other_environments(self):
+        env, other = self.ENV(), self.ENV(n_robots=4)
+        compiled, action = self.ENV(engine=PlanarSettings(impl="warp")), np.zeros((1, 3, 2), np.float32)
+        words = "step got a state of another environment; begin with a state of this one's reset"
+        for engine, given in [(env, other), (compiled, env)]:
+            with pytest.raises(UserError, match=words):
+                engine.step(given.reset(KEYS[:1]), action)
+        for nothing in (None, env.reset(KEYS[:1]).obs, env.reset(KEYS[:1])._replace(data=None)):
+            with pytest.raises(UserError, match="step needs a state that reset or step returned"):
+                env.step(nothing, action)
+
+    def test_engines_of_the_host_inside_programs(self):
+        env, action = self.ENV(), np.zeros((1, 3, 2), np.float32)
+        state, words = env.reset(KEYS[:1]), r"computes on the host, .*; call {} without jax.jit and jax.vmap, or make"
+        with pytest.raises(UserError, match=words.format("reset")):
+            jax.jit(env.reset)(KEYS[:1])
+        with pytest.raises(UserError, match=words.format("reset")):
+            jax.vmap(env.reset)(KEYS)
+        with pytest.raises(UserError, match=words.format("step")):
+            jax.jit(lambda action: env.step(state, action))(action)
+
 
 @pytest.mark.slow
 def test_ten_thousand_random_steps_without_fault_or_leak():

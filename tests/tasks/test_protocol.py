@@ -1,6 +1,7 @@
 """A task outside the package: it runs on every engine, and what is wrong with one is said in a sentence."""
 
 import json
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
@@ -44,6 +46,16 @@ def run_of(small, engine, task=None, **settings):
     return Run(
         small, None, RunSettings(N, 12, n_worlds=2, **settings), engine, strategy=Homing(), task=task or Eastward(2.0)
     )
+
+
+@dataclass(frozen=True)
+class Worth(Cleaning):
+    """Cleaning whose progress begins at a number."""
+
+    first: float = 3.0
+
+    def progress(self, things):
+        return super().progress(things) + self.first.astype(jnp.int32)
 
 
 def records(run):
@@ -204,3 +216,11 @@ class TestFiles:
         assert drawn == {f"/world/arena/{name}" for name in ("floor", "walls", "east")}
         series = np.ravel(columns["/series/task/share"]["Scalars:scalars"])
         np.testing.assert_allclose(series, run.steps.to_pydict()["share"][:13])
+
+
+def test_cleaning_can_be_extended(small):
+    """A task that adds fields to it has them in each world."""
+    for engine in ENGINES[1:]:
+        run = Run(small, settings=RunSettings(N, 4, n_worlds=2), engine=engine, task=Worth(4.0))
+        records(run)
+        assert run.faults == [] and run.progress().tolist() == [4, 4]

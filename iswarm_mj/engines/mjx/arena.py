@@ -164,7 +164,8 @@ def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations:
         # Weight does not act on planar joints, and Warp compares each body with each joint to compensate it.
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     else:
-        spec.option.tolerance = 1e-6  # below, rounding ends the search no sooner
+        # Ends where a step lowers the cost by no more than rounding; with 1e-6 jams end up to 0.2 mm off, as quickly.
+        spec.option.tolerance = 1e-9
         spec.add_numeric(name="max_geom_pairs", data=[capacity.pairs], size=1)
         spec.add_numeric(name="max_contact_points", data=[capacity.contacts], size=1)
 
