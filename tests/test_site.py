@@ -132,7 +132,7 @@ def test_commands_run(page, example):
             continue
         more = QUICK.get(words[1], "").split() if "--force-curve" not in words else []
         if "--worlds" in words:
-            more += ["--worlds", "2"]
+            more += ["--worlds", "3"]
         if words[1] == "picture":
             more += ["--width", "64", "--height", "64", "--step", "5"]
         out = [part for part in words if part.startswith("docs/")]

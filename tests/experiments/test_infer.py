@@ -3,11 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
 from iswarm_mj.experiments.analysis.support import Combination, accepted, support
+from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.variation import varied
@@ -160,6 +163,14 @@ class TestSupport:
         assert "front: 100.0 %" in next(f for f in others if "avoidance sides" in f.claim).ours
         (picture,) = draw(rows, tmp_path)
         assert picture.stat().st_size > 20_000
+
+    def test_readings_that_are_equal_are_both_seen(self, tmp_path):
+        sample = [Combination(None, {"a": str(k % 2)}, [True, k % 2 == 0], 0.1) for k in range(8)]
+        named = [Combination(name, {"a": "0"}, [True, True], 0.1) for name in ("paper", "initial")]
+        shares = {"a": support(sample, accepted(sample), "a", ["0", "1"])}
+        image = np.asarray(Image.open(draw_support([*sample, *named], shares, ["one", "two"], tmp_path / "f")))
+        below_the_legend = image[len(image) // 2 :, : image.shape[1] // 3, :3].reshape(-1, 3).tolist()
+        assert [213, 94, 0] in below_the_legend and [0, 158, 115] in below_the_legend
 
     def test_without_rows_nothing_is_found(self):
         assert [f.verdict for f in findings([])] == ["not run yet"]

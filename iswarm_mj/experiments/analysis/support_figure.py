@@ -13,6 +13,8 @@ from iswarm_mj.experiments.analysis.support import Combination, accepted
 from iswarm_mj.output.plot_style import BLUE, DARK, GREEN, ORANGE, figure
 
 _MARKERS = (ORANGE, GREEN, DARK)
+_DASHES = ("-", (0, (3, 3)), (0, (1, 5)))
+"""Of lines that may lie upon each other, which all are seen then."""
 
 
 def draw_support(
@@ -47,8 +49,9 @@ def _draw_counts(axes: Axes, sample: Sequence[Combination], named: Sequence[Comb
     """How many combinations reproduce how many statements."""
     counts = Counter(sum(c.answers) for c in sample)
     axes.bar(list(counts), list(counts.values()), color="#a8c0d8", edgecolor=BLUE, linewidth=0.8)
-    for colour, reading in zip(_MARKERS, named, strict=False):
-        axes.axvline(sum(reading.answers), color=colour, linewidth=2, label=f"reading {reading.reading}")
+    for colour, dashes, reading in zip(_MARKERS, _DASHES, named, strict=False):
+        label = f"reading {reading.reading}"
+        axes.axvline(sum(reading.answers), color=colour, linestyle=dashes, linewidth=2, label=label)
     axes.legend(loc="upper left")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel=f"statements reproduced, of {len(sample[0].answers)}", ylabel="combinations")
@@ -61,15 +64,15 @@ def _draw_statements(
     """Share of the combinations that reproduce each statement: all, and those accepted."""
     place = np.arange(len(statements))[::-1]
     every, kept = (np.mean([c.answers for c in group], axis=0) for group in (sample, accepted(sample)))
-    axes.barh(place + 0.2, every, 0.4, color="#a8c0d8", label="all combinations")
-    axes.barh(place - 0.2, kept, 0.4, color=BLUE, label="the accepted ones")
+    axes.barh(place + 0.2, every, 0.4, color="#a8c0d8")
+    axes.barh(place - 0.2, kept, 0.4, color=BLUE)
     for k, (colour, reading) in enumerate(zip(_MARKERS, named, strict=False)):
         holds = np.array(reading.answers, bool)
         axes.plot(np.full(holds.sum(), 1.06 + 0.07 * k), place[holds], "o", color=colour, markersize=4.5)
     axes.set_yticks(place, statements)
-    axes.set(xlim=(0, 1.08 + 0.07 * len(named)), xlabel="share that reproduces it; dots: named readings do")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=2, fontsize=7.5)
-    axes.set_title("(b)", loc="left", fontsize=9)
+    axes.set(xlim=(0, 1.08 + 0.07 * len(named)), xlabel="share that reproduces it;\ndots: readings of (a) that do")
+    axes.set_xticks(np.linspace(0, 1, 6))
+    axes.set_title("(b) light: all combinations, dark: the accepted ones", loc="left", fontsize=9)
 
 
 def _draw_shares(axes: Axes, shares: Mapping[str, Mapping[str, Interval]]) -> None:
@@ -87,6 +90,6 @@ def _draw_shares(axes: Axes, shares: Mapping[str, Mapping[str, Interval]]) -> No
         axes.plot([1 / len(labels)] * 2, [top - 0.6, place - 0.4], color="#999999", linewidth=1)
         place -= 0.6
     axes.set_yticks(places, texts, fontsize=7.5)
-    axes.set(xlim=(0, 1), xlabel="share of the accepted combinations, 95 % interval;\ngrey: without any support")
+    axes.set(xlim=(0, 1), xlabel="share of the accepted combinations;\n95 % interval; grey: without any support")
     axes.set_title("(c) orange: supported, blue: contradicted", loc="left", fontsize=9)
     axes.grid(axis="y", visible=False)
