@@ -1,13 +1,14 @@
-"""Arguments before they are parsed: the file of `--config`, and words for Booleans."""
+"""Arguments before they are parsed: the file of `--config`, words for Booleans, flags with a choice of words."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
 
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 
 WORDS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 """What stands for a Boolean, in any case of letters."""
@@ -50,6 +51,25 @@ def with_booleans(kinds: Mapping[str, Any], arguments: Sequence[str]) -> list[st
         else:
             found.append(flag if WORDS[value.lower()] else negated(flag))
     return found
+
+
+def check_choices(kinds: Mapping[str, Any], arguments: Sequence[str]) -> None:
+    """Check the words of flags that allow only some.
+
+    Raises:
+        ConfigError: one is not among them.
+    """
+    for argument, after in zip_longest(arguments, arguments[1:]):
+        flag, equals, value = argument.partition("=")
+        kind = kinds.get(flag.removeprefix("--").replace("-", "_")) if flag.startswith("--") else None
+        given = value if equals else after
+        options = [of for of in (kind, *get_args(kind)) if get_origin(of) is Literal]
+        if not options or given is None or given.startswith("--"):
+            continue
+        allowed = [str(word) for of in options for word in get_args(of)]
+        allowed += ["None"] * (type(None) in get_args(kind))
+        if given not in allowed:
+            raise ConfigError(flag.replace("_", "-"), given, " or ".join(allowed))
 
 
 def negated(flag: str) -> str:

@@ -12,7 +12,7 @@ from typing import Protocol
 import tyro
 
 from iswarm_mj import __version__
-from iswarm_mj.commands.arguments import flag_kinds, with_booleans, without_config
+from iswarm_mj.commands.arguments import check_choices, flag_kinds, with_booleans, without_config
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.commands.config_file import named_in, read
@@ -65,7 +65,7 @@ def parse(arguments: Sequence[str]) -> Command:
     """Return the command that the arguments describe.
 
     Raises:
-        UserError: there is no such command, or a value is out of range.
+        UserError: there is no such command, or a value is not allowed.
         SystemExit: help or the version was printed, or tyro has explained why it cannot read the arguments.
     """
     name, *rest = arguments or [""]
@@ -81,6 +81,7 @@ def parse(arguments: Sequence[str]) -> Command:
         if content is not None:
             rest = [*content.arguments(name, kinds, rest), *rest]
         rest = with_booleans(kinds, rest)
+        check_choices(kinds, rest)
         _check_paths(rest)
         with explained_flags(command):
             return tyro.cli(command, prog=f"iswarm {name}", args=rest, default=with_reading(command, rest))

@@ -192,10 +192,10 @@ def test_values_out_of_range(flags, message, capfd, here):
     assert re.fullmatch(r"iswarm: [^\n]*\n", error) and re.search(message, error), error
 
 
-@pytest.mark.parametrize("flags, choices", [("--engine arena", "('mujoco'"), ("--impl c", "('jax', 'warp')")])
+@pytest.mark.parametrize("flags, choices", [("--engine arena", "mujoco or mjx"), ("--impl c", "jax or warp")])
 def test_choices_are_listed(flags, choices, capfd):
     assert code_of("grasp", *flags.split()) == 2
-    assert choices in capfd.readouterr().err
+    assert f"must be {choices} (got" in capfd.readouterr().err
 
 
 def test_a_directory_that_cannot_be(here, capfd):
@@ -217,8 +217,8 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--what lunch", "invalid choice 'lunch'"),
-        ("--impl x", "Expected one of ('default'"),
+        ("--what lunch", "--what must be swarm or grasp (got 'lunch')"),
+        ("--impl x", "--impl must be default or numba or jax or warp (got 'x')"),
         ("--impl numba", "--impl must be jax or warp (got 'numba')"),
         ("--robots 5", "--what must be swarm with --robots (got 'grasp')"),
         ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import pytest
 
-from iswarm_mj.commands.main import parse
+from iswarm_mj.commands.main import main, parse
 from iswarm_mj.config import READINGS
 
 
@@ -29,7 +29,11 @@ def test_flags_go_before_the_reading(order):
         assert strategy == initial | {"avoidance_sides": "front", "random_turn": 90.0}
 
 
-def test_an_unknown_reading_is_refused(capfd):
+@pytest.mark.parametrize("command", ["clean", "evolve", "infer", "experiment density", "bench"])
+@pytest.mark.parametrize("flag", ["--reading mine", "--reading=mine"])
+def test_an_unknown_reading_is_refused_by_a_sentence(command, flag, capfd):
     with pytest.raises(SystemExit) as end:
-        parse(["clean", "--reading", "mine"])
-    assert end.value.code == 2 and "invalid choice 'mine' for argument '--reading'" in capfd.readouterr().err
+        main([*command.split(), *flag.split()])
+    out, error = capfd.readouterr()
+    assert end.value.code == 2 and out == ""
+    assert error == "iswarm: --reading must be paper or initial (got 'mine')\n"
