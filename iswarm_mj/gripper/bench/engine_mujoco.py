@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from iswarm_mj.engines.mujoco.library import keep_no_log
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
@@ -55,6 +56,7 @@ class MujocoBench:
         self._where = layout(first)
         self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
         self._numbers = [plugin.state_index(first, *names) for names in plugin_numbers(trials[0])]
+        keep_no_log()
         self._batch = Batch(first, len(trials), threads)
         self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
         self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")

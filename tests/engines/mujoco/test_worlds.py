@@ -106,7 +106,7 @@ class TestAbsentRobots:
 
 class TestFaults:
     def test_a_world_that_fails_keeps_its_bodies_at_rest(self, small, tmp_path, monkeypatch):
-        monkeypatch.chdir(tmp_path)  # MuJoCo logs to the working directory
+        monkeypatch.chdir(tmp_path)
         start = far_apart(3, np.random.default_rng(20))
         worlds, velocity = Worlds(small, start), np.ones(start.shape)
         worlds.engine._qpos[1, worlds.qpos[[4, 7], 0]] = np.nan
@@ -117,6 +117,7 @@ class TestFaults:
         assert not worlds.qvel()[1].any()
         worlds.move(velocity, 4)
         np.testing.assert_allclose(worlds.poses[1], start[1] + 0.4, atol=1e-9)
+        assert not list(tmp_path.iterdir())  # MuJoCo wrote no log into the working directory
 
     def test_an_error_of_mujoco_is_a_fault_of_its_world(self, small, monkeypatch):
         start = far_apart(3, np.random.default_rng(21))
