@@ -36,7 +36,7 @@ def both_engines(config, refinement=1, tune=None, **changes):
     from iswarm_mj.engines.planar.batch_engine import read_engine
 
     arena = compile_arena(config, 1, np.zeros(0), refinement=refinement, tune=tune)
-    plain, batch = PlanarEngine(config, arena, 1), read_engine(arena, config, "cpu")
+    plain, batch = PlanarEngine(config, arena, 1), read_engine(arena, config, jax.default_backend())
     plain.plane = plain.plane._replace(**changes)
     return plain, replace(batch, plane=batch.plane._replace(**changes))
 

@@ -23,8 +23,8 @@ from iswarm_mj.utils.units import RD
 PRESENT, RUNNING = np.ones((3, N), bool), np.ones(3, bool)
 
 
-def engine_with(capacity=None):
-    return MjxEngine(compile_mjx_arena(CONFIG, N, "jax", 3, capacity), CONFIG, False)
+def engine_with(capacity=None, impl="jax"):
+    return MjxEngine(compile_mjx_arena(CONFIG, N, impl, 3, capacity), CONFIG, False)
 
 
 @pytest.fixture(scope="module")
@@ -73,10 +73,12 @@ def test_room_for_obstacles():
 
 
 @pytest.mark.slow
-def test_steps_agree(in_c):
+@pytest.mark.parametrize("impl", ["jax", "warp"])
+def test_steps_agree(in_c, impl):
     """After each of six control steps, begun at the same places, robots that touch obstacles, but no other robots, are
     within 0.02 mm of C's; of all, also of those that jam, 99 %, and the others within 0.1 mm."""
-    rng, poses, engine = np.random.default_rng(1), starts(1), engine_with(contact_capacity(CONFIG, N, 4.0))
+    pytest.importorskip("warp") if impl == "warp" else None
+    rng, poses, engine = np.random.default_rng(1), starts(1), engine_with(contact_capacity(CONFIG, N, 4.0), impl)
     boxes, n_touched, every = numbers(BOXES, RD), 0, []
     for _ in range(6):
         command = Command(rng.uniform(-0.3, 0.3, (3, N)), np.full((3, N), 1.4))
