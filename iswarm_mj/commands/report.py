@@ -15,7 +15,7 @@ class Report:
     beside: Path | None = None
     """Directory of other results, such as those with another --reading, whose verdicts stand beside the first ones."""
     out: Path = Path("report.html")
-    """The page; the Markdown file and a folder of its figures get names from it."""
+    """The page; the Markdown file and a folder of its figures and of videos get names from it."""
 
     def run(self) -> None:
         """Run the command."""

@@ -34,7 +34,7 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
     Returns:
         Path of the PNG file.
     """
-    with figure(path, size=(6.5, 6.9)) as (axes,):
+    with figure(path, size=(6.5, 7.3)) as (axes,):
         half = float(frames["scene_arena_size"]) / 2 * _MM
         axes.grid(False)
         _area(axes, frames["scene_dump"], _DUMP)

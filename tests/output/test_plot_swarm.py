@@ -72,3 +72,5 @@ def test_robots_have_the_colours_of_their_states(tmp_path):
         ((band[..., c] > 120) & (band[..., [k for k in range(3) if k != c]].max(axis=-1) < 100)).sum() for c in range(3)
     ]
     assert min(counts) > 500 and max(counts) < 1.3 * min(counts)
+    edge = np.concatenate([pixels[:8].reshape(-1, 3), pixels[-8:].reshape(-1, 3)])
+    assert edge.min() == 255, "the title or the legend is cut"

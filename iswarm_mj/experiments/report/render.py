@@ -1,4 +1,4 @@
-"""The report as an HTML page that embeds all its figures, and as Markdown that links to them."""
+"""The report as an HTML page that embeds all its figures but videos, and as Markdown that links to them."""
 
 import base64
 import re
@@ -14,7 +14,7 @@ from iswarm_mj.experiments.report.reproduction import command
 
 SVG_LIMIT = 400_000
 """A drawing whose SVG file is larger than this is embedded as PNG [bytes]."""
-_MIME_TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".mp4": "video/mp4"}
+_MIME_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:
@@ -44,7 +44,7 @@ def render(template: str, content: Mapping[str, Any]) -> str:
 
 
 def data_uri(path: Path) -> str:
-    """Content of a picture or video as a data URI; for a PNG file, that of the SVG file beside it if small enough."""
+    """Content of a picture as a data URI; for a PNG file, that of the SVG file beside it if small enough."""
     drawing = path.with_suffix(".svg")
     if path.suffix == ".png" and drawing.is_file() and drawing.stat().st_size <= SVG_LIMIT:
         path = drawing
