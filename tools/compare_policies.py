@@ -1,10 +1,11 @@
 """The learned strategy against the paper's, in the same fresh worlds, on the planar engine.
 
     python tools/compare_policies.py --seeds 24 --steps 400
+    python tools/compare_policies.py --paper --robots 283 --steps 800 --refinement 1 --only neural
 
 Rows: the paper's type 1, the network, the network that says nothing (the weights of its signals are 0), and the
 untrained network with which training began. Columns: means over worlds with 95 % bootstrap intervals; how many worlds
-were clean. The arena is that of the training, unless --size and the others say otherwise.
+were clean. The arena is that of the training, unless --paper or --size and the others say otherwise.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import numpy as np
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.experiments.analysis.statistics import difference, interval, mean
-from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.simulation.settings import FINE, PlanarSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import SHAPE, SHIPPED, SIGNALS, untrained
@@ -44,11 +45,14 @@ def main():
     parser.add_argument("--dust-area-size", type=float, default=5.0)
     parser.add_argument("--dust-area-offset", type=float, default=6.5)
     parser.add_argument("--n-dust", type=int, default=36)
+    parser.add_argument("--paper", action="store_true", help="the paper's arena")
+    parser.add_argument("--refinement", type=int, default=FINE, help="of the engine's physics steps")
+    parser.add_argument("--only", nargs="+", help="rows beside type 1")
     parser.add_argument("--weights", type=Path, default=SHIPPED)
     parser.add_argument("--threads", type=int, default=0)
     args = parser.parse_args()
     own = {name: getattr(args, name) for name in ("size", "dust_area_size", "dust_area_offset", "n_dust")}
-    config = SwarmConfig(ArenaConfig(**own))
+    config = SwarmConfig() if args.paper else SwarmConfig(ArenaConfig(**own))
     keys = jax.random.split(jax.random.key(FRESH), args.seeds)
     network = untrained(config, read_robot(), load_weights(args.weights))
     strategies = {
@@ -57,7 +61,8 @@ def main():
         "neural, silent": replace(network, weights=jax.numpy.asarray(silent(np.asarray(network.weights)))),
         "untrained": untrained(config, read_robot()),
     }
-    engine, found = PlanarSettings(args.threads), {}
+    strategies = {name: one for name, one in strategies.items() if args.only is None or name in ("type 1", *args.only)}
+    engine, found = PlanarSettings(args.threads, args.refinement), {}
     print("| | delivered | picked up | collisions | clean worlds | steps until clean |\n|---|---|---|---|---|---|")
     for name, strategy in strategies.items():
         result = rollout(config, strategy, keys, n_robots=args.robots, steps=args.steps, engine=engine, every=25)
@@ -67,7 +72,7 @@ def main():
         median = f"{np.median(when):.0f}" if len(when) else "-"
         clean = f"{result.is_finished.sum()} of {args.seeds}"
         print(f"| {name} | {' | '.join(cells)} | {clean} | {median} |" + " faults!" * bool(result.faults), flush=True)
-    for name in list(found)[1:3]:
+    for name in [name for name in found if name.startswith("neural")]:
         value, low, high = difference(found[name], found["type 1"], mean)
         print(f"delivered, {name} minus type 1: {value:.1f} ({low:.1f} to {high:.1f})")
     print("\nSteps until clean: medians of the worlds that were.")
