@@ -1,7 +1,6 @@
-"""Runs: nothing is lost, worlds and seeds are what they should be, and all kinds of swarm run."""
+"""Runs: nothing is lost, and all kinds of swarm run."""
 
 from dataclasses import replace
-from itertools import combinations
 
 import jax
 import numpy as np
@@ -15,7 +14,6 @@ from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import Situation, decide_worlds
-from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -134,79 +132,6 @@ class TestMeasures:
             run.advance()
         np.testing.assert_array_equal(poses_of(run), poses)
         assert [run.measures(0)] == measures
-
-
-class TestSeedsAndWorlds:
-    def test_a_seed_determines_all(self, small):
-        one, again, other = (end_of(run_of(small, seed=seed, steps=80)) for seed in (4, 4, 5))
-        np.testing.assert_array_equal(one[0], again[0])
-        assert one[1] == again[1] != other[1]
-
-    def test_robots_err_by_the_seed_too(self, small):
-        """The same start with another seed soon goes another way."""
-        run = run_of(small, seed=0, steps=3)
-        other = run_of(small, steps=3, worlds=[World(TYPE1, N, seed=1, start=run.starts[0])])
-        assert np.abs(end_of(run)[0] - end_of(other)[0]).max() > 0.1
-
-    def test_each_world_errs_in_its_own_way(self, small):
-        """Three worlds with one start soon part."""
-        start = run_of(small).starts[0]
-        poses, _ = end_of(run_of(small, steps=3, worlds=[World(TYPE1, N, index=w, start=start) for w in range(3)]))
-        for one, other in combinations(range(3), 2):
-            assert np.abs(poses[one] - poses[other]).max() > 0.1
-
-    def test_threads_do_not_matter(self, small):
-        ends = [end_of(run_of(small, n_worlds=3, threads=n, steps=60)) for n in (1, 2)]
-        np.testing.assert_array_equal(ends[0][0], ends[1][0])
-        assert ends[0][1] == ends[1][1]
-        assert np.abs(np.diff(ends[0][0], axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
-
-    def test_a_world_is_the_same_in_any_batch(self, small):
-        """Up to the rounding of float32, as programs for other shapes may round otherwise."""
-        together = list(records(run_of(small, n_worlds=3, steps=5)))
-        for world in range(3):
-            alone = run_of(small, worlds=[World(TYPE1, N, index=world)], steps=5)
-            for one, many in zip(records(alone), together, strict=True):
-                np.testing.assert_allclose(one.poses[0], many.poses[world], atol=1e-3)
-                np.testing.assert_array_equal(one.swarm.balls.is_held[0], many.swarm.balls.is_held[world])
-
-    def test_empty_places_do_not_matter(self, small):
-        """Not in the last bit; only the mean of all robots' speeds is a sum in another order."""
-        exact, roomy = (run_of(small, n_worlds=3, steps=30, failed_fraction=0.1, capacity=c) for c in (None, CROWD))
-
-        def are_equal(values, roomy):
-            np.testing.assert_array_equal(values, roomy[:, :N] if roomy.shape[1:2] == (CROWD,) else roomy)
-
-        for one, other in zip(records(exact), records(roomy), strict=True):
-            np.testing.assert_allclose(one.speed, other.speed, rtol=1e-12)
-            jax.tree.map(are_equal, one._replace(speed=0 * other.speed), other._replace(speed=0 * other.speed))
-        assert [exact.measures(w) for w in range(3)] == [roomy.measures(w) for w in range(3)]
-        assert exact.measures(1).picked > 2
-
-    def test_too_little_capacity(self):
-        with pytest.raises(UserError, match=r"capacity must be at least the number of robots \(got 29\)"):
-            RunSettings(30, 5, capacity=29)
-
-    def test_as_many_worlds_as_settings_say(self, small):
-        with pytest.raises(UserError, match=r"worlds must be as many as n_worlds, 2 \(got 1\)"):
-            Run(small, TYPE1, RunSettings(N, 5, n_worlds=2), worlds=[World(TYPE1, N)])
-
-    def test_finished_worlds_stand_still(self, small):
-        run = run_of(small, n_worlds=3, steps=300, stop_at=6)
-        frozen = {}
-        for record in records(run):
-            for world in range(3):
-                if world in frozen:
-                    now = jax.tree.map(lambda a, w=world: a[w], record)
-                    for name in ("swarm", "poses", "balls", "collisions"):
-                        jax.tree.map(np.testing.assert_array_equal, getattr(now, name), getattr(frozen[world], name))
-                    assert now.speed == 0.0 and not now.is_running
-                elif run.measures(world).finished_at is not None:
-                    assert run.measures(world).finished_at == run.step
-                    frozen[world] = jax.tree.map(lambda a, w=world: a[w], record)
-        ends = [run.measures(world).finished_at for world in range(3)]
-        assert len(set(ends)) > 1 and None not in ends
-        assert run.step == max(ends)
 
 
 class TestKindsOfSwarm:

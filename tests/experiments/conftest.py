@@ -1,0 +1,23 @@
+"""Results of a few experiments, for reports."""
+
+import pytest
+from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
+from helpers_hop_count import write_hop_count
+
+from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.experiments.runner.experiment import Plan
+from iswarm_mj.utils.tables import write_table
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Directories with some results: hop counts, one quick, a search, trials."""
+    root = tmp_path_factory.mktemp("results")
+    write_hop_count(root / "quick", Plan(quick=True, seed=9))
+    write_hop_count(root / "full", Plan(config=SwarmConfig(optics=OpticsConfig(wall_range=2.0))))
+    for name in ("evolve", "trials"):
+        (root / name).mkdir()
+    write_table(root / "evolve/evolution.parquet", search_rows(), settings_of())
+    write_table(root / "trials/trials.parquet", grasp_rows(), GRASP_SETTINGS)
+    (root / "trials/other.parquet").write_bytes(b"something else")
+    return root

@@ -1,0 +1,48 @@
+"""Memories, draws and genes of robots without a world, for the controller's rules."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from helpers_sensing import remember
+
+from iswarm_mj.config import StrategyConfig, SwarmConfig
+from iswarm_mj.strategy.controller import (
+    act,
+    approach,
+)
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.interface import Draws, RobotMemory
+from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.utils.units import RD
+
+CONFIG = SwarmConfig()
+RULES = rules_of(PRESETS["type1"])
+STEP = 0.5 * RD
+PROBE = (0.9, 0.0)
+MANY = 20_000  # robots, for statistics; `act` is compiled for them
+
+act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
+
+
+def memories(n, scouts=False, dust=None, dump=None):
+    """Memories of n robots with these vectors, the same for each, or none."""
+
+    def memory(vector):
+        return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
+
+    return RobotMemory(memory(dust), memory(dump), jnp.full(n, scouts))
+
+
+def draws(n, **numbers):
+    """Draws of n robots that are zero but for these numbers."""
+    numbers = {name: jnp.broadcast_to(jnp.asarray(number, jnp.float32), n) for name, number in numbers.items()}
+    zero, ties = jnp.zeros(n), jnp.zeros((n, 4))
+    return Draws(zero, zero, zero, zero, ties, ties)._replace(**numbers)
+
+
+def genes(**values):
+    return rules_of(Genome(**values))
+
+
+def genes_read(genome=PRESETS["type1"], **readings):
+    return rules_of(genome, StrategyConfig(**readings))

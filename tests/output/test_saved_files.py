@@ -1,0 +1,191 @@
+"""Loading the files of one run: units, files that lack something, what is no run."""
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pytest
+from helpers_runs import run_of
+
+import iswarm_mj
+from iswarm_mj.output.tables import TABLES
+from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.clean import clean
+
+
+def of_world(table, world):
+    return table.filter(pc.field("world") == world)
+
+
+@pytest.fixture(scope="module")
+def small_run(small, tmp_path_factory):
+    """Directory of a run of 30 robots, a fifth of them dead, that ends before a second recorded world."""
+    out = tmp_path_factory.mktemp("small")
+    run = run_of(small, n_worlds=3, steps=60, seed=3, stop_at=1, failed_fraction=0.2, record_worlds=(1, 0))
+    clean(run, run.settings, out)
+    return out
+
+
+def test_units_stand_in_the_columns_and_in_a_dictionary(small_run):
+    saved = iswarm_mj.load(small_run)
+    for name in TABLES:
+        table = getattr(saved, name)
+        stated = {f.name: f.metadata[b"unit"].decode() for f in table.schema}
+        assert stated == saved.units[name] and all(b"description" in f.metadata for f in table.schema)
+    assert {saved.units["robots"][name] for name in ("x", "dust_y", "said_dump_x", "forward")} == {"m"}
+    assert saved.units["robots"]["turn"] == saved.units["links"]["bearing"] == "rad"
+    assert saved.units["steps"]["mean_speed"] == "m/s" and saved.units["robots"]["dust_hop"] == ""
+
+
+def test_units_survive_parquet(small_run, tmp_path):
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(iswarm_mj.load(small_run).links, tmp_path / "links.parquet")
+    assert pyarrow.parquet.read_schema(tmp_path / "links.parquet").field("distance").metadata[b"unit"] == b"m"
+
+
+def test_the_dead_and_worlds_that_have_ended_say_and_do_nothing(small_run):
+    saved = iswarm_mj.load(small_run)
+    assert saved.settings.failed_fraction == 0.2
+    robots, ended = saved.robots, {w: saved.measures[w].finished_at for w in (0, 1)}
+    assert None not in ended.values() and ended[0] != ended[1]
+    dead = robots.filter(~pc.field("is_alive"))
+    assert dead.num_rows == robots.num_rows // 5 and dead["message"].null_count == dead.num_rows
+    assert set(dead["forward"].drop_null().to_pylist()) == {0.0}
+    for world, last in ended.items():
+        after = robots.filter((pc.field("world") == world) & (pc.field("step") > last))
+        assert after["turn"].null_count == after["message"].null_count == after.num_rows
+        during = robots.filter((pc.field("world") == world) & (pc.field("step") == last) & pc.field("is_alive"))
+        assert during["turn"].null_count == during["message"].null_count == 0 < during.num_rows
+        running = saved.steps.filter(pc.field("world") == world)["is_running"].to_pylist()
+        assert running == [step <= last for step in range(len(running))]
+
+
+def test_any_file_of_a_run_will_do(small_run):
+    whole, by_result = iswarm_mj.load(small_run), iswarm_mj.load(str(small_run / RESULT))
+    assert by_result.robots.equals(whole.robots) and by_result.measures == whole.measures
+    for file, world in ((small_run / TRAJECTORY, 1), (small_run / "world-0" / TRAJECTORY, 0)):
+        alone = iswarm_mj.load(file)
+        assert list(alone.scenes) == [world] and alone.measures == whole.measures
+        assert alone.links.equals(of_world(whole.links, world))
+
+
+@pytest.fixture
+def copy(small_run, tmp_path):
+    """Function that copies the run without some of its files, and with other arrays in the trajectory."""
+
+    def make(*without, **arrays):
+        for file in small_run.glob("*.*"):
+            if file.name not in without:
+                (tmp_path / file.name).write_bytes(file.read_bytes())
+        if arrays:
+            with np.load(small_run / TRAJECTORY) as file:
+                values = {name: arrays.get(name, value) for name, value in file.items()}
+            np.savez(tmp_path / TRAJECTORY, **{name: value for name, value in values.items() if value is not None})
+        return tmp_path
+
+    return make
+
+
+def test_a_run_that_was_interrupted(small_run, copy):
+    """Its trajectory says what it was; measures there are none."""
+    whole, saved = iswarm_mj.load(small_run), iswarm_mj.load(copy(RESULT))
+    assert saved.config == whole.config and saved.genome == whole.genome and saved.engine == whole.engine
+    assert saved.measures == [] and saved.result == {}
+    assert saved.robots.equals(of_world(whole.robots, 1))
+
+
+def test_a_run_without_a_recording(copy):
+    saved = iswarm_mj.load(copy(TRAJECTORY))
+    assert len(saved.measures) == 3 and saved.scenes == {}
+    with pytest.raises(UserError, match=r"holds no trajectory\.npz, since no world was recorded"):
+        _ = saved.robots
+
+
+NEW = ("message", "command", "dust_hop", "dump_hop", "ball_holder", "is_running", "link_led", "link_bearing")
+NEW += ("link_distance", "link_heard", "scene_is_alive", "scene_payload", "scene_world", "scene_n_leds", ABOUT)
+NEW += ("scene_memory_names", "scene_memory_units", "scene_memory_sizes")
+"""Arrays that the first versions did not write."""
+
+
+def test_a_trajectory_of_an_earlier_version_lacks_columns(small_run, copy):
+    place = copy(**dict.fromkeys(NEW))
+    content = json.loads((place / RESULT).read_text())
+    del content["settings"], content["config"]["optics"]["baud_rate"]
+    (place / RESULT).write_text(json.dumps(content))
+    with pytest.warns(UserWarning, match=r"earlier version, .*robots: .*dust_hop.*links: bearing, is_heard, led"):
+        saved = iswarm_mj.load(place)
+    whole = iswarm_mj.load(small_run / TRAJECTORY)
+    assert saved.missing["balls"] == ["holder"] and saved.missing["steps"] == ["is_running"]
+    assert saved.config == whole.config and saved.settings.steps == 60
+    for name in TABLES:
+        kept = [c for c in getattr(whole, name).column_names if c not in saved.missing[name]]
+        assert getattr(saved, name).column_names == kept
+    columns = ["step", "robot", "x", "y", "yaw", "dust_x"]
+    assert saved.robots.select(columns).equals(whole.robots.select(columns))
+    (place / RESULT).unlink()
+    with pytest.raises(UserError, match=r"of an older version, and there is no result\.json beside it"):
+        iswarm_mj.load(place)
+
+
+class TestNoRun:
+    def test_nothing_there(self, tmp_path):
+        with pytest.raises(UserError, match=r"holds neither result\.json nor trajectory\.npz; give the --out of a run"):
+            iswarm_mj.load(tmp_path)
+        for name in ("none", RESULT, TRAJECTORY):
+            with pytest.raises(UserError, match=rf"{name} .*(No such file|not exist).*; give the --out of a run"):
+                iswarm_mj.load(tmp_path / name)
+
+    @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+    def test_a_trajectory_that_is_cut_off(self, copy, share):
+        file = copy() / TRAJECTORY
+        content = file.read_bytes()
+        file.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(UserError, match=r"trajectory\.npz is cut off or no file of arrays .*; give the --out"):
+            iswarm_mj.load(file.parent)
+
+    @pytest.mark.parametrize("content", ["", '{"version": "0.1', "[1, 2]", '{"a": 1}', "[" * 5000])
+    def test_a_result_that_is_none(self, copy, content):
+        (copy() / RESULT).write_text(content)
+        with pytest.raises(UserError, match=r"result\.json is (cut off or no JSON|not the result\.json of a run)"):
+            iswarm_mj.load(copy(RESULT) / RESULT)
+
+    def test_foreign_arrays(self, copy):
+        place = copy()
+        for arrays, said in (
+            ({"a": np.zeros(3)}, "no array `step`"),
+            ({"step": np.array([{}]), "pose": np.zeros(3)}, "is cut off or no file of arrays"),
+            (
+                {"step": np.arange(4), "pose": np.zeros((3, 2, 3))},
+                r"the shape \(3, 2, 3\) of `pose` does not fit .*`step`",
+            ),
+            ({"step": np.arange(4), "pose": np.zeros(4)}, "`pose` has 1 axes instead of 3"),
+        ):
+            np.savez(place / TRAJECTORY, allow_pickle=True, **arrays)
+            with pytest.raises(UserError, match=said):
+                iswarm_mj.load(place)
+        np.save(place / "a.npy", np.zeros(3))
+        with pytest.raises(UserError, match=r"a\.npy is cut off or no file of arrays"):
+            iswarm_mj.load(place / "a.npy")
+
+    def test_settings_of_a_later_version(self, copy):
+        place = copy()
+        content = json.loads((place / RESULT).read_text())
+        for group, name, value in (("arena", "colour", 3), ("optics", "mode", "radio")):
+            changed = content | {"config": content["config"] | {group: content["config"][group] | {name: value}}}
+            (place / RESULT).write_text(json.dumps(changed))
+            with pytest.raises(UserError, match=rf"trajectory\.npz.*{name}"):
+                iswarm_mj.load(place)
+
+    def test_two_trajectories_of_one_world(self, copy):
+        place = copy()
+        (place / "world-4").mkdir()
+        (place / "world-4" / TRAJECTORY).write_bytes((place / TRAJECTORY).read_bytes())
+        with pytest.raises(UserError, match=r"two trajectories are of world 1; read .* alone"):
+            iswarm_mj.load(place)
+
+
+def test_tables_are_of_arrow(small_run):
+    assert isinstance(iswarm_mj.load(small_run).robots, pa.Table)
