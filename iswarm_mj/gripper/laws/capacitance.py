@@ -21,9 +21,9 @@ def capacitance(task: str, gap: Quantity, radius: Quantity, probe_radius: Quanti
 
     The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times its derivative, so that
     work and energy agree. Source: integral of `probe_factor` from the table's largest gap, 4 R, on. What is left there
-    is a choice: to the plate next to nothing, which the probe takes, and to the probe as much as if it fell with the
-    square of the gap. Boundary elements find up to 20 % more to the probe, and to the plate the same within 3 %
-    (`tests/gripper/test_capacitance.py`).
+    is a choice: to the plate next to nothing, which the probe takes, and to the probe as much as if the factor fell
+    with the square of the gap. Boundary elements find up to 20 % more to the probe, and to the plate the same within
+    3 % (`tests/gripper/test_capacitance.py`).
 
     Args:
         task: "pick" or "release".

@@ -90,7 +90,8 @@ def brach_dunn_speed(
     """Speed whose energy adhesion keeps at an impact speed, (2 W_A / m)^(1/2), another estimate of `sticking_speed`.
 
     Source: Brach and Dunn 1992, W_A = (5/4 pi^(9/2) (k_1 + k_2) rho)^(2/5) gamma r^2 |v|^(4/5), k = 1 / (pi E')
-    with the plane-strain moduli E' of the two bodies, and gamma = W / 2.
+    with the plane-strain moduli E' of the two bodies, and gamma = W: the work of separating the largest area of a
+    Hertzian contact, pi a^2.
 
     Args:
         speed: of the impact [m/s].
@@ -100,5 +101,5 @@ def brach_dunn_speed(
         density: of the sphere [kg/m^3].
     """
     compliance = sum(1 / (math.pi * modulus) for modulus in moduli)
-    energy = (1.25 * math.pi**4.5 * compliance * density) ** 0.4 * work / 2 * radius**2 * speed**0.8
+    energy = (1.25 * math.pi**4.5 * compliance * density) ** 0.4 * work * radius**2 * speed**0.8
     return (2 * energy / (4 / 3 * math.pi * radius**3 * density)) ** 0.5
