@@ -32,7 +32,7 @@ INTRODUCTION = (
 def report(directories: Sequence[Path], out: Path, beside: Path | None = None) -> list[Section]:
     """Write a report of all results below the directories as HTML and, beside it, as Markdown; print a summary.
 
-    The HTML page embeds its figures. The Markdown file links to them in a directory beside it, and so do both to videos.
+    The HTML page embeds its figures. The Markdown file links to them in a directory beside it, as both do to videos.
 
     Args:
         directories: searched for results at any depth.
