@@ -14,7 +14,9 @@ def refused(*arguments, **more):
     command = [sys.executable, "-m", "iswarm_mj", *arguments]
     done = subprocess.run(command, capture_output="stdout" not in more, **more)
     error = done.stderr.decode()
-    assert done.returncode == 2 and re.fullmatch(r"(iswarm: compiling [^\n]+\n)?iswarm: [^\n]+\n", error), error
+    assert done.returncode == 2 and re.fullmatch(r"(iswarm: (placing|compiling) [^\n]+\n)*iswarm: [^\n]+\n", error), (
+        error
+    )
     return error
 
 

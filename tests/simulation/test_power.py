@@ -32,7 +32,7 @@ def test_what_robots_draw():
     now = before._replace(attempts=jnp.array([1]), worker=jnp.array([3]))
     left = power.after(CONFIG, jnp.full(4, 1e-3), command, (before, now), jnp.array([True, True, False, True]))
     tool = 10e-12 * 2 * 1e-3 / 1e-6
-    np.testing.assert_allclose(1e-3 - left, [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool], rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(1e-3 - left, [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool], rtol=1e-5, atol=1e-9)
     assert power.after(CONFIG, jnp.array([1e-9]), Command(*jnp.zeros((2, 1))), (before, before), jnp.ones(1, bool)) == 0
 
 

@@ -10,10 +10,12 @@ from scipy.stats import mannwhitneyu
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Motion, Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation.decide import Decision, Situation
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.simulation.decide import Decision, Situation, Spoken
 from iswarm_mj.simulation.initial import Start, draw_start
-from iswarm_mj.simulation.state import Fault
-from iswarm_mj.simulation.step import account, ball_centres, drive_phases, limited
+from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.step import Stepper, account, ball_centres, drive_phases, limited
+from iswarm_mj.simulation.step import record as record_of
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
@@ -115,6 +117,28 @@ def quarter_turn(start):
     balls = start.balls.position
     turned = np.column_stack([-balls[:, 1], balls[:, 0]])
     return Start(np.column_stack([-y, x, yaw + np.pi / 2]), start.balls._replace(position=turned), start.is_alive)
+
+
+def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
+    """Nor did its robots hear anything or move; the other world's did."""
+    poses, lit = np.array([[(-8, 0, 0), (8, 0, 0)]] * 2, float), np.ones((2, 2, 4), bool)
+    engine, bodies = placed(small, poses)
+    balls = draw_start(small, 2, 0, 0).balls
+    balls = type(balls)(*(np.stack([values, values]) for values in balls))
+    decision = Decision(
+        swarm=SwarmState(None, balls, np.ones((2, 2), bool)),
+        command=Command(np.ones((2, 2)), np.ones((2, 2))),
+        has_priority=lit[..., 0],
+        links=Links(*[lit] * len(Links._fields)),
+        spoken=Spoken(np.zeros((2, 2), np.uint32), lit, np.ones((2, 2, 4))),
+        progress=np.zeros(2, int),
+    )
+    params = WorldParams(None, None, None, np.ones((2, 2), bool), np.ones(2, int))
+    state = WorldState(bodies, decision.swarm, np.zeros((2, 2, 2), bool), *[np.zeros(2, int)] * 4, fault=None)
+    situation = Situation(poses, None, np.int32(3), np.array([True, False]))
+    made = record_of(Stepper(engine, small, None, True), params, state, decision, situation)
+    for values in (made.links.valid, made.is_heard, *made.command):
+        assert values[0].all() and not values[1].any()
 
 
 SEEDS = range(14)

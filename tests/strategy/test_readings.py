@@ -68,6 +68,13 @@ def test_who_waits_may_back_away_from_a_ball():
     np.testing.assert_allclose(acts(StrategyConfig(blocked="waits"), near)[1].forward, -0.4, rtol=1e-5)
 
 
+def test_who_is_not_heard_blocks_nobody():
+    """A distance means something only where a neighbour is heard: here to the left, and in the second case ahead."""
+    rules = rules_of(Genome(), StrategyConfig(blocked="waits"))
+    is_heard = jnp.array([[False, True, False, False], [True, False, False, False]])
+    assert is_blocked(rules, is_heard, jnp.zeros((2, 4))).tolist() == [False, True]
+
+
 def test_odometry_errs_as_configured():
     command = Command(jnp.full(N, 0.5), jnp.full(N, 1.2))
     exact, wrong = (
