@@ -254,7 +254,8 @@ def test_engines_agree_over_fifty_random_trials(impl):
     if impl == "warp":
         pytest.importorskip("warp")
     trials = random_trials(50)
-    protocol = replace(QUICK, step_voltage=0.1, grasp_limit=51.2)
+    # Looked at often: at which look a ball is seen to have left, and its voltage is cut, changes its landing.
+    protocol = replace(QUICK, step_voltage=0.1, grasp_limit=51.2, watch_time=2e-6)
     ours, theirs = (run_trials(trials, protocol, engine) for engine in (EngineChoice(), EngineChoice("mjx", impl)))
     np.testing.assert_allclose(theirs.grasp.voltage, ours.grasp.voltage, rtol=0.01)
     np.testing.assert_allclose(theirs.release[GAP].voltage, ours.release[GAP].voltage, rtol=0.01)

@@ -1,5 +1,6 @@
 """Trials of attempts in a swarm, as a batch inside a program of JAX: the forces of `mjx_forces`, stepped by MJX."""
 
+import copy
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -95,11 +96,22 @@ def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
     )
 
 
-@cache
 def _bench() -> MjxBench:
-    """A bench whose numbers are replaced by those of attempts."""
+    """A bench whose numbers are replaced by those of attempts, for the program that is being traced."""
+    bench = copy.copy(_usual())
+    bench.physics, bench.parameters = jax.tree.map(_constant, (bench.physics, bench.parameters))
+    return bench
+
+
+@cache
+def _usual() -> MjxBench:
     with jax.ensure_compile_time_eval():
         return MjxBench([Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)], PROTOCOL.start_gap)
+
+
+def _constant(values: Any) -> Any:
+    """An array without the devices of the program in which it was made, which another one would refuse."""
+    return jnp.asarray(np.asarray(values)) if isinstance(values, jax.Array) else values
 
 
 def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
