@@ -175,6 +175,27 @@ def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     np.testing.assert_allclose(np.asarray(theirs.impact)[landed], np.asarray(ours.impact)[landed], rtol=0.3)
 
 
+def test_the_bench_of_a_program_that_is_spread_over_devices_does_for_others():
+    """As of one stage alone, with arrays that lie on these devices; traced, not compiled."""
+    from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+    from iswarm_mj.gripper.bench import batch_trials
+
+    batch_trials._usual.cache_clear()
+    attempts, _ = random_attempts(3, 5)
+    gripper = replace(GRIPPER, bench_capacity=2)
+
+    def lifted(*arrays):
+        return batch_trials.by_batch(gripper, Attempts(*arrays)).lifted
+
+    part = PartitionSpec()
+    mesh = Mesh(np.array(jax.devices()[:1]), ("worlds",))
+    spread = jax.shard_map(lifted, mesh=mesh, in_specs=(part,) * 7, out_specs=part, check_vma=False)
+    placed = jax.device_put(tuple(map(jnp.asarray, attempts)), NamedSharding(mesh, part))
+    for program in (spread, lifted):
+        assert jax.jit(program).trace(*placed).out_info.shape == (3,)
+
+
 @pytest.mark.slow
 def test_a_batch_that_is_full_postpones():
     """Nothing is skipped: what finds no room is made in a later step, and counted."""
