@@ -140,13 +140,24 @@ def test_commands_run(page, example):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["quick-start.md", "strategies.md"])
+@pytest.mark.parametrize("name", ["quick-start.md", "strategies.md", "tasks.md", "files.md", "environments.md"])
 def test_python_runs(name, example):
     """Blocks as a reader copies them, with fewer steps and robots."""
     text = (ROOT / "docs" / name).read_text(encoding="utf-8")
-    blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if not block.startswith("# walk")]
+    files = ("# walk", "# gather")
+    blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if not block.startswith(files)]
+    if "runs/clean" in "".join(blocks):
+        short = ["clean", "--engine", "planar", "--robots", "20", "--steps", "12"]
+        subprocess.run(
+            [sys.executable, "-m", "iswarm_mj", *short], check=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+        )
     for block in blocks:
         for old, new in (
+            ("steps=200", "steps=3"),
+            ("range(50)", "range(2)"),
+            ("num_envs=64, n_robots=20", "num_envs=2, n_robots=4"),
+            ("jax.random.key(0), 64", "jax.random.key(0), 2"),
+            ("zeros((64, ", "zeros((2, "),
             ("steps=800", "steps=4"),
             ("n_robots=280", "n_robots=20"),
             ("not run.is_over", "run.step < 4"),

@@ -74,7 +74,7 @@ def test_a_run_of_another_task(run, tmp_path):
     content |= {"task": {"class": "gather.py:Gather"}, "metrics": {"close": [0.5]}}
     (tmp_path / "result.json").write_text(json.dumps(content))
     assert inspection(tmp_path).startswith("run of a task with the paper's strategy on planar, version ")
-    assert "close  0.5" in inspection(tmp_path)
+    assert "close  0.5" in inspection(tmp_path) and "; iswarm run --config" in inspection(tmp_path)
 
 
 def test_an_interrupted_run_with_a_fault(run, tmp_path):

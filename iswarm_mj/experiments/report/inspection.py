@@ -117,7 +117,10 @@ def _files(directory: Path) -> Iterator[str]:
     names = [str(path.relative_to(directory)) for path in files[:_MAX_LISTED]]
     width = max(map(len, names), default=0)
     for name, path in zip(names, files, strict=False):
-        yield f"{name:<{width}}  {_size(path.stat().st_size):>8}  {opening(path)}"
+        text = opening(path)
+        if path.name == RESULT and "delivered" not in read_result(path):
+            text = text.replace("iswarm clean", "iswarm run")
+        yield f"{name:<{width}}  {_size(path.stat().st_size):>8}  {text}"
     if len(files) > _MAX_LISTED:
         yield f"{len(files) - _MAX_LISTED} more files"
 
