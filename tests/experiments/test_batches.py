@@ -135,6 +135,15 @@ class TestPlanarInBatches:
         assert not spread.in_batches and spread.on_cpu == PlanarSettings(1)
         assert not Execution().in_batches
 
+    def test_a_job_that_finishes_early_took_so_many_steps(self, small, monkeypatch):
+        """The other of the batch took all."""
+        measures = [Measures(24, 24, 0, 5.0, 13), Measures(3, 4, 0, 5.0, None)]
+        monkeypatch.setattr(batches, "_run", lambda *_: None)
+        monkeypatch.setattr(batches, "_measures", lambda *_: measures)
+        jobs = [Job(small, Genome(), 12, seed, steps=20) for seed in range(2)]
+        found = dict(batches.run_batches(jobs, PlanarSettings()))
+        assert [found[index].steps for index in range(2)] == [13, 20]
+
     def test_jobs_end_as_alone(self, small, monkeypatch):
         """Jobs of two lengths and of different numbers of robots, some of them dead, as two batches."""
         monkeypatch.setattr(pool, "can_use_warp", lambda: True)
