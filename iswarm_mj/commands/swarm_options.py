@@ -168,6 +168,9 @@ class Swarm(ConfigOptions):
         from iswarm_mj.engines.robot_file import read_robot
         from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 
+        if self.robot is not None and str(self.robot).isdigit() and not self.robot.exists():
+            given = self.robot
+            raise UserError(f"--robot must be a file in MJCF (got {given}); perhaps you meant --robots {given}.")
         cell = 1.0 if self.robot is None else cell_of(read_robot(self.robot))
         if self.robots is not None and self.density is not None:
             raise UserError("--robots and --density exclude each other; give one of them.")

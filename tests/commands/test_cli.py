@@ -248,6 +248,10 @@ def test_unknown_commands(arguments, fact, capfd, here):
     assert error.startswith(f"iswarm: {fact}") and "`iswarm --help`" in error
 
 
+def test_a_number_is_no_file_of_a_robot(capfd, here):
+    assert "perhaps you meant --robots 5" in refused(capfd, here, "clean", "--robot", "5")
+
+
 def test_version(capfd):
     assert code_of("--version") == 0
     assert capfd.readouterr() == (f"iswarm {version}\n", "")
