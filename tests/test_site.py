@@ -133,6 +133,8 @@ def test_commands_run(page, example):
         more = QUICK.get(words[1], "").split() if "--force-curve" not in words else []
         if "--worlds" in words:
             more += ["--worlds", "3"]
+        if "--replicates" in words:
+            more += ["--replicates", "2"]
         if words[1] == "picture":
             more += ["--width", "64", "--height", "64", "--step", "5"]
         out = [part for part in words if part.startswith("docs/")]
