@@ -23,6 +23,10 @@ class Within:
         """Return whether the value lies within; NaN and infinite values never do."""
         return self.low <= value <= self.high and math.isfinite(value)
 
+    def told(self, value: Any) -> str:
+        """The limits as they are told of a value that lies beyond."""
+        return str(self)
+
     def __str__(self) -> str:
         limits = f"at least {_text(self.low)}"
         if math.isfinite(self.high):
@@ -49,6 +53,10 @@ class Above(Within):
     def allows(self, value: Any) -> bool:
         """Return whether the value lies within."""
         return value >= self.least and super().allows(value)
+
+    def told(self, value: Any) -> str:
+        """The limits, or what is least for a value that lies between it and the limit."""
+        return f"at least {self.least:g} {self.unit}".rstrip() if self.low < value < self.least else str(self)
 
     def _limits(self) -> str:
         return f"above {_text(self.low)} and at most {_text(self.high)}"
@@ -104,9 +112,7 @@ def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
     whole = "a whole number " if kind is int else ""
     number = numbers.Integral if whole else numbers.Real
     is_number = isinstance(value, number) and not isinstance(value, bool)
-    text = str(constraint)
-    if is_number and isinstance(constraint, Above) and constraint.low < value < constraint.least:
-        text = f"at least {constraint.least:g} {constraint.unit}".rstrip()
+    text = constraint.told(value) if is_number else str(constraint)
     check(name, value, f"{whole}{text}", is_number and constraint.allows(value))
 
 
