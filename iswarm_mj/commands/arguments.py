@@ -20,6 +20,8 @@ def flag_kinds(command: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     hints = get_type_hints(command, include_extras=True)
     for f in fields(command):
         kind, extras = hints[f.name], getattr(hints[f.name], "__metadata__", ())
+        if tyro.conf.Suppress in extras:
+            continue
         if get_origin(kind) is Annotated:
             kind = get_args(kind)[0]
         named = [extra.name for extra in extras if getattr(extra, "name", None) is not None]
@@ -29,7 +31,7 @@ def flag_kinds(command: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from ((f"{prefix}{name}.{part}", of) for part, of in get_type_hints(kind).items())
         elif group is not None and is_dataclass(group):
             yield from flag_kinds(group, f"{prefix}{name}." if name else prefix)
-        elif not set(_POSITIONAL) & set(extras) and tyro.conf.Suppress not in extras:
+        elif not set(_POSITIONAL) & set(extras):
             yield f"{prefix}{name}", kind
 
 

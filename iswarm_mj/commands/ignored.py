@@ -1,11 +1,12 @@
 """Flags that would have no effect are refused."""
 
 from collections.abc import Iterable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from iswarm_mj.commands.flags import changed
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.config import READINGS
+from iswarm_mj.utils.errors import ConfigError, UserError
 
 Rule = tuple[Iterable[str], bool, str]
 """Settings, whether they have no effect, and why, to be read after "has no effect"."""
@@ -31,15 +32,27 @@ def refuse_ignored(command: Any, rules: Iterable[Rule]) -> None:
             raise UserError(f"`{idle[0]}` has no effect {why}; leave it out")
 
 
-def of_task(config: Any, task: Any) -> list[Rule]:
-    """Settings of a configuration that a task says it does not use, alone or as whole groups."""
+def of_task(command: Any, task: Any) -> list[Rule]:
+    """Settings of a command's configuration that a task says it does not use, alone or as whole groups.
+
+    Not those with the default of `reading`, nor those whose default the other settings refuse, as in a small arena.
+    """
     named = [name.partition(".") for name in getattr(task, "unused", ())]
     settings = [
         f"{group}.{part}"
         for group, _, own in named
-        for part in ([own] if own else (f.name for f in fields(getattr(config, group))))
+        for part in ([own] if own else (f.name for f in fields(getattr(command, group))))
     ]
-    return [(settings, True, f"in the task {type(task).__name__}")]
+    idle = [name for name in settings if _is_idle(command, *name.split("."))]
+    return [(idle, True, f"in the task {type(task).__name__}")]
+
+
+def _is_idle(command: Any, group: str, part: str) -> bool:
+    given, default = getattr(command, group), getattr(getattr(READINGS[command.reading], group), part)
+    try:
+        return replace(given, **{part: default}) != given
+    except ConfigError:
+        return False
 
 
 def of_optics(optics: Any) -> list[Rule]:

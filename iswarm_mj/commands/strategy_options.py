@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from iswarm_mj.commands.arguments import flag_kinds
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -24,7 +25,8 @@ def with_own(command: Any, arguments: Sequence[str]) -> Any:
     Without these arguments it is returned as it is. The flags of the genome go where a strategy takes its place.
 
     Raises:
-        UserError: there is no such strategy or task, or a flag of its has the name of another flag of the command.
+        UserError: there is no such strategy or task, or a flag of its has the name of another flag of the command; or
+            a flag of the genome is among the arguments, although a strategy takes its place.
     """
     known = {f.name for f in fields(command)}
     if "controller" in known and (name := _named("--strategy", arguments)) is not None:
@@ -34,7 +36,11 @@ def with_own(command: Any, arguments: Sequence[str]) -> Any:
         found = find_strategy(name)
         if not isinstance(found, Genome):
             check_methods(found)
-        command = _extended(command, OWN, found, _REPLACED)
+        genomes, command = command, _extended(command, OWN, found, _REPLACED)
+        gone = dict(flag_kinds(genomes)).keys() - dict(flag_kinds(command)).keys()
+        for flag in (argument.partition("=")[0] for argument in arguments):
+            if flag.startswith("--") and flag[2:].replace("-", "_") in gone:
+                raise UserError(f"{flag} has no effect with --strategy; leave it out")
     if "task_name" in known and (name := _named("--task", arguments)) is not None:
         from iswarm_mj.tasks.library import find_task
         from iswarm_mj.tasks.signatures import check_methods

@@ -67,7 +67,7 @@ class Run:
     def __init__(
         self,
         config: SwarmConfig,
-        genome: Genome | None = None,
+        genome: Genome | Any = None,
         settings: RunSettings | None = None,
         engine: EngineSettings | None = None,
         *,
@@ -81,7 +81,8 @@ class Run:
 
         Args:
             config: what all worlds share.
-            genome: the paper's strategy with these parameters, by default those of type 1.
+            genome: the paper's strategy with these parameters, by default those of type 1; or another strategy, as
+                `strategy`.
             settings: of the run; by default the genome's number of robots and 800 steps.
             engine: settings of the engine, by default `MujocoSettings()`.
             worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
@@ -96,6 +97,8 @@ class Run:
         """
         configure_jax()
         check_kind("config", config, SwarmConfig)
+        if strategy is None and (hasattr(genome, "act") or hasattr(genome, "for_world")):
+            genome, strategy = None, genome
         if isinstance(strategy, Genome):
             if worlds is not None:
                 raise UserError("strategy is a genome, but worlds have their own; leave out one of them")

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.commands.main import main
+import iswarm_mj
+from iswarm_mj.commands.main import main, parse
+from iswarm_mj.utils.errors import UserError
 
 GLOW = f"{Path(__file__).parents[1]}/data/glow.py:Glow"
+BEECLUST = f"{Path(iswarm_mj.__file__).parent}/tasks/aggregation.py:Beeclust"
 WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
 
 
@@ -47,6 +50,9 @@ WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
         ("run --hosts-timeout 9 --engine mjx", "--hosts-timeout", "without --hosts"),
         (f"run --task {GLOW} --arena.n-dust 9", "--arena.n-dust", "in the task Glow"),
         (f"run --task {GLOW} --gripper.relative-humidity 30", "--gripper.relative-humidity", "in the task Glow"),
+        ("clean --strategy type2 --genome type1", "--genome", "with --strategy"),
+        (f"clean --strategy {BEECLUST} --genome=type1", "--genome", "with --strategy"),
+        (f"run --strategy {BEECLUST} --p-vector-forget 0.3", "--p-vector-forget", "with --strategy"),
         ("experiment --list --seed 1", "--seed", "with --list"),
         ("experiment types --genome type2", "--genome", "in the experiment types"),
         ("experiment hop-count --engine mjx --workers 2", "--workers", "with runs in batches"),
@@ -64,6 +70,16 @@ def test_is_refused(arguments, flag, why, capfd, tmp_path):
     error = capfd.readouterr().err
     assert end.value.code == 2 and list(tmp_path.iterdir()) == []
     assert re.match(rf"iswarm: {flag} has no effect {re.escape(why)}\b.*; leave it out\n", error), error
+
+
+def test_what_a_small_arena_needs_has_an_effect():
+    """Dust areas lie within the walls, in tasks without dust, too."""
+    arena = "--arena.size 15 --arena.dump-size 3 --arena.dust-area-size 3 --arena.dust-area-offset 5"
+    command = parse(f"run --task {GLOW} --robots 4 {arena}".split())
+    assert command.checked()[0].arena.dust_area_offset == 5
+    assert parse(f"run --task {GLOW} --reading initial".split()).checked()[0].arena.dust_area_offset == 16
+    with pytest.raises(UserError, match=r"`arena.n_dust` has no effect in the task Glow"):
+        parse(f"run --task {GLOW} --robots 4 {arena} --arena.n-dust 9".split()).checked()
 
 
 def test_one_humidity_for_force_curves(capfd):

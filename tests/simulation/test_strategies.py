@@ -68,6 +68,15 @@ class TestRuns:
         np.testing.assert_allclose(moved_by(run), 0, atol=1e-6)
         assert run.rules == {"strategy": {"class": "Still"}, "task": {"class": "Cleaning"}}
 
+    def test_follows_the_configuration(self, small):
+        """`Run(config, strategy)`, as `rollout(config, strategy, ...)`."""
+        run = Run(small, Ahead(0.3), RunSettings(4, 2), HERE)
+        assert run.rules["strategy"] == Run(small, strategy=Ahead(0.3), engine=HERE).rules["strategy"]
+        with pytest.raises(UserError, match=r"is the class Still itself; give an object of it, as Still\(\)"):
+            Run(small, Still, RunSettings(4, 2), HERE)
+        with pytest.raises(UserError, match="genome must be a Genome"):
+            Run(small, Still(), RunSettings(4, 2), HERE, strategy=Still())
+
     def test_each_world_gets_its_own(self, small):
         worlds = [World(PRESETS["type1"], n) for n in (2, 5)]
         settings = RunSettings(5, 2, n_worlds=2, record_worlds=(0, 1))
