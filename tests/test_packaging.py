@@ -49,7 +49,7 @@ def sdist(tmp_path_factory):
     """Unpacked source archive."""
     folder = tmp_path_factory.mktemp("sdist")
     with tarfile.open(build(ROOT, folder, "sdist")) as archive:
-        archive.extractall(folder, filter="data")
+        archive.extractall(folder, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))  # since 3.11.4
     return folder / f"iswarm_mj-{PROJECT['version']}"
 
 

@@ -208,8 +208,6 @@ class TestRefusals:
     [
         ("clean --robots many", ["--robots", "'many'", "iswarm clean --help"]),
         ("clean --gripper.grasp-voltage high", ["could not convert string to float: 'high'"]),
-        ("clean --optics.mode laser", ["Expected one of ('sector', 'power')"]),
-        ("clean --strategy.update-order random", ["Expected one of ('synchronous', 'sequential')"]),
         ("clean --robotss 3", ["--robotss, 3", "Perhaps you meant: --robots ", "iswarm clean --help"]),
         ("clean --world 5", ["Perhaps you meant: ", " --worlds "]),
         ("grasp --repeats some", ["--repeats", "iswarm grasp --help"]),

@@ -52,7 +52,8 @@ class TestFaults:
         assert code_of("clean", *flags, "--out=out") == 1
         out, error = capfd.readouterr()
         assert out.count("30 in 3 world(s)") == 2
-        assert error.startswith("iswarm: step 1, world 1: robot 3 left the arena; increase --drive.walk-substeps")
+        told = [line for line in error.splitlines() if "compiling" not in line]  # which takes long on busy machines
+        assert told[0].startswith("iswarm: step 1, world 1: robot 3 left the arena; increase --drive.walk-substeps")
         healthy, content = result("healthy"), result("out")
         assert healthy["faults"] == [] and len(content["faults"]) == 1
         assert content["faults"][0].startswith("step 1, world 1: robot 3 left the arena; ")

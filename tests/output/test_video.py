@@ -66,7 +66,7 @@ def test_a_directory_without_a_run_is_refused(tmp_path):
     [
         (["--width", "641"], "--width must be an even number"),
         (["--frames-per-step", "0"], "--frames-per-step must be a whole number between 1 and 24"),
-        (["--camera", "side"], "Expected one of ('above',"),
+        (["--camera", "side"], "--camera must be above or oblique (got 'side')"),
         (["--out", "a.avi"], "--out must be a name ending in .mp4 (got 'a.avi')"),
     ],
 )
