@@ -8,6 +8,9 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench.base import Bench, Move, Watch, speed_at_zero
 
+_AHEAD = 3
+"""Calling MuJoCo takes as long as some thirty steps, and half of those ahead are in vain."""
+
 
 class Film(NamedTuple):
     """T physics steps of a bench with one ball, while neither the tool nor its voltage changed. SI units."""
@@ -99,7 +102,3 @@ def looks(bench: FilmBench, phase: str, interval: float, tip: float, voltage: fl
         for k in range(ahead):
             yield Look(film, k * steps, (k + 1) * steps - 1)
         ahead = _AHEAD
-
-
-_AHEAD = 3
-"""Calling MuJoCo takes as long as some thirty steps, and half of those ahead are in vain."""
