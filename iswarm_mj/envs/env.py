@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_type_hints
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ class Env(ABC):
 
     def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None):
         self.core, self.n_worlds = core, n_worlds
-        self._bodies = engine.place.__annotations__["return"]
+        self._bodies = get_type_hints(engine.place)["return"]
         self.n_robots = core.beginnings.poses.shape[1]
 
     @property

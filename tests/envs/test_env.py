@@ -9,9 +9,8 @@ import pytest
 from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
 
 from iswarm_mj import make_env
-from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, StrategyConfig
+from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of
@@ -216,79 +215,6 @@ def test_the_goal_ends_an_episode():
     while not state.done[0]:
         state = env.step(state, rng.uniform(-0.2, 1, (1, 60, 2)))
     assert state.info["is_finished"][0] and not state.info["truncated"][0] and state.metrics["delivered"][0] >= 1
-
-
-class TestMistakes:
-    ENV = staticmethod(lambda **more: make_env(**({"n_robots": 3, "config": SMALL, "n_starts": 2} | more)))
-
-    @pytest.mark.parametrize(
-        "settings, words",
-        [
-            ({"task": "cleanin"}, "cleanin"),
-            ({"task": 3}, "int has no method lay_out"),
-            ({"n_robots": 0}, "n_robots must be at least 1|n_robots must be a whole number"),
-            ({"n_robots": 5000}, "n_robots must be between 1 and"),
-            ({"steps": 0}, "steps must be"),
-            ({"n_starts": 0}, "n_starts must be a whole number from 1 to 100000"),
-            ({"engine": "planar"}, "engine must be a MujocoSettings or PlanarSettings or MjxSettings"),
-            ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
-            ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
-            ({"payload": "words"}, "a payload is a dictionary"),
-            ({"stop_at": 99}, "stop_at must be between 1 and"),
-            ({"config": replace(SMALL, strategy=StrategyConfig(update_order="sequential"))}, "robots .* act at once"),
-        ],
-    )
-    def test_settings(self, settings, words):
-        with pytest.raises(UserError, match=words):
-            self.ENV(**settings)
-
-    @pytest.mark.parametrize(
-        "action, words",
-        [
-            (np.zeros((1, 3, 3)), r"must have the shape \(1, 3, 2\), .* \(got \(1, 3, 3\)\)"),
-            (np.zeros((3, 2)), r"\(got \(3, 2\)\)"),
-            (np.zeros((1, 3, 2), bool), r"must hold numbers from -1 to 1 \(got bool\)"),
-            (np.zeros((1, 3, 2), complex), "got complex128"),
-            ([[["a", 1]] * 3], "must hold numbers"),
-            (None, "must hold numbers"),
-        ],
-    )
-    def test_actions(self, action, words):
-        env = self.ENV()
-        with pytest.raises(UserError, match=words):
-            env.step(env.reset(KEYS[:1]), action)
-
-    def test_actions_of_compiled_engines(self):
-        env = self.ENV(engine=MjxSettings())
-        state = jax.eval_shape(env.reset, jax.random.key(0))
-        with pytest.raises(UserError, match=r"must have the shape \(3, 2\)"):
-            jax.eval_shape(env.step, state, jnp.zeros((2, 2)))
-
-    @pytest.mark.parametrize("key", [0, KEYS, KEYS[0], np.zeros(2)])
-    def test_keys(self, key):
-        with pytest.raises(UserError, match=r"reset needs 1 random keys, .*make them by jax.random.split"):
-            self.ENV().reset(key)
-
-    def test_states_of_other_environments(self):
-        env, other = self.ENV(), self.ENV(n_robots=4)
-        compiled, action = self.ENV(engine=PlanarSettings(impl="warp")), np.zeros((1, 3, 2), np.float32)
-        words = "step got a state of another environment; begin with a state of this one's reset"
-        for engine, given in [(env, other), (compiled, env)]:
-            with pytest.raises(UserError, match=words):
-                engine.step(given.reset(KEYS[:1]), action)
-        for nothing in (None, env.reset(KEYS[:1]).obs, env.reset(KEYS[:1])._replace(data=None)):
-            with pytest.raises(UserError, match="step needs a state that reset or step returned"):
-                env.step(nothing, action)
-
-    def test_engines_of_the_host_inside_programs(self):
-        env, action = self.ENV(), np.zeros((1, 3, 2), np.float32)
-        state, words = env.reset(KEYS[:1]), r"computes on the host, .*; call {} without jax.jit and jax.vmap, or make"
-        with pytest.raises(UserError, match=words.format("reset")):
-            jax.jit(env.reset)(KEYS[:1])
-        with pytest.raises(UserError, match=words.format("reset")):
-            jax.vmap(env.reset)(KEYS)
-        with pytest.raises(UserError, match=words.format("step")):
-            jax.jit(lambda action: env.step(state, action))(action)
 
 
 @pytest.mark.slow
