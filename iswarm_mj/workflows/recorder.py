@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from iswarm_mj.output.rerun_live import LiveRecording
 
 BLOCK, LONG = 64, 1024
-"""Frames that are written at a time at first, and at most; Rerun keeps some kB in memory for each block."""
+"""Frames that are written at a time at first, and at most; for each block Rerun keeps some 60 to 160 kB in memory."""
+LONG_BYTES = 8_000_000
+"""Bytes of a block's frames at most; what is made of them takes several times as much while they are written."""
 LIVE_SECONDS = 0.25
 """Time between what a viewer is sent of a run that goes on."""
 
@@ -140,6 +142,7 @@ class Recorder:
             block = frames_of(pending, self._index, self._recorded, self._watched)
             self._recording.append(block)
             self._n_written += len(block)
-            self._block = min(max(BLOCK, self._n_written // 16), LONG)
+            each = sum(array.nbytes for array in block.arrays().values()) // len(block)
+            self._block = max(BLOCK, min(self._n_written // 16, LONG, LONG_BYTES // each))
             if self._frames is not None:
                 self._frames.append(block)

@@ -1,0 +1,27 @@
+"""Blocks in which frames of a run are written."""
+
+import pytest
+from helpers_runs import run_of
+from rerun.chunk import RrdReader
+
+from iswarm_mj.output.frames import frames_of
+from iswarm_mj.output.task_arrays import watch
+from iswarm_mj.workflows import recorder
+from iswarm_mj.workflows.clean import clean
+
+STEPS = 110
+
+
+@pytest.mark.parametrize(("frames", "frames_of_bytes", "largest"), [(99, 99, STEPS // 16), (5, 99, 5), (99, 4, 4)])
+def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
+    small, tmp_path, monkeypatch, frames, frames_of_bytes, largest
+):
+    run = run_of(small, steps=STEPS)
+    start = frames_of([run.start], 0, run.recorded, watch(run.task, run.config))
+    each = sum(array.nbytes for array in start.arrays().values())
+    for name, value in (("BLOCK", 2), ("LONG", frames), ("LONG_BYTES", frames_of_bytes * each)):
+        monkeypatch.setattr(recorder, name, value)
+    clean(run, run.settings, tmp_path)
+    chunks = RrdReader(tmp_path / "clean.rrd").stream().to_chunks()
+    rows = [len(c.to_record_batch()) for c in chunks if c.entity_path == "/world/robots/body" and not c.is_static]
+    assert sum(rows) == STEPS + 1 and max(rows) == largest and rows.count(2) >= 16
