@@ -23,6 +23,8 @@ from iswarm_mj.strategy.payloads import layout_of, said
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.protocol import Around, Sensed, Things
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -202,21 +204,26 @@ def decide_alike(
 ) -> Decision:
     """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
 
-    Programs for two worlds and more round alike, but from that for one world an axis of size one vanishes.
+    The program of the paper's strategy and task rounds alike for one world and for more; of others, see `alike`.
     """
     step = situation.step
 
     def of_all(params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
         return decide_worlds(config, robot, params, swarm, situation._replace(step=step))
 
-    return alike(of_all)(params, swarm, situation._replace(step=situation.is_running))
+    is_papers = isinstance(params.strategy, VectorStrategy) and isinstance(params.task, Cleaning)
+    known = is_papers and config.gripper.resolution == "quasi-static"
+    return (of_all if known else alike(of_all))(params, swarm, situation._replace(step=situation.is_running))
 
 
 def alike(function: Callable[..., Tree]) -> Callable[..., Tree]:
     """Return a function of trees of B worlds whose results for a world do not depend on B, to the last bit.
 
+    Programs for two worlds and more round alike, but from that for one world an axis of size one vanishes, after which
+    other loops may be fused. One world is therefore computed twice.
+
     Args:
-        function: of such trees; programs for two worlds and more round alike.
+        function: of such trees.
     """
 
     def of_worlds(*trees: Any) -> Tree:

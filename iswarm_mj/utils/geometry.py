@@ -10,4 +10,5 @@ def rotate(vector: Float[Array, "*#n 2"], angle: Float[Array, "*#n"]) -> Float[A
     xp = array_module(vector, angle)
     c, s = xp.cos(angle), xp.sin(angle)
     x, y = vector[..., 0], vector[..., 1]
-    return xp.stack([c * x - s * y, s * x + c * y], axis=-1)
+    # Processors that multiply and add at once round the second sum the same in all of XLA's loops in this order only.
+    return xp.stack([c * x - s * y, c * y + s * x], axis=-1)

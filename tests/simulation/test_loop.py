@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers_runs import N, end_of, poses_of
 
+from iswarm_mj.config import READINGS
 from iswarm_mj.simulation import share
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
@@ -14,8 +15,8 @@ from iswarm_mj.simulation.share import WORLDS, Share, shares_of
 from iswarm_mj.strategy.genome import PRESETS
 
 
-def run_in(config, engine, n_worlds=9, steps=20, record_worlds=()):
-    settings = RunSettings(N, steps, n_worlds=n_worlds, record_worlds=record_worlds)
+def run_in(config, engine, n_worlds=9, steps=20, record_worlds=(), n_robots=N):
+    settings = RunSettings(n_robots, steps, n_worlds=n_worlds, record_worlds=record_worlds)
     return Run(config, PRESETS["type1"], settings, engine)
 
 
@@ -53,6 +54,15 @@ def test_a_world_is_the_same_in_any_batch(small, settings, monkeypatch):
         found = end_and_state(run_in(small, settings(threads), n_worlds, 15))
         of_most = jax.tree.map(lambda a, n=n_worlds: a[:n], most)
         jax.tree.map(np.testing.assert_array_equal, found, of_most)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reading", READINGS)
+def test_a_world_of_many_robots_is_the_same_alone(reading):
+    """Its program is another one than that of ten, which may round otherwise where XLA optimises."""
+    one, many = (run_in(READINGS[reading], PlanarSettings(1), n_worlds, 30, n_robots=283) for n_worlds in (1, 20))
+    of_many = jax.tree.map(lambda a: a[:1], end_and_state(many))
+    jax.tree.map(np.testing.assert_array_equal, end_and_state(one), of_many)
 
 
 def end_and_state(run):
