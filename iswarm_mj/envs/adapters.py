@@ -1,5 +1,8 @@
-"""What adapters to other interfaces have in common: packages that may be missing, seeds, actions that are refused."""
+"""What adapters to other interfaces have in common: worlds as arrays; settings, seeds and actions that are refused."""
 
+import difflib
+import inspect
+import numbers
 from typing import Any
 
 import jax
@@ -9,19 +12,27 @@ from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.make import make_env
 from iswarm_mj.envs.observations import bounds
 from iswarm_mj.envs.state import State
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.errors import UserError, shown
+
+MOST_SEED = 2**32 - 1
+"""Keys of JAX take no more bits of a seed."""
 
 
 class Worlds:
     """An environment of B worlds as NumPy arrays, on any engine; keys come from a seed, as those of Gymnasium."""
 
-    def __init__(self, n_worlds: int, **settings: Any):
+    def __init__(self, n_worlds: int, /, **settings: Any):
         """Make the environment.
 
         Args:
             n_worlds: B.
             settings: of `make_env`.
+
+        Raises:
+            UserError: there is no such setting, or see `make_env`.
         """
+        check_names(settings)
         self.env: Env = make_env(n_worlds=n_worlds, **settings)
         self.n_worlds = n_worlds
         is_mapped = self.env.n_worlds is None
@@ -69,9 +80,38 @@ def check_actions(action: Any) -> None:
         raise UserError(f"an action must lie between -1 and 1 (got {values[place]} at {place}); clip it")
 
 
+def check_names(settings: Any) -> None:
+    """Refuse settings that environments do not have.
+
+    Raises:
+        UserError: there is one; it names the first.
+    """
+    known = [name for name in inspect.signature(make_env).parameters if name != "n_worlds"]  # adapters give that
+    for name in settings:
+        if name not in known:
+            similar = difflib.get_close_matches(name, known, n=1)
+            remedy = f"perhaps you meant {similar[0]}" if similar else "leave it out"
+            if name in ("n_worlds", "num_envs"):
+                remedy = "for many worlds call vector_env with num_envs"
+            raise UserError(f"settings must be among {', '.join(known)} (got {shown(name)}); {remedy}")
+
+
+def checked_seed(seed: Any) -> int | None:
+    """Return a seed as a plain number, or None where none is given.
+
+    Raises:
+        ConfigError: it is no whole number, or lies beyond what keys take.
+    """
+    if seed is None:
+        return None
+    is_seed = isinstance(seed, numbers.Integral) and not isinstance(seed, bool) and 0 <= int(seed) <= MOST_SEED
+    check("seed", seed, f"a whole number from 0 to {MOST_SEED}, or None for one by chance", is_seed)
+    return int(seed)
+
+
 def fresh_seed(seed: int | None, rng: np.random.Generator) -> int:
     """Return a seed, drawn where none is given."""
-    return int(rng.integers(2**31)) if seed is None else int(seed)
+    return int(rng.integers(2**31)) if seed is None else seed
 
 
 def _numbers(state: State) -> State:

@@ -1,5 +1,6 @@
 """Swarms as Gymnasium environments: the robots of a world as one agent, one world or many at once."""
 
+import numbers
 from typing import Any
 
 import gymnasium
@@ -8,7 +9,8 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iswarm_mj.envs.adapters import Worlds, fresh_seed
+from iswarm_mj.envs.adapters import Worlds, checked_seed, fresh_seed
+from iswarm_mj.utils.constraints import check
 
 
 class SwarmVectorEnv(VectorEnv):
@@ -17,7 +19,13 @@ class SwarmVectorEnv(VectorEnv):
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self, num_envs: int = 1, **settings: Any):
-        """Make the worlds, see `make_env`."""
+        """Make the worlds, see `make_env`.
+
+        Raises:
+            UserError: `num_envs` is no number of worlds, or see `make_env`.
+        """
+        is_number = isinstance(num_envs, numbers.Integral) and not isinstance(num_envs, bool) and num_envs >= 1
+        check("num_envs", num_envs, "a whole number, at least 1", is_number)
         self._worlds = Worlds(num_envs, **settings)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._worlds)
@@ -25,7 +33,12 @@ class SwarmVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """Begin all episodes, which the seed determines."""
+        """Begin all episodes, which the seed determines.
+
+        Raises:
+            UserError: the seed is none.
+        """
+        seed = checked_seed(seed)
         super().reset(seed=seed)
         return self._worlds.reset(fresh_seed(seed, self.np_random)).obs, {}
 
@@ -47,7 +60,12 @@ class SwarmEnv(gymnasium.Env):
         self.observation_space, self.action_space = _spaces(self._worlds)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """Begin an episode, which the seed determines."""
+        """Begin an episode, which the seed determines.
+
+        Raises:
+            UserError: the seed is none.
+        """
+        seed = checked_seed(seed)
         super().reset(seed=seed)
         return self._worlds.reset(fresh_seed(seed, self.np_random)).obs[0], {}
 

@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from pettingzoo import ParallelEnv
 
-from iswarm_mj.envs.adapters import Worlds, fresh_seed
+from iswarm_mj.envs.adapters import Worlds, checked_seed, fresh_seed
 from iswarm_mj.utils.errors import UserError
 
 
@@ -34,7 +34,12 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        """Begin an episode, which the seed determines."""
+        """Begin an episode, which the seed determines.
+
+        Raises:
+            UserError: the seed is none.
+        """
+        seed = checked_seed(seed)
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         state = self._worlds.reset(fresh_seed(seed, self._rng))

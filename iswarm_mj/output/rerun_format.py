@@ -70,13 +70,12 @@ def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
 
     Args:
         call: opens or closes a file.
-        limit_s: after which it is left alone, in a thread that goes with the process [s].
+        limit_s: after which it is left in a thread that goes with the process [s].
 
     Raises:
-        RuntimeError: it has not ended by then; other errors are its own.
+        RuntimeError: it has not ended by then, and its stream is to be left alone; other errors are its own.
     """
     if not ends_within(limit_s, call):
-        rr.unregister_shutdown()  # which would wait at the process's end
         raise RuntimeError(f"not done within {limit_s:g} s")
 
 

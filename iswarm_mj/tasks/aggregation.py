@@ -20,6 +20,7 @@ from iswarm_mj.tasks.layout import no_balls, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things, only
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -53,7 +54,17 @@ class Aggregation:
     def lay_out(
         self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
     ) -> tuple[Float[np.ndarray, "N 3"], Things]:
-        """See `Task.lay_out`."""
+        """See `Task.lay_out`.
+
+        Raises:
+            ConfigError: a spot would lie beyond the walls.
+        """
+        half, remedy = config.arena.size / 2, "make it smaller, or `arena.size` larger"
+        if self.spot_radius > half:
+            raise ConfigError("spot_radius", self.spot_radius, f"at most {half:g} rd, half of `arena.size`", remedy)
+        if self.spot_offset + self.spot_radius > half:
+            most = f"at most {half - self.spot_radius:g} rd with spots of {self.spot_radius:g} rd in this arena"
+            raise ConfigError("spot_offset", self.spot_offset, most, remedy)
         poses, east = place_robots(config.arena, n_robots, rng, cell), np.float32(rng.choice([-1.0, 1.0]))
         inside = np.asarray(self.light(poses, east)) > 0
         return poses, Things(no_balls(), {"east": east, "shares": inside.mean(axis=0, dtype=np.float32)})

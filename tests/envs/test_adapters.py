@@ -63,6 +63,13 @@ def test_worlds_of_a_vector_begin_anew_by_themselves():
     np.testing.assert_array_equal(again, first)
 
 
+def test_seeds_are_whole_numbers_of_any_type():
+    env = single_env(**FEW)
+    (plain, _), (numpys, _), (largest, _) = (env.reset(seed=seed) for seed in (7, np.uint8(7), 2**32 - 1))
+    np.testing.assert_array_equal(plain, numpys)
+    assert not np.array_equal(plain, largest)
+
+
 class TestMistakes:
     @pytest.mark.parametrize(
         "change, words",
@@ -104,6 +111,27 @@ class TestMistakes:
     def test_unknown_tasks(self):
         with pytest.raises(UserError, match="cleanin"):
             parallel_env("cleanin")
+
+    @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
+    @pytest.mark.parametrize(
+        "name, remedy",
+        [("n_robot", "perhaps you meant n_robots"), ("n_worlds", "for many .* vector_env .*"), ("xyz", "leave it out")],
+    )
+    def test_unknown_settings(self, make, name, remedy):
+        with pytest.raises(UserError, match=rf"must be among task, n_robots, config, .* \(got {name}\); {remedy}$"):
+            make(**{name: 3})
+
+    @pytest.mark.parametrize("number", [0, -1, 1.5, True, "2", None])
+    def test_numbers_of_worlds(self, number):
+        with pytest.raises(UserError, match=r"^num_envs must be a whole number, at least 1 \(got "):
+            vector_env(num_envs=number, **FEW)
+
+    @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
+    def test_seeds(self, make):
+        env = make(**FEW)
+        for seed in (-1, 2**32, 1.5, float("nan"), True, "1", [1]):
+            with pytest.raises(UserError, match=r"^seed must be a whole number from 0 to 4294967295, or None .*\(got "):
+                env.reset(seed=seed)
 
     @pytest.mark.parametrize("package", ["pettingzoo", "gymnasium"])
     def test_a_package_that_is_missing(self, package):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_sensing import senses_nothing
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.settings import PlanarSettings
@@ -14,6 +14,7 @@ from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import Around, Things
 from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout
 
@@ -39,6 +40,36 @@ def test_either_spot_is_the_brighter_one():
     task, things = as_task(TASK), Things(start.balls, start.own)
     assert check_task(task, CONFIG, read_robot(), things, 50).keys() == {"light"}
     assert TASK.areas(CONFIG, things)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "task, size, words",
+    [
+        (
+            Aggregation(spot_offset=16.5),
+            50,
+            r"spot_offset must be at most 16 rd with spots of 9 rd .*\(got 16.5\); make",
+        ),
+        (
+            Aggregation(),
+            45,
+            r"spot_offset must be at most 13.5 rd .*\(got 14.0\); make it smaller, or `arena.size` larger",
+        ),
+        (
+            Aggregation(spot_radius=26.0, spot_offset=0.0),
+            50,
+            r"spot_radius must be at most 25 rd, .*\(got 26.0\); make",
+        ),
+    ],
+)
+def test_spots_beyond_the_walls_are_refused(task, size, words):
+    with pytest.raises(ConfigError, match=words):
+        draw_start(SwarmConfig(ArenaConfig(size=size)), 5, 0, 0, task=task)
+
+
+@pytest.mark.parametrize("spots", [{"spot_offset": 16.0}, {"spot_radius": 25.0, "spot_offset": 0.0}])
+def test_spots_may_touch_the_walls(spots):
+    assert len(draw_start(SwarmConfig(ArenaConfig(size=50)), 5, 0, 0, task=Aggregation(**spots)).poses) == 5
 
 
 def advanced(poses, present, east=1.0, key=0):

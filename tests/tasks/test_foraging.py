@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from helpers_runs import records
 from helpers_sensing import senses_nothing
 
@@ -16,6 +17,7 @@ from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
 from iswarm_mj.tasks.protocol import Things
 from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
 SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4))
@@ -30,6 +32,13 @@ def test_items_begin_at_their_sources():
         distance = np.hypot(*start.own["centres"].T) / RD
         assert (distance >= 3.25 - 1e-4).all() and (distance <= 6.5 + 1e-4).all()
     assert check_task(as_task(TASK), SMALL, read_robot(), Things(start.balls, start.own), 6) == {}
+
+
+def test_sources_beyond_the_walls_are_refused():
+    with pytest.raises(
+        ConfigError, match=r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make"
+    ):
+        draw_start(SMALL, 5, 0, 0, task=Foraging(source_radius=7.6))
 
 
 def test_a_source_moves_when_its_last_item_is_home():
