@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from iswarm_mj.experiments.runner.search import Search
+from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.strategy.genome import Genome
 
 

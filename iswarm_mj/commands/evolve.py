@@ -39,7 +39,8 @@ class Evolve(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.runner.search import Search, run_search
+        from iswarm_mj.experiments.runner.search import run_search
+        from iswarm_mj.experiments.runner.search_settings import Search
 
         rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
         refuse_ignored(self, [(rates, self.method != "paper", f"with `method` {self.method}")])

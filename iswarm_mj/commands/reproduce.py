@@ -107,7 +107,7 @@ class Reproduce(ManyRunsOptions):
         """Settings of all parts; the quick ones are just enough for each step to be taken."""
         from iswarm_mj.experiments.report.parts import Plans
         from iswarm_mj.experiments.runner.experiment import Plan
-        from iswarm_mj.experiments.runner.search import Search
+        from iswarm_mj.experiments.runner.search_settings import Search
         from iswarm_mj.workflows.grasp_settings import GraspSettings
 
         search, grasp = Search(self.config, seed=self.seed, replicates=self.replicates), Grasp()

@@ -120,10 +120,12 @@ def test_large_batches_are_of_similar_size():
     """A few hundred worlds of several sizes; a generation of ten swarms stays one batch."""
     sizes = [100, 950, 240, 119, 900, 95] * 64
     jobs = [SimpleNamespace(n_robots=n) for n in sizes]
-    parts = batches._of_similar_size(range(len(jobs)), jobs)
+    parts = batches._of_similar_size(range(len(jobs)), jobs, 128)
     assert sorted(index for part in parts for index in part) == list(range(len(jobs)))
     assert [sorted({sizes[i] for i in part}) for part in parts] == [[900, 950], [119, 240], [95, 100]]
-    assert len(batches._of_similar_size(range(6), jobs)) == 1
+    assert (
+        len(batches._of_similar_size(range(6), jobs, 128)) == len(batches._of_similar_size(range(384), jobs, 512)) == 1
+    )
 
 
 class TestPlanarInBatches:

@@ -11,12 +11,13 @@ from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate
 from iswarm_mj.experiments.runner import pool, resumable
 from iswarm_mj.experiments.runner.optimisers import METHODS
 from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.replicates import replicate_seed
 from iswarm_mj.experiments.runner.search import (
     BEST,
     CHECKPOINT,
     TABLE,
-    replicate_seed,
     run_search,
+    run_searches,
     summary,
 )
 from iswarm_mj.strategy.genome import load_genome
@@ -61,6 +62,32 @@ class TestReplicates:
         monkeypatch.setattr(resumable, "run_jobs", counted)
         self.rows(self.THREE, tmp_path / "out")
         assert sets == [30] * 6
+
+    def test_several_searches_at_once(self, monkeypatch, tmp_path):
+        """Of a shorter one too, each is what it is alone; a generation of all of them is one set of jobs."""
+        pretend(monkeypatch)
+        searches = [replace(SEARCH, method=method, generations=n) for method, n in zip(METHODS, (6, 6, 2), strict=True)]
+        for search in searches:
+            run_search(search, tmp_path / "alone" / search.method)
+        sets, run_jobs = [], resumable.run_jobs
+        monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
+        run_searches({tmp_path / "all" / search.method: search for search in searches})
+        assert sets == [30] * 2 + [20] * 4
+        for method in METHODS:
+            assert contents(tmp_path / "all" / method) == contents(tmp_path / "alone" / method)
+
+    def test_several_interrupted_searches_go_on(self, monkeypatch, tmp_path):
+        """With some runs of each there, the others not begun."""
+        searches = {tmp_path / method: replace(SEARCH, method=method) for method in METHODS}
+        pretend(monkeypatch, 40)
+        with pytest.raises(KeyboardInterrupt):
+            run_searches(searches, Execution(workers=1))
+        begun = pretend(monkeypatch)
+        run_searches(searches, Execution(workers=1), resume=True)
+        assert len(begun) == 3 * 60 - 40
+        for out, search in searches.items():
+            run_search(search, tmp_path / "alone" / search.method)
+            assert contents(out) == contents(tmp_path / "alone" / search.method)
 
     def test_the_best_of_all_and_of_each(self, monkeypatch, tmp_path):
         pretend(monkeypatch)

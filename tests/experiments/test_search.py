@@ -11,13 +11,12 @@ from helpers_search import SEARCH, contents, pretend, worth
 from iswarm_mj.commands import main as cli
 from iswarm_mj.experiments.analysis.evolution_best import best_of, genome_of
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, generator, optimiser
+from iswarm_mj.experiments.runner.replicates import replicate_seed, run_seed
 from iswarm_mj.experiments.runner.search import (
     BEST,
     CHECKPOINT,
     TABLE,
-    replicate_seed,
     run_search,
-    run_seed,
     summary,
 )
 from iswarm_mj.experiments.runner.search_table import Place

@@ -17,6 +17,7 @@ from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner import experiment, resumable, search
 from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
@@ -130,7 +131,7 @@ def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
     for module in (search, experiment):
         monkeypatch.setattr(module, "write_table", lambda *_, **__: None)
     monkeypatch.setattr(search, "draw_fitness", lambda *_: None)
-    found, plan = search.Search(generations=3, population=4), experiment.Plan(quick=True)
+    found, plan = Search(generations=3, population=4), experiment.Plan(quick=True)
     made = experiment.Experiment("x", "", "", EXPERIMENTS["hop-count"].entries, lambda _: [], lambda *_: [])
 
     def read():

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,9 +11,11 @@ from iswarm_mj import __version__
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS
 from iswarm_mj.experiments.report.statements import SEARCHES
-from iswarm_mj.experiments.runner import search
 from iswarm_mj.experiments.runner.experiment import Experiment, Plan, run_experiment, settings_of
 from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.search import run_searches
+from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
+from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, remove
@@ -34,7 +36,7 @@ class Plans(NamedTuple):
     """Settings of all parts."""
 
     experiment: Plan
-    search: search.Search
+    search: Search
     """Its method is replaced."""
     trials: GraspSettings
 
@@ -53,6 +55,8 @@ class Part:
     """Whether rows are those of all runs."""
     make: Callable[[Path, bool], Any]
     """Writes the results into a directory, going on with what is there unless it is told to begin again."""
+    search: tuple[Search, Execution] | None = None
+    """What it is made by, if it is a search, which may advance together with others."""
 
     def lacks(self, results: Path, same_engine: bool = False) -> str:
         """Why the part has to be made, in words; empty if its table is there.
@@ -120,14 +124,31 @@ def _experiment(experiment: Experiment, plan: Plan, execution: Execution) -> Par
     return Part(experiment.name, experiment.table, settings_of(experiment, plan, own), is_whole, make)
 
 
-def _search(settings: search.Search, execution: Execution) -> Part:
+def make(parts: Sequence[Part], work: Path, again: bool) -> Iterator[Part]:
+    """Make parts in directories of their own names, searches together at last, and yield each when it is there."""
+    searches = [part for part in parts if part.search is not None]
+    for part in parts:
+        if part not in searches:
+            part.make(work / part.name, again)
+            yield part
+    if searches:
+        _search_in({work / part.name: part.search for part in searches if part.search is not None}, again)
+    yield from searches
+
+
+def _search_in(searches: Mapping[Path, tuple[Search, Execution]], again: bool) -> None:
+    (execution, *_) = [execution for _, execution in searches.values()]
+    run_searches({out: settings for out, (settings, _) in searches.items()}, execution, resume=True, again=again)
+
+
+def _search(settings: Search, execution: Execution) -> Part:
     n_rows = settings.generations * settings.n_runs
 
     def make(out: Path, again: bool) -> None:
-        search.run_search(settings, out, execution, resume=True, again=again)
+        _search_in({out: (settings, execution)}, again)
 
     def is_whole(rows: Rows) -> bool:
         return len(rows) == n_rows
 
-    name = f"evolve-{settings.method}"
-    return Part(name, SEARCH, search.settings_of(settings, execution), is_whole, make)
+    name, own = f"evolve-{settings.method}", settings_of_search(settings, execution)
+    return Part(name, SEARCH, own, is_whole, make, (settings, execution))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from iswarm_mj.experiments.report import blocks
-from iswarm_mj.experiments.report.parts import Part
+from iswarm_mj.experiments.report.parts import Part, make
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.statements import topics_of, write_findings
 from iswarm_mj.experiments.report.tables import Tables, check_name
@@ -69,12 +69,15 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
 
 
 def _make(parts: Sequence[Part], places: Places, again: bool, same_engine: bool) -> None:
+    missing = []
     for part in parts:
         why = "again" if again else part.lacks(places.results, same_engine)
         print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
         if why:
-            part.make(places.out / part.name, again)
-            part.publish(places.out / part.name, places.results)
+            missing.append(part)
+    for part in make(missing, places.out, again):
+        part.publish(places.out / part.name, places.results)
+        print(f"{part.name}: made", flush=True)
     rewrite(places, partial=True)
     report([places.results], places.out / "report.html", places.beside)
 

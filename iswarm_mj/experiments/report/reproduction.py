@@ -7,7 +7,7 @@ from typing import Any
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS, Result
-from iswarm_mj.experiments.runner.search import Search
+from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS

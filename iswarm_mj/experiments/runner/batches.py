@@ -22,8 +22,11 @@ In 250 steps, the swarms of an evolution that collide most needed up to 2.1 time
 each other at all up to 3.6 times; a floor full of robots would need 7 times. With the JAX implementation unused space
 costs time: 4 times the default takes 6 times as long.
 """
-LARGE_BATCH, SIMILAR = 128, 0.8
-"""A batch of so many worlds takes no worlds with less than this share of the robots of its largest."""
+LARGE_BATCH, SIMILAR = {"mjx": 128, "planar": 512}, 0.8
+"""A batch of so many worlds, by engine, takes no worlds with less than this share of the robots of its largest.
+
+With planar a world is a block, and a step of a few hundred worlds takes as long as the one in which robots jam most.
+"""
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
@@ -49,21 +52,22 @@ def run_batches(
         UserError: a job is not possible.
     """
     alike: dict[Any, list[int]] = {}
+    engine = "mjx" if planar is None else "planar"
     for index, job in enumerate(jobs):
         alike.setdefault((common(job.config), job.steps, job.stop_at), []).append(index)
-    for indices in (part for every in alike.values() for part in _of_similar_size(every, jobs)):
+    for indices in (part for every in alike.values() for part in _of_similar_size(every, jobs, LARGE_BATCH[engine])):
         batch = [jobs[index] for index in indices]
         found = _measured(batch) if planar is None else _measures(batch, _run(batch, planar))
         for index, job, measures in zip(indices, batch, found, strict=True):
             yield index, outcome(job, measures, measures.finished_at or job.steps)
 
 
-def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job]) -> list[list[int]]:
-    """Jobs in batches of at least `LARGE_BATCH`, whose empty places would otherwise cost more than another program."""
+def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job], large: int) -> list[list[int]]:
+    """Jobs in batches of at least `large`, whose empty places would otherwise cost more than another program."""
     parts: list[list[int]] = []
     for index in sorted(indices, key=lambda index: -jobs[index].n_robots):
         n_robots = jobs[index].n_robots
-        if not parts or (len(parts[-1]) >= LARGE_BATCH and n_robots < SIMILAR * jobs[parts[-1][0]].n_robots):
+        if not parts or (len(parts[-1]) >= large and n_robots < SIMILAR * jobs[parts[-1][0]].n_robots):
             parts.append([])
         parts[-1].append(index)
     return parts

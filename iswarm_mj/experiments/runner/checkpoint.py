@@ -27,6 +27,10 @@ _LEFT_OUT = "the default"  # of a setting that a file omits, see `serialization.
 class Journal:
     """Finished runs by their keys; a context manager, to be used in a directory that is `locked`.
 
+    Attributes:
+        name: of the file.
+        entries: by their keys.
+
     Args:
         path: of the file, which is created if it does not exist.
         settings: that determine the runs; they must be representable as JSON.
@@ -38,6 +42,7 @@ class Journal:
 
     def __init__(self, path: Path, settings: Mapping[str, Any], is_entry: Callable[[Any], bool] = lambda _: True):
         self._path, self._is_entry = path, is_entry
+        self.name = path.name
         self._head = json.loads(json.dumps({"versions": versions(), "settings": settings}))
         self.entries: dict[Key, Any] = {}
         try:

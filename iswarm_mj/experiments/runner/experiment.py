@@ -164,7 +164,7 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -
     keys = [_key(job, run_by) for job in jobs]
     with Journal(out / RUNS, {"kind": "runs of experiments"}, is_outcome) as journal:
         with progress(len(keys), name, sum(key in journal.entries for key in keys)) as bar:
-            run_missing(dict(zip(keys, jobs, strict=True)), journal, execution, bar, lambda job, outcome: outcome)
+            run_missing([(dict(zip(keys, jobs, strict=True)), journal)], execution, bar, lambda job, outcome: outcome)
         return [Outcome(*journal.entries[key]) for key in keys]
 
 

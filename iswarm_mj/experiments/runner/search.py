@@ -1,122 +1,129 @@
-"""The search for fit swarms: generations of runs, their table, the best genome, and a checkpoint to resume from."""
+"""The search for fit swarms: its files, and several searches at once."""
 
 import json
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.evolution_best import Best, best_of, by_replicate
 from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.runner import experiment
 from iswarm_mj.experiments.runner.checkpoint import Journal
-from iswarm_mj.experiments.runner.jobs import Job, Outcome, is_outcome
-from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
-from iswarm_mj.experiments.runner.optimisers import Method, optimiser
 from iswarm_mj.experiments.runner.pool import Execution, progress
+from iswarm_mj.experiments.runner.replicates import Replicates, entry_of, forget_partial, is_entry
 from iswarm_mj.experiments.runner.resumable import run_missing
-from iswarm_mj.experiments.runner.search_table import Place, rows_of
-from iswarm_mj.strategy.evolution import Individual, Operators
-from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.utils.constraints import check, validate
-from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.experiments.runner.search_settings import Search
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 from iswarm_mj.utils.lock import locked
-from iswarm_mj.utils.serialization import added_later, to_dict
+from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
 
 
-@dataclass(frozen=True)
-class Search:
-    """Everything that determines the outcome of a search, apart from the engine."""
-
-    config: SwarmConfig = field(default_factory=SwarmConfig)
-    operators: Operators = field(default_factory=Operators)
-    method: Method = "paper"
-    generations: Generations = 120
-    population: Population = 10
-    steps: Steps = 800
-    """Largest number of control steps of a run."""
-    seed: Seed = 0
-    evaluations: Repeats = 1
-    """Runs of each genome in each generation; its fitness is their mean."""
-    replicates: Repeats = added_later(1)  # noqa: RUF009
-    """Independent repetitions of the search, which advance together. Replicate 0 is the search with one; the others are
-    those with the seeds of `replicate_seed`. In batches this is so up to rounding, see `batches.run_batches`."""
-
-    def __post_init__(self):
-        validate(self)
-        elite = self.operators.elite
-        check("operators.elite", elite, "below `population`", elite < self.population or self.method != "paper")
-
-    @property
-    def n_runs(self) -> int:
-        """Runs of a generation, in all replicates."""
-        return self.replicates * self.population * self.evaluations
-
-
 def run_search(
     search: Search, out: Path, execution: Execution | None = None, resume: bool = False, again: bool = False
 ) -> Best:
-    """Search, write the results into `out`, print a summary.
+    """`run_searches` with one search in `out`; return its best genome."""
+    return run_searches({out: search}, execution, resume, again)[0]
+
+
+def run_searches(
+    searches: Mapping[Path, Search], execution: Execution | None = None, resume: bool = False, again: bool = False
+) -> list[Best]:
+    """Search, write the results into the directories, print a summary of each.
 
     Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome, and with replicates the
     best of each, best-0.json and so on; fitness.png and .svg; checkpoint.jsonl. The table is written after each
-    generation, the others at the end. A generation of all replicates is one set of jobs. Neither the number of workers
-    nor an interruption changes a byte of the files. Where a generation is one batch, one that the checkpoint contains
-    in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round reproducibly.
+    generation, the others at the end. A generation of all searches and replicates is one set of jobs. Neither the
+    number of workers nor an interruption changes a byte of the files. Where a generation is one batch, one that a
+    checkpoint contains in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round
+    reproducibly and the searches in the batch are the same.
 
     Args:
-        search: what to do.
-        out: directory of the results.
+        searches: what to do, by the directories of the results.
         execution: how to run the jobs, by default on all cores; a search must be resumed with its own engine.
-        resume: continue the search in `out`, if there is one.
-        again: discard the search in `out`.
+        resume: continue the search in a directory, if there is one.
+        again: discard the search in a directory.
 
     Raises:
-        UserError: `out` is not writable or in use, contains a search that is not to be resumed, or a different one.
+        UserError: a directory is not writable or in use, contains a search that is not to be resumed, or a different
+            one.
         SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
+    with ExitStack() as stack:
+        begun = [stack.enter_context(_begun(*each, execution, resume, again)) for each in searches.items()]
+        _run_generations(begun, execution)
+        best = [search.end() for search in begun]
+    for search, own in zip(begun, best, strict=True):
+        print(summary(search.search, search.replicates.rows, own, search.out))
+    return best
+
+
+@dataclass
+class _Begun:
+    """A search, its directory, settings and journal, and how far it is."""
+
+    search: Search
+    out: Path
+    settings: dict[str, Any]
+    journal: Journal
+
+    def __post_init__(self):
+        self.replicates = Replicates(self.search, self.journal)
+
+    def save(self) -> None:
+        """Write the table so far."""
+        write_table(self.out / TABLE, self.replicates.rows, self.settings)
+
+    def end(self) -> Best:
+        """Write all files; return the best genome."""
+        self.journal.settle()
+        self.save()
+        rows = self.replicates.rows
+        best = best_of(rows)
+        _write_genome(self.out / BEST, best)
+        if self.search.replicates > 1:
+            for replicate, mine in enumerate(by_replicate(rows)):
+                _write_genome(self.out / best_name(replicate), best_of(mine))
+        draw_fitness(rows, self.search.config.arena.n_dust, self.out / FIGURE)
+        return best
+
+
+@contextmanager
+def _begun(out: Path, search: Search, execution: Execution, resume: bool, again: bool) -> Iterator[_Begun]:
     settings = settings_of(search, execution)
     with locked(out), _journal(out, settings, resume, again) as journal:
         remove_parts(out, CHECKPOINT, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg")
         if execution.in_batches:
-            _forget_partial_generations(search, journal)
-        rows = _run_generations(search, execution, journal, out)
-        journal.settle()
-        write_table(out / TABLE, rows, settings)
-        best = best_of(rows)
-        _write_genome(out / BEST, best)
-        if search.replicates > 1:
-            for replicate, mine in enumerate(by_replicate(rows)):
-                _write_genome(out / best_name(replicate), best_of(mine))
-        draw_fitness(rows, search.config.arena.n_dust, out / FIGURE)
-    print(summary(search, rows, best, out))
-    return best
+            forget_partial(search, journal)
+        yield _Begun(search, out, settings, journal)
+
+
+def _run_generations(begun: Sequence[_Begun], execution: Execution) -> None:
+    """Run all generations; runs in the journals are not repeated."""
+    total = sum(each.search.generations * each.search.n_runs for each in begun)
+    with progress(total, done=sum(len(each.journal.entries) for each in begun)) as bar:
+        for generation in range(max(each.search.generations for each in begun)):
+            going = [each for each in begun if generation < each.search.generations]
+            known = [len(each.journal.entries) for each in going]
+            run_missing([(each.replicates.ask(generation), each.journal) for each in going], execution, bar, entry_of)
+            best = max(row["fitness"] for each in going for row in each.replicates.tell())
+            bar.say(f"generation {generation + 1}, best {best:z.0f}")
+            for each, n_known in zip(going, known, strict=True):
+                if len(each.journal.entries) > n_known:
+                    each.save()
 
 
 def settings_of(search: Search, execution: Execution) -> dict[str, Any]:
     """Settings that determine the outcome, as files contain them; these omit the default engine."""
     return {**to_dict(search), **execution.identity}
-
-
-def replicate_seed(seed: int, replicate: int) -> int:
-    """Seed of a replicate: the search's own for the first, which is the search with one replicate."""
-    # Two numbers, since keys of one belong to generations (`optimisers`) and keys of three to runs.
-    return seed if replicate == 0 else experiment.run_seed(seed, replicate, 0)
-
-
-def run_seed(search: Search, place: Place) -> int:
-    """Seed of one run, within 0 to 2^32 - 2."""
-    return experiment.run_seed(replicate_seed(search.seed, place.replicate), *place[:3])
 
 
 def best_name(replicate: int | str) -> str:
@@ -158,78 +165,13 @@ def _write_genome(path: Path, best: Best) -> None:
         part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
 
 
-def _run_generations(search: Search, execution: Execution, journal: Journal, out: Path) -> list[dict[str, Any]]:
-    """Rows of all generations; runs in the journal are not repeated."""
-    seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
-    methods = [optimiser(search.method, search.operators, search.population, seed) for seed in seeds]
-    settings = settings_of(search, execution)
-    rows: list[dict[str, Any]] = []
-    with progress(search.generations * search.n_runs, done=len(journal.entries)) as bar:
-        for generation in range(search.generations):
-            populations = [method.ask() for method in methods]
-            jobs = [_jobs(search, generation, *numbered) for numbered in enumerate(populations)]
-            n_known = len(journal.entries)
-            run_missing(
-                {place.key: job for mine in jobs for place, job in mine.items()}, journal, execution, bar, _entry
-            )
-            best = -np.inf
-            for method, individuals, mine in zip(methods, populations, jobs, strict=True):
-                made = rows_of(individuals, mine, _outcomes(mine, journal))
-                rows += made
-                method.tell([row["genome_fitness"] for row in made[:: search.evaluations]])
-                best = max(best, *(row["fitness"] for row in made))
-            bar.say(f"generation {generation + 1}, best {best:z.0f}")
-            if len(journal.entries) > n_known:
-                write_table(out / TABLE, rows, settings)
-    return rows
-
-
-def _jobs(search: Search, generation: int, replicate: int, individuals: Sequence[Individual]) -> dict[Place, Job]:
-    """Jobs of a generation of one replicate by their places."""
-    jobs = {}
-    for index, individual in enumerate(individuals):
-        n_robots = robots_for(search.config.arena, individual.genome.density_of_robots, "density_of_robots")
-        for evaluation in range(search.evaluations):
-            place = Place(generation, index, evaluation, replicate)
-            jobs[place] = Job(search.config, individual.genome, n_robots, run_seed(search, place), search.steps)
-    return jobs
-
-
-def _entry(job: Job, outcome: Outcome) -> dict[str, Any]:
-    """What the checkpoint keeps of a run."""
-    return {"genome": astuple(job.genome), "outcome": outcome}
-
-
-def _is_entry(entry: Any) -> bool:
-    """Whether a value from the checkpoint is what `_entry` returns."""
-    known = isinstance(entry, dict) and set(entry) == {"genome", "outcome"}
-    return known and isinstance(entry["genome"], list) and is_outcome(entry["outcome"])
-
-
-def _outcomes(jobs: Mapping[Place, Job], journal: Journal) -> list[Outcome]:
-    """Outcomes of jobs from the journal."""
-    for place, job in jobs.items():
-        if list(journal.entries[place.key]["genome"]) != list(astuple(job.genome)):
-            raise UserError(
-                f"{CHECKPOINT} contains another genome in generation {place.generation} than this version of the "
-                "program would try there; begin again in another `out`."
-            )
-    return [Outcome(*journal.entries[place.key]["outcome"]) for place in jobs]
-
-
-def _forget_partial_generations(search: Search, journal: Journal) -> None:
-    """Forget generations of which only some runs are known; of a run that is written twice, the later one counts."""
-    n_known = Counter(key[0] for key in journal.entries)
-    journal.entries = {key: entry for key, entry in journal.entries.items() if n_known[key[0]] == search.n_runs}
-
-
 def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) -> Journal:
     """The search's journal, after what is to be discarded was removed."""
     if again:
         for name in (BEST, TABLE, CHECKPOINT):
             remove(out / name)
     _check_out(out, resume)
-    return Journal(out / CHECKPOINT, settings, _is_entry)
+    return Journal(out / CHECKPOINT, settings, is_entry)
 
 
 def _check_out(out: Path, resume: bool) -> None:
