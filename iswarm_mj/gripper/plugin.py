@@ -103,6 +103,7 @@ COMPUTED = {
     ELECTROSTATIC: {
         **{"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
         **{"charge": 0.0, "ball_voltage": 0.0, "broken": 0.0, "to_probe": 0.0, "to_plate": 0.0},
+        **{"up": 0.0, "down": 0.0},
     },
 }
 """Results that follow the attributes in the state, and their values after a reset.
@@ -110,7 +111,7 @@ COMPUTED = {
 gap, probe_gap, plate_gap [um]; force [nN], positive towards the surface, or towards the probe and negative towards the
 plate; potential 0 for the plate's and 1 for the probe's, or the nearer of the two in a circuit; charge [fC] and voltage
 of the ball against the plate [V] in a circuit; broken: 1 if the oxide of the present contact broke down; to_probe,
-to_plate: the ball's capacitances [fF]. Of impacts:
+to_plate: the ball's capacitances [fF]; up, down: the two pulls of which `force` is the difference [nN]. Of impacts:
 before, the gap one step earlier [um]; rebound, 0 no, 1 going on, 2 begins in this step; speed [um/ms] and impulse
 [nN ms] of the last one.
 """

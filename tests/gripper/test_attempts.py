@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_attempts import random_attempts
 from helpers_sensing import lay, place
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
@@ -14,7 +15,7 @@ from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.handling import Rules, carry, handle, working
-from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.detachment import grasp_voltage
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
@@ -106,20 +107,6 @@ def test_a_tool_that_misses_lifts_nothing():
     keys = jax.random.split(jax.random.key(1), 300)
     lifted = jax.vmap(lambda key: step(gripper, lay((41.09, 0)), [(40, 0, 0)], key=key)[0].is_held[0])(keys)
     assert lifted.mean() == pytest.approx(0.506, abs=0.1)  # |z| < 13 / 19
-
-
-def random_attempts(count, seed, spread=0.3):
-    """Lifts and releases at voltages around their thresholds, and the distance from these, relative."""
-    random = np.random.default_rng(seed)
-    radius = random.uniform(15e-6, 25e-6, count)
-    tool, floor = 1.41e-3 * np.exp(0.2 * random.normal(size=count)), 14.7e-3 * np.exp(0.3 * random.normal(size=count))
-    lifts = random.random(count) < 0.5
-    threshold = np.where(lifts, grasp_voltage(radius, tool, floor), release_voltage(radius, tool))
-    share = np.exp(random.uniform(-spread, spread, count))
-    voltage = np.minimum(threshold * share, 69.0)
-    miss = np.where(lifts, np.abs(random.normal(0, 4e-6, count)), 0.0)
-    values = (np.asarray(values, np.float32) for values in (voltage, radius, tool, floor, miss))
-    return Attempts(lifts, ~lifts, *values), voltage / threshold - 1
 
 
 BAND = 0.06

@@ -12,7 +12,7 @@ from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.engine_tracing import TraceBench
-from iswarm_mj.gripper.bench.film import Look, joined, looks
+from iswarm_mj.gripper.bench.film import Look, joined
 from iswarm_mj.gripper.bench.trial import Trial
 
 TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3, misalignment=2e-6), 5e-6
@@ -54,15 +54,6 @@ def test_a_film_is_wound_back_to_any_of_its_steps(kind):
     again = filmed.film("wait", 0.6e-3, GAP, 60.0)
     np.testing.assert_array_equal(again.gap_tool, film.gap_tool[300:])
     np.testing.assert_array_equal(joined(film, again).fall[600:], film.fall[300:])
-
-
-def test_looks_are_alike_however_many_are_filmed_at_once():
-    def gaps(ahead):
-        new = bench()
-        new.moves([RISE])
-        return [look.gap_tool for look, _ in zip(looks(new, "wait", 0.08e-3, GAP, 60.0, ahead), range(9), strict=False)]
-
-    np.testing.assert_array_equal(gaps(1), gaps(8))
 
 
 def test_a_film_of_a_bench_that_breaks_says_when():

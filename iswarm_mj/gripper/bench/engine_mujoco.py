@@ -13,6 +13,7 @@ from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.film import Film
+from iswarm_mj.gripper.bench.leaps import Row, places, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
@@ -62,6 +63,8 @@ class MujocoBench:
         self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
         self._first = self._batch.state[0].copy()
         self._touch = np.zeros(len(trials))
+        self.places = places(first)
+        self.row = Row(self._qpos[0], self._qvel[0], self._state[0], self._batch.bind("qacc_warmstart")[0])
         self._place(models, trials, start_gap, hanging)
 
     def place(self, trial: Trial, start_gap: float, hanging: float | None = None) -> None:
@@ -76,6 +79,7 @@ class MujocoBench:
         self, models: list[mujoco.MjModel], trials: Sequence[Trial], start_gap: float, hanging: float | None
     ) -> None:
         self.steps = 0
+        self.model = models[0]
         self._batch.set_models(models)
         self._batch.state[:], self._batch.warning[:] = self._first, 0
         qpos, state = self._qpos, self._state
@@ -104,7 +108,7 @@ class MujocoBench:
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
 
-    def moves(self, moves: Sequence[Move]) -> Watch:
+    def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
         """See `FilmBench.moves`."""
         ids, ways = np.arange(len(self._touch)), []
         begin = self._ctrl[ids]
@@ -113,6 +117,10 @@ class MujocoBench:
             ways.append(self._way(begin, end, _shares(n_steps)))
             begin = ways[-1][:, -1]
         way = np.concatenate(ways, axis=1)
+        if skip:
+            self.elapse("skip", skip)
+            press(self, way[0, skip - 1])
+            way = way[:, skip:]
         with without_timers():
             self._batch.rollout(way.shape[1], way, record=())
         return self._watch(_Contacts(len(ids), self._state[:, self._gaps]), ids)
@@ -146,6 +154,11 @@ class MujocoBench:
         self._batch.state[0] = film.states[step]
         if film.finite[step]:
             self._batch.warning[:] = self._warned
+
+    def elapse(self, phase: str, steps: int) -> None:
+        """See `LeapBench.elapse`."""
+        del phase
+        self._batch.state[0, 0] += steps * self.timestep / MS
 
     def _plan(
         self, ids: np.ndarray, duration: float, tip: float, voltage: Voltages, begin: np.ndarray | None = None

@@ -9,6 +9,7 @@ import numpy as np
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.film import Film
+from iswarm_mj.gripper.bench.leaps import Row, places, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
@@ -58,17 +59,20 @@ class TraceBench:
         spec = bench_spec()
         if timestep is not None:
             spec.option.timestep = timestep / MS
-        self._model = sized(spec, trial)
-        self._data = mujoco.MjData(self._model)
-        self._where, self.timestep = layout(self._model), float(self._model.opt.timestep) * MS
-        self._data.qpos[:], self._touch = start(self._model, trial, start_gap, hanging)
-        for index, value in plugin_values(self._model, trial).items():
+        self.model = sized(spec, trial)
+        self._data = mujoco.MjData(self.model)
+        self._where, self.timestep = layout(self.model), float(self.model.opt.timestep) * MS
+        self._data.qpos[:], self._touch = start(self.model, trial, start_gap, hanging)
+        for index, value in plugin_values(self.model, trial).items():
             self._data.plugin_state[index] = value
         self._data.ctrl[self._where.tip] = self._data.qpos[self._where.slide]
         self._data.ctrl[self._where.aside_servo] = self._data.qpos[self._where.aside]
-        self._fields = [plugin.state_index(self._model, *names) for names in _PLUGIN_FIELDS]
-        self._ball, self._plate = self._model.geom("ball").id, self._model.geom("plate").id
+        self._fields = [plugin.state_index(self.model, *names) for names in _PLUGIN_FIELDS]
+        self._ball, self._plate = self.model.geom("ball").id, self.model.geom("plate").id
+        self.places = places(self.model)
+        self.row = Row(self._data.qpos, self._data.qvel, self._data.plugin_state, self._data.qacc_warmstart)
         self.steps = 0
+        self._press_at = 0
         self._phases: list[str] = []
         self._samples: list[_Samples] = []
 
@@ -79,11 +83,13 @@ class TraceBench:
             self._phases.append(phase)
         data, where = self._data, self._where
         n_steps, first = max(1, round(duration / self.timestep)), len(self._samples)
-        self.steps += n_steps
         begin = data.ctrl.copy()
         end = begin.copy()
         end[where.tip], end[where.voltage] = self._touch + tip / UM - where.tip_height, np.squeeze(voltage)
         for k in range(n_steps):
+            if self.steps == self._press_at > 0:
+                press(self, data.ctrl)
+            self.steps += 1
             share = (k + 1) / n_steps
             way = np.full(len(begin), share)
             way[where.tip] = minimum_jerk(share)
@@ -91,8 +97,9 @@ class TraceBench:
             self._samples.append(self._step(phase))
         return self._watch(_stacked(self._samples[first:]))
 
-    def moves(self, moves: Sequence[Move]) -> Watch:
-        """See `FilmBench.moves`."""
+    def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
+        """See `FilmBench.moves`; what is leapt over is shown all the same."""
+        self._press_at = self.steps + skip
         return [self.move(*move) for move in moves][-1]
 
     def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
@@ -109,14 +116,21 @@ class TraceBench:
         """See `FilmBench.rewind`."""
         self.restore(film.states[step])
 
+    def elapse(self, phase: str, steps: int) -> None:
+        """See `LeapBench.elapse`; physics shows what happens meanwhile."""
+        where, control = self._where, self._data.ctrl
+        tip = (control[where.tip] + where.tip_height - self._touch) * UM
+        if steps > 0:
+            self.move(phase, steps * self.timestep, tip, control[where.voltage])
+
     def _step(self, phase: str) -> _Samples:
         """Take a physics step; its sample is the state before, with the forces that acted in it."""
         data, where = self._data, self._where
         time, qpos, fall = data.time, data.qpos.copy(), -data.qvel[where.ball + 2]
-        mujoco.mj_step(self._model, data)
+        mujoco.mj_step(self.model, data)
         contacts, force = np.zeros(2), np.zeros(6)
         for i, geoms in enumerate(data.contact.geom):
-            mujoco.mj_contactForce(self._model, data, i, force)
+            mujoco.mj_contactForce(self.model, data, i, force)
             contacts[int(self._plate in geoms)] += max(0.0, force[0])
         return _Samples(
             phase=self._phases.index(phase),
@@ -154,14 +168,14 @@ class TraceBench:
 
     def save(self) -> Any:
         """See `Bench.save`."""
-        state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
-        mujoco.mj_getState(self._model, self._data, state, _STATE)
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self._data, state, _STATE)
         return state, len(self._samples)
 
     def restore(self, state: Any) -> None:
         """See `Bench.restore`; what happened since is forgotten."""
         state, count = state
-        mujoco.mj_setState(self._model, self._data, state, _STATE)
+        mujoco.mj_setState(self.model, self._data, state, _STATE)
         del self._samples[count:]
 
     def trace(self) -> Trace:
@@ -186,9 +200,9 @@ class TraceBench:
             ball_voltage=samples.plugins[:, 6],
             contact_tool=samples.contacts[:, 0] * NN,
             contact_plate=samples.contacts[:, 1] * NN,
-            radius=float(self._model.geom_size[self._ball, 0]) * UM,
-            probe_radius=float(self._model.geom("probe").size[0]) * UM,
-            weight=float(-self._model.opt.gravity[2] * self._model.body("ball").mass[0]) * NN,
+            radius=float(self.model.geom_size[self._ball, 0]) * UM,
+            probe_radius=float(self.model.geom("probe").size[0]) * UM,
+            weight=float(-self.model.opt.gravity[2] * self.model.body("ball").mass[0]) * NN,
         )
 
 

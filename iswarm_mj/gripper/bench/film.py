@@ -1,15 +1,13 @@
 """What a bench with one ball did, physics step by step, so that it can be wound back to any of them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench.base import Bench, Move, Watch, speed_at_zero
-
-_AHEAD = 3
-"""Calling MuJoCo takes as long as some thirty steps, and half of those ahead are in vain."""
+from iswarm_mj.gripper.bench.leaps import LeapBench
 
 
 class Film(NamedTuple):
@@ -29,11 +27,16 @@ class Film(NamedTuple):
     """Of the bench, as each step ended."""
 
 
-class FilmBench(Bench, Protocol):
-    """A bench that can be filmed."""
+class FilmBench(Bench, LeapBench, Protocol):
+    """A bench with one ball that can be filmed."""
 
-    def moves(self, moves: Sequence[Move]) -> Watch:
-        """Make several moves one after the other; gaps, speed and `finite` at their end are known, no contacts."""
+    def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
+        """Make several moves one after the other; gaps, speed and `finite` at their end are known, no contacts.
+
+        Args:
+            moves: of the tool.
+            skip: leap over that many steps, in the last of which the tool presses the ball on the plate.
+        """
         ...
 
     def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
@@ -89,16 +92,3 @@ class Look(NamedTuple):
             return float("nan")
         pairs = np.stack([gaps, self.film.fall[self.first : self.last + 1]], axis=1)
         return float(speed_at_zero(pairs[at - 1], pairs[at])) if at else float(pairs[0, 1])
-
-
-def looks(bench: FilmBench, phase: str, interval: float, tip: float, voltage: float, ahead: int) -> Iterator[Look]:
-    """Look at a bench again and again, without end, at this interval [s].
-
-    `ahead` intervals are filmed at once, then `_AHEAD`; who stops looking winds back to where that was.
-    """
-    steps = round(interval / bench.timestep)
-    while True:
-        film = bench.film(phase, ahead * interval, tip, voltage)
-        for k in range(ahead):
-            yield Look(film, k * steps, (k + 1) * steps - 1)
-        ahead = _AHEAD

@@ -1,5 +1,6 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
@@ -10,7 +11,8 @@ from jaxtyping import Bool, Float
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.film import FilmBench, Look, joined, looks
+from iswarm_mj.gripper.bench.film import FilmBench, Look, joined
+from iswarm_mj.gripper.bench.leaps import fly, hang, is_below
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
 from iswarm_mj.gripper.bench.trial import Trial
@@ -24,10 +26,13 @@ TIMESTEP = 2e-6
 RELEASE_LIMIT = 6e-3
 """Time at the release voltage after which a ball that still hangs counts as not released: ten relaxation times of its
 charge [s]."""
-_LONG = 0.08e-3
-"""Interval at which a ball that hangs or falls is looked at; too short for it to reach the plate and come back [s]."""
-_HANGS, _FALLS = 7, 9
-"""Intervals in which few balls leave the tool, or come to rest."""
+_PRESSED = 0.1
+"""Part of the retraction that is leapt over, too; with 0.2, the first balls leave the plate before servo and contacts
+have come to rest."""
+_LOOK = 0.08e-3
+"""Interval at which a ball that falls is looked at [s]."""
+_LEAVES, _FALLS, _HITS = 0.08e-3, 0.08e-3, 0.03e-3
+"""Physics that is filmed at once: of a ball about to leave, one that falls, one about to touch plate or tool [s]."""
 
 
 class Found(NamedTuple):
@@ -68,7 +73,9 @@ def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
 def lift_on(bench: FilmBench, voltage: float) -> tuple[bool, float]:
     """Whether a ball on a new bench hangs in the end, and how long that took [s]."""
     p = PROTOCOL
-    watch = bench.moves([*touching(p), *lifting(p, voltage), Move("off", p.off_time, p.lift, 0.0)])
+    moves = [*touching(p), *lifting(p, voltage), Move("off", p.off_time, p.lift, 0.0)]
+    pressed = p.approach_time + p.dwell + p.rise_time + _PRESSED * p.peel_time
+    watch = bench.moves(moves, round(pressed / bench.timestep) if is_below(bench) else 0)
     return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep
 
 
@@ -85,48 +92,63 @@ def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, 
     """Whether a ball that hangs on a new bench stays, how long that took [s], and the speed of its landing [m/s]."""
     p = PROTOCOL
     bench.moves([Move("rise", p.rise_time, gap, voltage)])
-    time, look = p.rise_time, None
-    for look in looks(bench, "wait", _LONG, gap, voltage, _HANGS):
-        if look.gap_tool > p.away or not look.finite:
-            break
-        time += _LONG
-        if time > RELEASE_LIMIT:
-            bench.rewind(look.film, look.last)
-            return False, time, 0.0
-    assert look is not None  # there is always another
-    seen = _seen_to_leave(bench, look, gap, voltage)
-    time += (seen.last + 1 - look.first) * bench.timestep
+    time = p.rise_time + hang(bench, "wait", voltage, RELEASE_LIMIT - p.rise_time)
+    seen = _seen_to_leave(bench, gap, voltage, RELEASE_LIMIT - time)
+    if seen is None:
+        return False, RELEASE_LIMIT, 0.0
     impact, volts = seen.landing_speed, voltage if p.after_release == "held" else 0.0
     watch = bench.move("cut", p.cut_time, gap, volts)
-    end, time, look, stays = time + p.flight_limit, time + p.cut_time, None, False
+    start = time + (seen.last + 1) * bench.timestep + p.cut_time
+    time, since, film = start, start, None
     landing, speed, above, finite = (
         float(values[0]) for values in (watch.landing_speed, watch.speed, watch.gap_plate, watch.finite)
     )
-    falls = looks(bench, "fall", _LONG, gap, volts, _FALLS)
-    while time < end and finite and not stays:
-        impact = landing if np.isnan(impact) else impact
-        reach = speed**2 / (2 * GRAVITY) + max(above, 0.0)
-        stays = not np.isnan(impact) and volts == 0 and bool(reach < gap / 2)
-        if not stays:
-            look, time = next(falls), time + _LONG
-            landing, speed, above, finite = look.landing_speed, look.speed, look.gap_plate, look.finite
-    if look is not None:
-        bench.rewind(look.film, look.last)
-    return stays, time, float(np.nan_to_num(impact))
+    impact = landing if np.isnan(impact) else impact
+    stays = volts == 0 and not np.isnan(impact) and bool(_reach(speed, above) < gap / 2)
+    while not stays and finite and time < start + p.flight_limit - p.cut_time:
+        time += fly(bench, "fall", start + p.flight_limit - p.cut_time - time)
+        film = bench.film("fall", _FALLS if np.isnan(impact) else _HITS, gap, volts)
+        impact = Look(film, 0, len(film.finite) - 1).landing_speed if np.isnan(impact) else impact
+        returns = np.flatnonzero(_reach(film.speed, film.gap_plate) >= gap / 2)
+        since = time + (returns[-1] + 1 if len(returns) else 0) * bench.timestep
+        time, finite = time + len(film.finite) * bench.timestep, bool(film.finite[-1])
+        stays = volts == 0 and not np.isnan(impact) and since < time
+    until = start + math.ceil((since - start) / _LOOK - 1e-6) * _LOOK
+    more = round((until - time) / bench.timestep)
+    if film is not None and more < 0:
+        bench.rewind(film, more - 1)
+    bench.elapse("fall", max(0, more))
+    return stays, until, float(np.nan_to_num(impact))
 
 
-def _seen_to_leave(bench: FilmBench, look: Look, gap: float, voltage: float) -> Look:
-    """The part of an interval at whose end the ball is seen to have left the tool; the bench returns to there."""
-    film, first = look.film, look.first
-    touches = np.flatnonzero(film.gap_tool[first : look.last + 1] <= 0)
-    last = first + (max(1, int(touches[-1])) if len(touches) else 1) - 1
-    again = round(PROTOCOL.watch_time / bench.timestep)
-    while film.gap_tool[last] <= PROTOCOL.away and last < look.last:
-        first, last = last + 1, last + again
-        if last >= len(film.gap_tool):
-            film = joined(film, bench.film("wait", PROTOCOL.watch_time, gap, voltage))
-    bench.rewind(film, last)
-    return Look(film, first, last)
+def _reach(speed: np.ndarray | float, above: np.ndarray | float) -> np.ndarray:
+    """Height above the plate [m] up to which a ball with this speed [m/s] at this height [m] can fly."""
+    return np.asarray(speed) ** 2 / (2 * GRAVITY) + np.maximum(above, 0.0)
+
+
+def _seen_to_leave(bench: FilmBench, gap: float, voltage: float, limit: float) -> Look | None:
+    """The time until a ball, looked at since it last touched the tool, is seen to have left it; the bench is there.
+
+    None: it still hangs after a time [s].
+    """
+    again, most = (round(duration / bench.timestep) for duration in (PROTOCOL.watch_time, limit))
+    if most < 1:
+        return None
+    film = bench.film("wait", _LEAVES, gap, voltage)
+    while True:
+        away = film.gap_tool > PROTOCOL.away
+        first = int(np.argmax(away)) if away.any() else len(away)
+        touches = np.flatnonzero(film.gap_tool[:first] <= 0)
+        last = max(1, int(touches[-1])) - 1 if len(touches) else 0
+        seen = [step for step in range(last, len(away), again) if away[step]]
+        if seen or not film.finite[-1]:
+            last = seen[0] if seen else len(away) - 1
+            bench.rewind(film, last)
+            return Look(film, 0, last)
+        if len(away) > most:
+            bench.rewind(film, most - 1)
+            return None
+        film = joined(film, bench.film("wait", PROTOCOL.watch_time, gap, voltage))
 
 
 def outcomes(gap: float, attempts: Attempts) -> Outcomes:

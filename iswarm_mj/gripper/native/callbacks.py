@@ -156,7 +156,7 @@ def electrostatic_callbacks() -> dict[str, Any]:
     """Callbacks of the force of a voltage on the ball, and of the potential of the ball.
 
     The state is ball, probe, plate, voltage, contact_gap, off_voltage, leak, contact, plate_contact, oxide, breakdown;
-    potential, probe_gap, plate_gap, force, charge, ball_voltage, broken, to_probe, to_plate.
+    potential, probe_gap, plate_gap, force, charge, ball_voltage, broken, to_probe, to_plate, up, down.
     """
     offsets, (splines, axes) = _offsets(), spline_tables()
 
@@ -190,6 +190,7 @@ def electrostatic_callbacks() -> dict[str, Any]:
         f.plugin_state[s + 13] = plate_gap
         f.plugin_state[s + 14] = up - down
         f.plugin_state[s + 18], f.plugin_state[s + 19] = to_probe, to_plate
+        f.plugin_state[s + 20], f.plugin_state[s + 21] = up, down
 
     @_callback(_advance)
     def advance(m, d, instance):
