@@ -5,13 +5,17 @@
 
 import resource
 import time
+from dataclasses import replace
+from functools import partialmethod
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
 from helpers_attack import seconds
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.sensors.floor import probe_tips
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
@@ -20,13 +24,16 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import mm_from_m, mm_from_rd
 from iswarm_mj.workflows.recorder import Recorder
+from tests.helpers_swarm_recording import make_frames, make_scene
 
 OUTSIDE_MM = 0.4
 """A corner of a robot that others press against a wall stands beyond it by at most this."""
 GROWTH_MB = 50
-"""Memory may grow by this much after the first fifth of a run."""
+"""Memory may grow by this much after the first fifth of a run: the C library keeps what a block took."""
 INDEX_KB = 0.3
 """And by this much a step: Rerun keeps an index of what it wrote until the file ends."""
+KEPT_MB = 0.03, 0.25
+"""Of that index, at least and at most, for each block of frames."""
 PARTS = 200
 """After which the memory and the time of a step are told."""
 
@@ -130,3 +137,21 @@ def test_memory_without_a_recording_stays_as_it_is():
         if step in (5_000, 14_999):
             memory.append(memory_mb())
     assert memory[1] - memory[0] < 2, memory
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("has_index", "limits"), [(True, KEPT_MB), (False, (-0.002, 0.002))])
+def test_what_a_recording_adds_is_its_index(has_index, limits, tmp_path, monkeypatch, capsys):
+    """So much for each block, until the file ends; nothing without one."""
+    scene, save = make_scene(20, 72), rr.RecordingStream.save
+    frames, memory = make_frames(scene, 1), []
+    monkeypatch.setattr(rr.RecordingStream, "save", partialmethod(save, write_footer=has_index))
+    with Recording(tmp_path / "run.rrd", scene, {}, {}) as recording:
+        for block in range(2000):
+            recording.append(replace(frames, step=np.array([block], np.int32)))
+            if block in (200, 1999):
+                memory.append(memory_mb())
+    each = (memory[1] - memory[0]) / 1799
+    with capsys.disabled():
+        print(f"{1e3 * each:.0f} kB a block {'with' if has_index else 'without'} an index")
+    assert limits[0] < each < limits[1], memory
