@@ -64,7 +64,7 @@ class TestReplicates:
         assert sets == [30] * 6
 
     def test_several_searches_at_once(self, monkeypatch, tmp_path):
-        """Of a shorter one too, each is what it is alone; a generation of all of them is one set of jobs."""
+        """Of a shorter one too, each is what it is alone; a generation of those that learn is one set of jobs."""
         pretend(monkeypatch)
         searches = [replace(SEARCH, method=method, generations=n) for method, n in zip(METHODS, (6, 6, 2), strict=True)]
         for search in searches:
@@ -72,9 +72,20 @@ class TestReplicates:
         sets, run_jobs = [], resumable.run_jobs
         monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
         run_searches({tmp_path / "all" / search.method: search for search in searches})
-        assert sets == [30] * 2 + [20] * 4
+        assert sets == [20] + [20] * 6  # two generations of random search, six of the others
         for method in METHODS:
             assert contents(tmp_path / "all" / method) == contents(tmp_path / "alone" / method)
+
+    @pytest.mark.parametrize("at_once, sets", [(60, [60]), (25, [20, 20, 20]), (3, [10] * 6)])
+    def test_generations_that_depend_on_none_are_run_at_once(self, monkeypatch, tmp_path, at_once, sets):
+        pretend(monkeypatch)
+        search = replace(SEARCH, method="random")
+        run_search(search, tmp_path / "default")
+        found, run_jobs = [], resumable.run_jobs
+        monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", at_once)
+        run_search(search, tmp_path / "other")
+        assert found == sets and contents(tmp_path / "other") == contents(tmp_path / "default")
 
     def test_several_interrupted_searches_go_on(self, monkeypatch, tmp_path):
         """With some runs of each there, the others not begun."""

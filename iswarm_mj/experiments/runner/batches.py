@@ -22,10 +22,11 @@ In 250 steps, the swarms of an evolution that collide most needed up to 2.1 time
 each other at all up to 3.6 times; a floor full of robots would need 7 times. With the JAX implementation unused space
 costs time: 4 times the default takes 6 times as long.
 """
-LARGE_BATCH, SIMILAR = {"mjx": 128, "planar": 512}, 0.8
+LARGE_BATCH, SIMILAR = {"mjx": 128, "planar": 4096}, 0.8
 """A batch of so many worlds, by engine, takes no worlds with less than this share of the robots of its largest.
 
-With planar a world is a block, and a step of a few hundred worlds takes as long as the one in which robots jam most.
+With planar a world is a block: empty places cost little, and a step of a few hundred worlds takes as long as that of
+the world in which robots jam most.
 """
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 

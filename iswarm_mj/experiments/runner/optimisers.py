@@ -26,7 +26,13 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 
 class Optimiser(Protocol):
-    """A search that proposes genomes and receives their fitness, in turn."""
+    """A search that proposes genomes and receives their fitness, in turn.
+
+    Attributes:
+        learns: whether what it proposes depends on that fitness; otherwise it may be asked several times first.
+    """
+
+    learns: bool
 
     def ask(self) -> list[Individual]:
         """Return the genomes of the next generation."""
@@ -52,17 +58,22 @@ def generator(seed: int, generation: int) -> np.random.Generator:
 class RandomSearch:
     """Every genome is drawn at random, as in the first generation of the evolution."""
 
+    learns = False
+
     def __init__(self, operators: Operators, population: int, seed: int):
         self._operators, self._size, self._seed = operators, population, seed
         self._generation = 0
 
     def ask(self) -> list[Individual]:
         """Return the genomes of the next generation."""
-        return random_population(self._operators, self._size, generator(self._seed, self._generation))
+        return random_population(self._operators, self._size, self._next_generator())
 
     def tell(self, fitness: Sequence[float]) -> None:
-        """Receive the fitness of the genomes that the last `ask` returned."""
+        """Learn nothing."""
+
+    def _next_generator(self) -> np.random.Generator:
         self._generation += 1
+        return generator(self._seed, self._generation - 1)
 
 
 class Evolution(RandomSearch):
@@ -72,6 +83,7 @@ class Evolution(RandomSearch):
     stay at the top.
     """
 
+    learns = True
     _population: list[Individual] | None = None
     _fitness: Sequence[float] = ()
 
@@ -81,13 +93,11 @@ class Evolution(RandomSearch):
             self._population = super().ask()
         else:
             genomes = [individual.genome for individual in self._population]
-            rng = generator(self._seed, self._generation)
-            self._population = next_generation(self._operators, genomes, self._fitness, rng)
+            self._population = next_generation(self._operators, genomes, self._fitness, self._next_generator())
         return self._population
 
     def tell(self, fitness: Sequence[float]) -> None:
         """Receive the fitness of the genomes that the last `ask` returned."""
-        super().tell(fitness)
         self._fitness = fitness
 
 
@@ -98,6 +108,7 @@ class CmaEs:
     keeps both of its values possible. When the search has converged, it restarts at a random point.
     """
 
+    learns = True
     SIGMA = 0.3
     """Standard deviation at the start, as a share of the ranges."""
 

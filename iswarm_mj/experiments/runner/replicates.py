@@ -30,21 +30,27 @@ class Replicates:
         self._asked: list[tuple[list[Individual], dict[Place, Job]]] = []
         self.rows: list[dict[str, Any]] = []
 
-    def ask(self, generation: int) -> dict[Key, Job]:
-        """Jobs of the next generation of all replicates, by their keys in the journal."""
-        populations = [method.ask() for method in self._methods]
-        self._asked = [
-            (individuals, _jobs(self._search, generation, replicate, individuals))
-            for replicate, individuals in enumerate(populations)
-        ]
+    @property
+    def learns(self) -> bool:
+        """Whether a generation depends on the outcomes of those before."""
+        return any(method.learns for method in self._methods)
+
+    def ask(self, generations: Sequence[int]) -> dict[Key, Job]:
+        """Jobs of the next generations of all replicates, by their keys in the journal; one generation if it learns."""
+        self._asked = []
+        for generation in generations:
+            for replicate, method in enumerate(self._methods):
+                individuals = method.ask()
+                self._asked.append((individuals, _jobs(self._search, generation, replicate, individuals)))
         return {place.key: job for _, jobs in self._asked for place, job in jobs.items()}
 
     def tell(self) -> list[dict[str, Any]]:
         """Go on with the outcomes of these jobs, which are in the journal; return their rows."""
         made: list[dict[str, Any]] = []
-        for method, (individuals, jobs) in zip(self._methods, self._asked, strict=True):
+        for number, (individuals, jobs) in enumerate(self._asked):
             rows = rows_of(individuals, jobs, _outcomes(jobs, self._journal))
-            method.tell([row["genome_fitness"] for row in rows[:: self._search.evaluations]])
+            fitness = [row["genome_fitness"] for row in rows[:: self._search.evaluations]]
+            self._methods[number % len(self._methods)].tell(fitness)
             made += rows
         self.rows += made
         return made

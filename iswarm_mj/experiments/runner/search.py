@@ -20,9 +20,12 @@ from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
+AT_ONCE = 4096
+"""Runs of a set of jobs at most, where a search does not learn and several of its generations can be one."""
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
 
 
@@ -40,7 +43,8 @@ def run_searches(
 
     Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome, and with replicates the
     best of each, best-0.json and so on; fitness.png and .svg; checkpoint.jsonl. The table is written after each
-    generation, the others at the end. A generation of all searches and replicates is one set of jobs. Neither the
+    generation, the others at the end. A generation of all searches that learn, with all replicates, is one set of jobs,
+    and so are several generations of one that does not. Neither the
     number of workers nor an interruption changes a byte of the files. Where a generation is one batch, one that a
     checkpoint contains in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round
     reproducibly and the searches in the batch are the same.
@@ -110,15 +114,26 @@ def _run_generations(begun: Sequence[_Begun], execution: Execution) -> None:
     """Run all generations; runs in the journals are not repeated."""
     total = sum(each.search.generations * each.search.n_runs for each in begun)
     with progress(total, done=sum(len(each.journal.entries) for each in begun)) as bar:
-        for generation in range(max(each.search.generations for each in begun)):
-            going = [each for each in begun if generation < each.search.generations]
-            known = [len(each.journal.entries) for each in going]
-            run_missing([(each.replicates.ask(generation), each.journal) for each in going], execution, bar, entry_of)
-            best = max(row["fitness"] for each in going for row in each.replicates.tell())
-            bar.say(f"generation {generation + 1}, best {best:z.0f}")
-            for each, n_known in zip(going, known, strict=True):
-                if len(each.journal.entries) > n_known:
-                    each.save()
+        for each in begun:
+            if not each.replicates.learns:
+                stride, last = max(1, AT_ONCE // each.search.n_runs), each.search.generations
+                for first in range(0, last, stride):
+                    _advance([each], range(first, min(first + stride, last)), execution, bar)
+        learning = [each for each in begun if each.replicates.learns]
+        for generation in range(max((each.search.generations for each in learning), default=0)):
+            going = [each for each in learning if generation < each.search.generations]
+            _advance(going, [generation], execution, bar)
+
+
+def _advance(going: Sequence[_Begun], generations: Sequence[int], execution: Execution, bar: Progress) -> None:
+    """Run the next generations of some searches as one set of jobs."""
+    known = [len(each.journal.entries) for each in going]
+    run_missing([(each.replicates.ask(generations), each.journal) for each in going], execution, bar, entry_of)
+    best = max(row["fitness"] for each in going for row in each.replicates.tell())
+    bar.say(f"generation {generations[-1] + 1}, best {best:z.0f}")
+    for each, n_known in zip(going, known, strict=True):
+        if len(each.journal.entries) > n_known:
+            each.save()
 
 
 def settings_of(search: Search, execution: Execution) -> dict[str, Any]:
