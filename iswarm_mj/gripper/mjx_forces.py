@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Float
 
-from iswarm_mj.engines.mjx.api import mjx
+from iswarm_mj.engines.mjx.api import mjx, solver
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.capacitance import capacitance
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
@@ -146,6 +146,10 @@ class Force(NamedTuple):
     """Between the pairs [um]."""
     ball_voltage: Float[Array, ""]
     """Of the ball against the plate [V]."""
+    pulls: tuple[Array, Array]
+    """To probe and plate, whose difference is `electrostatic` [nN]."""
+    capacitances: tuple[Array, Array]
+    """Of the ball to probe and plate [fF]."""
     state: State
     """After this step."""
 
@@ -159,7 +163,11 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
         data: of MJX.
         state: as the last call returned it.
     """
-    data = mjx.kinematics(model, data)
+    return forces_at(forces, model, mjx.kinematics(model, data), state)
+
+
+def forces_at(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> Force:
+    """Forces where `data` knows its bodies to be, see `gripper_force`."""
     total = jnp.zeros_like(data.qvel)
     mass = model.body_mass[forces.joints[forces.ball][0].body]
     adhesion, gaps, rebounds = [], [], []
@@ -195,7 +203,8 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
     kept = state._replace(before=jnp.stack(gaps), rebound=jnp.stack(rebounds))
     new = next_potential(forces, circuit, kept, mine, (probe_gap, plate_gap), model.opt.timestep)
-    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, new)
+    pulls, capacitances = (up, down), (circuit.above, circuit.below)
+    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, pulls, capacitances, new)
 
 
 def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, State]:
@@ -206,6 +215,22 @@ def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) 
     """
     force = gripper_force(forces, model, data, state)
     return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.state
+
+
+def stepped(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
+    """One physics step of a bench in the JAX implementation, whose bodies are placed once; arguments as for `step`.
+
+    The stages are those of `mjx.step` with Euler's integrator and without sensors, which a bench has.
+
+    Returns:
+        The data, and the force that acted, with the state for the next step.
+    """
+    data = mjx.fwd_position(model, data)
+    force = forces_at(forces, model, data, state)
+    data = data.replace(qfrc_applied=force.generalized)
+    for stage in (mjx.fwd_velocity, mjx.fwd_actuation, mjx.fwd_acceleration, solver.solve, mjx.euler):
+        data = stage(model, data)
+    return data, force
 
 
 def _adhesion(work: Array, humidity: Array, hamaker: Array, radius: Array, gap: Array) -> Array:

@@ -10,16 +10,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from iswarm_mj.config import GripperConfig
-from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared, tool_and_plate
+from iswarm_mj.gripper.bench.batch_leaps import flown, hung, met, tool_and_plate
+from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared
 from iswarm_mj.gripper.bench.model import SINK
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.staircase import TOUCH
-from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, RELEASE_LIMIT
+from iswarm_mj.gripper.bench.swarm_trials import PRESSED, PROTOCOL, RELEASE_LIMIT, TIMESTEP
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import GRAVITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.mjx_forces import first_state, gripper_force
+from iswarm_mj.gripper.mjx_forces import first_state, stepped
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 
@@ -106,7 +106,8 @@ def _bench() -> MjxBench:
 @cache
 def _usual() -> MjxBench:
     with jax.ensure_compile_time_eval():
-        return MjxBench([Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)], PROTOCOL.start_gap)
+        trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
+        return MjxBench([trial], PROTOCOL.start_gap, timestep=TIMESTEP)
 
 
 def _constant(values: Any) -> Any:
@@ -126,7 +127,8 @@ def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
         data = physics.data.replace(qpos=qpos, ctrl=ctrl.at[where.aside_servo].set(qpos[where.aside]))
         zero, no = jnp.float32(0.0), jnp.bool_(False)
         ball = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), first_state(physics.forces))
-        return Slot(data, ball, jnp.float32(jnp.inf), no, zero, no, no, zero)
+        time = jnp.where(_is_pressed(bench, attempt), PRESSED, zero)
+        return Slot(data, ball, jnp.float32(jnp.inf), no, zero, no, no, time)
 
     def goes_on(carry: tuple[Slot, Int[Array, ""]]) -> Array:
         return ~carry[0].is_over.all() & (carry[1] < round(limit / bench.timestep))
@@ -142,12 +144,11 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     """A trial after one physics step; what is over keeps its outcome."""
     where, (mine, model) = bench.where, prepared(bench.physics, _parameters(bench, attempt))
     time = slot.time + bench.timestep
-    tip, volts = _set(script, attempt, gap, slot, time)
+    tip, volts = _set(script, attempt, gap, slot.left, time)
     target = 2 * attempt.radius / UM + tip / UM - where.tip_height
     ctrl = slot.data.ctrl.at[where.tip].set(target).at[where.voltage].set(volts)
     before = slot.data.replace(ctrl=ctrl)
-    force = gripper_force(mine, model, before, slot.ball)
-    data = mjx.step(model, before.replace(qfrc_applied=force.generalized))
+    data, force = stepped(mine, model, before, slot.ball)
     gap_tool, gap_plate = (force.gaps[k] * UM for k in tool_and_plate(mine))
     leaves = attempt.releases & jnp.isinf(slot.left) & (gap_tool > PROTOCOL.away)
     left = jnp.where(leaves, time, slot.left)
@@ -158,20 +159,25 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     is_late = jnp.where(jnp.isinf(left), time > RELEASE_LIMIT, time > left + PROTOCOL.flight_limit)
     hangs = (gap_plate > PROTOCOL.away) & (gap_tool < TOUCH)
     is_over = jnp.where(attempt.releases, stays | is_late, time >= script.end[-1])
+    waits, falls = attempt.releases & jnp.isinf(left) & (time > PROTOCOL.rise_time), down & ~is_over
+    leap = hung(where, mine, model, data, force, jnp.where(waits, (RELEASE_LIMIT - time) / MS, 0.0))
+    leap = flown(where, mine, model, leap, volts, jnp.where(falls, PROTOCOL.flight_limit / MS, 0.0))
+    leap = met(where, mine, model, leap)
+    data = data.replace(qpos=leap.qpos, qvel=leap.qvel)
     new = slot._replace(
         left=left,
         down=down,
         impact=impact,
         is_over=is_over,
         succeeded=jnp.where(attempt.releases, stays, hangs),
-        time=time,
+        time=time + leap.time * MS,
     )
     kept = jax.tree.map(partial(jnp.where, slot.is_over), slot[2:], new[2:])
-    return Slot(data, force.state, *kept)
+    return Slot(data, leap.ball, *kept)
 
 
-def _set(script: Script, attempt: Attempts, gap: float, slot: Slot, time: Array) -> tuple[Array, Array]:
-    """Height of the tool [m] and its voltage [V] at a time of an attempt."""
+def _set(script: Script, attempt: Attempts, gap: float, left: Array, time: Array) -> tuple[Array, Array]:
+    """Height of the tool [m] and its voltage [V] at a time of an attempt whose ball was seen to leave at `left` [s]."""
     ends, tips, shares = (jnp.asarray(values, jnp.float32) for values in script)
     phase = jnp.minimum(jnp.searchsorted(ends, time - 1e-9), len(ends) - 1)
     before = jnp.maximum(phase - 1, 0)
@@ -183,8 +189,8 @@ def _set(script: Script, attempt: Attempts, gap: float, slot: Slot, time: Array)
     tip = from_tip + minimum_jerk(share) * (tips[phase] - from_tip)
     volts = from_volts + share * (shares[phase] - from_volts)
     rise = jnp.minimum(time / PROTOCOL.rise_time, 1.0)
-    cut = jnp.clip(1 - (time - slot.left) / PROTOCOL.cut_time, 0.0, 1.0)
-    drop = jnp.where(jnp.isinf(slot.left), rise, cut)
+    cut = jnp.clip(1 - (time - left) / PROTOCOL.cut_time, 0.0, 1.0)
+    drop = jnp.where(jnp.isinf(left), rise, cut)
     return jnp.where(attempt.releases, gap, tip), attempt.voltage * jnp.where(attempt.releases, drop, volts)
 
 
@@ -201,9 +207,16 @@ def _parameters(bench: MjxBench, attempt: Attempts) -> Parameters:
 def _start(bench: MjxBench, attempt: Attempts, gap: float) -> Array:
     """Positions (nq,) at the start of an attempt, see `model.start`."""
     where, radius = bench.where, attempt.radius / UM
-    lying = jnp.array([-SINK, PROTOCOL.start_gap / UM])
+    tip, _ = _set(_script(), attempt, gap, jnp.float32(jnp.inf), jnp.float32(PRESSED))
+    pressed = jnp.stack([tip, tip * 2]) / (2 * UM)
+    lying = jnp.where(_is_pressed(bench, attempt), pressed, jnp.array([-SINK, PROTOCOL.start_gap / UM]))
     hanging = jnp.array([gap / UM + SINK, gap / UM])
     ball, tip = jnp.where(attempt.releases, hanging, lying)
     qpos = bench.physics.data.qpos.at[where.ball + 2].set(radius + ball)
     qpos = qpos.at[where.slide].set(2 * radius + tip - where.tip_height)
     return qpos.at[where.aside].set(attempt.misalignment / UM)
+
+
+def _is_pressed(bench: MjxBench, attempt: Attempts) -> Array:
+    """Whether the trial begins where the tool presses the ball, see `leaps.press`."""
+    return attempt.lifts & (attempt.misalignment < bench.parameters.probe_radius[0] * UM)

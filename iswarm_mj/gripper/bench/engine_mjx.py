@@ -14,6 +14,7 @@ from jaxtyping import Float
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.batch_leaps import tool_and_plate
 from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
@@ -32,6 +33,10 @@ N_CONTACTS, N_ROWS = 4, 24
 
 ITERATIONS, LINE_SEARCH = 2, 4
 """Limits of the contact solver: more change no voltage, and single precision never meets MuJoCo's tolerance."""
+
+
+_IDLE = mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER
+"""Stages that have nothing to do without plugins, which in C are among them."""
 
 
 class Physics(NamedTuple):
@@ -84,10 +89,21 @@ class MjxBench:
         parameters: what differs between them.
     """
 
-    def __init__(self, trials: Sequence[Trial], start_gap: float, impl: str = "jax", spec: mujoco.MjSpec | None = None):
+    def __init__(
+        self,
+        trials: Sequence[Trial],
+        start_gap: float,
+        impl: str = "jax",
+        spec: mujoco.MjSpec | None = None,
+        timestep: float | None = None,
+    ):
+        """Place the balls; arguments as of `MujocoBench`."""
         chosen = spec or bench_spec()
         if spec is None:
             chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
+            chosen.option.disableflags |= int(_IDLE)
+        if timestep is not None:
+            chosen.option.timestep = timestep / MS
         model, portable, count = chosen.compile(), mjx_compatible(chosen), len(trials)
         self.timestep = float(model.opt.timestep) * MS
         self.steps = 0
@@ -162,12 +178,6 @@ def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, A
     mine = dataclasses.replace(physics.forces, **parameters.forces)
     model = resize(mine, physics.model, parameters.radius)
     return mine, set_probe_radius(mine, model, parameters.probe_radius)
-
-
-def tool_and_plate(forces: GripperForces) -> tuple[int, int]:
-    """Which of the pairs of surfaces are those of the tool and of the plate."""
-    surfaces = [surface for _, surface in forces.pairs]
-    return surfaces.index(forces.probe), surfaces.index(forces.plate)
 
 
 @partial(jax.jit, static_argnums=0)

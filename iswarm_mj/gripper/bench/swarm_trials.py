@@ -26,9 +26,9 @@ TIMESTEP = 2e-6
 RELEASE_LIMIT = 6e-3
 """Time at the release voltage after which a ball that still hangs counts as not released: ten relaxation times of its
 charge [s]."""
-_PRESSED = 0.1
-"""Part of the retraction that is leapt over, too; with 0.2, the first balls leave the plate before servo and contacts
-have come to rest."""
+PRESSED = PROTOCOL.approach_time + PROTOCOL.dwell + PROTOCOL.rise_time + 0.1 * PROTOCOL.peel_time
+"""Time that a lift leaps over, a tenth of the retraction, too; with a fifth, the first balls leave the plate before
+servo and contacts have come to rest [s]."""
 _LOOK = 0.08e-3
 """Interval at which a ball that falls is looked at [s]."""
 _LEAVES, _FALLS, _HITS = 0.08e-3, 0.08e-3, 0.03e-3
@@ -74,8 +74,7 @@ def lift_on(bench: FilmBench, voltage: float) -> tuple[bool, float]:
     """Whether a ball on a new bench hangs in the end, and how long that took [s]."""
     p = PROTOCOL
     moves = [*touching(p), *lifting(p, voltage), Move("off", p.off_time, p.lift, 0.0)]
-    pressed = p.approach_time + p.dwell + p.rise_time + _PRESSED * p.peel_time
-    watch = bench.moves(moves, round(pressed / bench.timestep) if is_below(bench) else 0)
+    watch = bench.moves(moves, round(PRESSED / bench.timestep) if is_below(bench) else 0)
     return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep
 
 
