@@ -1,5 +1,7 @@
-"""Memory of this machine: how much is left, and whether something fits into it."""
+"""Memory of this machine: how much is left, whether something fits into it, and what was freed given back."""
 
+import ctypes
+import sys
 from pathlib import Path
 
 _MEMINFO = Path("/proc/meminfo")
@@ -17,6 +19,13 @@ def check_memory(needed: int) -> None:
     free = available_memory()
     if free is not None and needed > free:
         raise MemoryError(f"it needs {gigabytes(needed)} of memory, and {gigabytes(free)} are free")
+
+
+def give_back() -> None:
+    """Have the C library return what was freed to the system, where it can (glibc); by itself it keeps much of it."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(ctypes.c_size_t(0))
 
 
 def gigabytes(n_bytes: int) -> str:

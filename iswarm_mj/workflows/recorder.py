@@ -15,14 +15,17 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.interruption import BUSY, postponed
+from iswarm_mj.utils.memory import give_back
 
 if TYPE_CHECKING:
     from iswarm_mj.output.rerun_live import LiveRecording
 
 BLOCK, LONG = 64, 1024
 """Frames that are written at a time at first, and at most; for each block Rerun keeps some 60 to 160 kB in memory."""
-LONG_BYTES = 8_000_000
+LONG_BYTES = 16_000_000
 """Bytes of a block's frames at most; what is made of them takes several times as much while they are written."""
+LARGE_BYTES = 4_000_000
+"""Bytes of a block's frames from which on that is given back to the system afterwards."""
 LIVE_SECONDS = 0.25
 """Time between what a viewer is sent of a run that goes on."""
 
@@ -142,7 +145,10 @@ class Recorder:
             block = frames_of(pending, self._index, self._recorded, self._watched)
             self._recording.append(block)
             self._n_written += len(block)
-            each = sum(array.nbytes for array in block.arrays().values()) // len(block)
-            self._block = max(BLOCK, min(self._n_written // 16, LONG, LONG_BYTES // each))
+            n_bytes = sum(array.nbytes for array in block.arrays().values())
+            self._block = max(BLOCK, min(self._n_written // 16, LONG, LONG_BYTES * len(block) // n_bytes))
             if self._frames is not None:
                 self._frames.append(block)
+            del pending, block
+            if n_bytes >= LARGE_BYTES:
+                give_back()

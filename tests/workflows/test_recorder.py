@@ -1,4 +1,4 @@
-"""Blocks in which frames of a run are written."""
+"""Blocks in which frames of a run are written; memory is given back after large ones."""
 
 import pytest
 from helpers_runs import run_of
@@ -19,9 +19,12 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
     run = run_of(small, steps=STEPS)
     start = frames_of([run.start], 0, run.recorded, watch(run.task, run.config))
     each = sum(array.nbytes for array in start.arrays().values())
-    for name, value in (("BLOCK", 2), ("LONG", frames), ("LONG_BYTES", frames_of_bytes * each)):
+    limits, given_back = {"BLOCK": 2, "LONG": frames, "LONG_BYTES": frames_of_bytes * each, "LARGE_BYTES": 4 * each}, []
+    for name, value in limits.items():
         monkeypatch.setattr(recorder, name, value)
+    monkeypatch.setattr(recorder, "give_back", lambda: given_back.append(1))
     clean(run, run.settings, tmp_path)
     chunks = RrdReader(tmp_path / "clean.rrd").stream().to_chunks()
     rows = [len(c.to_record_batch()) for c in chunks if c.entity_path == "/world/robots/body" and not c.is_static]
     assert sum(rows) == STEPS + 1 and max(rows) == largest and rows.count(2) >= 16
+    assert len(given_back) == sum(n >= 4 for n in rows) > 0
