@@ -3,6 +3,10 @@
     taskset -c 1 python tools/time_grasps.py --engine mujoco --pairs 5
 
 Whole runs of type 1, from the second control step to the 66th ball, on one thread; a JSON line for each engine.
+
+    taskset -c 1 python tools/time_grasps.py --engine --batch 256
+
+Random attempts in one batch of MJX: how large its program is, how long it compiles and runs, which of them end as in C.
 """
 
 import argparse
@@ -10,9 +14,14 @@ import json
 import sys
 import time
 
+import jax
 import numpy as np
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
+from iswarm_mj.gripper.attempts import Attempts
+from iswarm_mj.gripper.bench.batch_trials import by_batch
+from iswarm_mj.gripper.bench.swarm_trials import outcomes
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.strategy.genome import PRESETS
@@ -38,11 +47,42 @@ def one(engine, resolution, seed):
     return 1e3 * seconds / (run.step - 1), made, run.step
 
 
+def batch(count):
+    """Size and times of a batch's program, in processor time, and its outcomes against those in C."""
+    random, gripper = np.random.default_rng(0), GripperConfig(resolution="dynamic", bench_capacity=count)
+    radius, lifts = random.uniform(15e-6, 25e-6, count), random.random(count) < 0.5
+    tool, floor = WORK_TOOL_OBJECT * np.ones(count), WORK_OBJECT_SUBSTRATE * np.ones(count)
+    threshold = np.where(lifts, grasp_voltage(radius, tool, floor), release_voltage(radius, tool))
+    voltage = np.minimum(threshold * np.exp(random.uniform(-0.3, 0.3, count)), 69.0)
+    numbers = (np.asarray(a, np.float32) for a in (voltage, radius, tool, floor, np.zeros(count)))
+    attempts = Attempts(lifts, ~lifts, *numbers)
+    jax.config.update("jax_enable_compilation_cache", False)
+    lowered = jax.jit(lambda *arrays: by_batch(gripper, Attempts(*arrays))).lower(*attempts)
+    times = [time.process_time()]
+    program = lowered.compile()
+    times.append(time.process_time())
+    found = jax.block_until_ready(program(*attempts))
+    times.append(time.process_time())
+    theirs = outcomes(gripper.release_gap, attempts)
+    same = (np.asarray(found.lifted) == theirs.lifted) & (np.asarray(found.released) == theirs.released)
+    seconds = np.diff(times).round(2).tolist()
+    return {
+        "attempts": count,
+        "lines": lowered.as_text().count("\n"),
+        "s_compiling": seconds[0],
+        "s_running": seconds[1],
+        "as_in_c": int(same.sum()),
+    }
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--engine", nargs="+", default=["mujoco"], choices=list(ENGINES))
+    parser.add_argument("--engine", nargs="*", default=["mujoco"], choices=list(ENGINES))
     parser.add_argument("--pairs", type=int, default=5)
+    parser.add_argument("--batch", type=int, help="attempts in one batch of MJX")
     args = parser.parse_args()
+    if args.batch:
+        print(json.dumps(batch(args.batch)), flush=True)
     for engine in args.engine:
         one(engine, "dynamic", 0)  # which loads everything
         found = []
