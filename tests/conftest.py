@@ -63,6 +63,7 @@ CHECKED = [
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
 install_import_hook(CHECKED, "helpers_types.check")
 
+import jax
 from hypothesis import settings
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
@@ -90,6 +91,13 @@ def pytest_configure(config):
     """Compiling takes longest in the tests of every day; the slow ones run what users run."""
     if config.option.markexpr == "not slow":
         os.environ.setdefault("XLA_FLAGS", " ".join(QUICK))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _programs_go():
+    """Compiled programs of a file of tests go with it; all that JAX compiled would take gigabytes in the end."""
+    yield
+    jax.clear_caches()
 
 
 @pytest.fixture(scope="session")
