@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
 REMEDY = "run `iswarm reproduce --tables`"
 OTHER_TABLES = (
+    "robots | steps | a step [ms] | memory at a fifth",
     "robots | recording",
     "part | model",
     "file | what is tried |",

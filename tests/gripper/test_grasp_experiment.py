@@ -104,7 +104,7 @@ def test_each_voltage_is_the_laws(rows):
 @pytest.mark.slow
 def test_bands_of_many_trials():
     """95 % bands at 10 % RH: 21.0-29.7 V and 37.9-47.9 V; four balls in a thousand jump without contact at 1 um, and
-    one or two that hardly leave the tool never touch the plate."""
+    two come off so slowly that they never touch the plate."""
     trials = [draw(1, radius, 10.0, i) for i, radius in enumerate(np.linspace(15e-6, 25e-6, 1000))]
     outcomes = run_trials(trials, Protocol(step_voltage=0.1), gaps=Gaps(no_contact=(1e-6, 1.5e-6)))
     grasp, release = np.sort(outcomes.grasp.voltage), np.sort(outcomes.release[5e-6].voltage)
@@ -114,6 +114,6 @@ def test_bands_of_many_trials():
     jumped = [np.isfinite(outcomes.no_contact[gap].voltage).mean() for gap in (1e-6, 1.5e-6)]
     print("jumped", jumped)
     assert jumped[0] < 0.01 and jumped[1] == 0
-    lost = ~outcomes.release[5e-6].landed
+    lost = ~outcomes.release[5e-6].landed  # back at the tool as the voltage is cut
     print("lost", lost.mean())
-    assert lost.mean() < 0.01 and np.isnan(outcomes.release[5e-6].landing_speed[lost]).all()
+    assert lost.mean() < 0.005 and np.isnan(outcomes.release[5e-6].landing_speed[lost]).all()
