@@ -63,7 +63,6 @@ CHECKED = [
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
 install_import_hook(CHECKED, "helpers_types.check")
 
-import jax
 from hypothesis import settings
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
@@ -96,6 +95,8 @@ def pytest_configure(config):
 @pytest.fixture(scope="module", autouse=True)
 def _programs_go():
     """Compiled programs of a file of tests go with it; all that JAX compiled would take gigabytes in the end."""
+    import jax  # after iswarm_mj, which sets the level of XLA's log before JAX does
+
     yield
     jax.clear_caches()
 
