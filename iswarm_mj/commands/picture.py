@@ -12,8 +12,8 @@ from iswarm_mj.utils.constraints import Within
 class Picture(RenderOptions):
     """Render one step of a recorded run to a PNG, off-screen."""
 
-    step: Annotated[int, Within(0)] = 100
-    """Control step, from 0 for the start."""
+    step: Annotated[int | None, Within(0)] = None
+    """Control step, from 0 for the start; 100 by default, or the last one of a shorter run."""
     width: Annotated[int, Within(16, 8192, "pixels")] = 1280
     """[pixels]"""
     height: Annotated[int, Within(16, 8192, "pixels")] = 1280
@@ -26,5 +26,6 @@ class Picture(RenderOptions):
         from iswarm_mj.output.render import render
         from iswarm_mj.output.stage import Shot
 
-        render(self.directory, self.step, Shot(self.camera, (self.width, self.height), self.ball_scale), self.out)
-        print(f"step {self.step} of {self.directory}, {self.camera}: {self.out}")
+        shot = Shot(self.camera, (self.width, self.height), self.ball_scale)
+        step = render(self.directory, self.step, shot, self.out)
+        print(f"step {step} of {self.directory}, {self.camera}: {self.out}")

@@ -9,13 +9,16 @@ from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 
+STEP = 100
+"""The step that is shown by default."""
 
-def render(directory: Path, step: int, shot: Shot, out: Path) -> None:
-    """Render one frame of a run to a PNG.
+
+def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
+    """Render one frame of a run to a PNG; return its step.
 
     Args:
         directory: the `--out` of the run.
-        step: control step, from 0 for the start.
+        step: control step, from 0 for the start; None for step 100, or the last one of a shorter run.
         shot: camera, size and quality.
         out: the file to write.
 
@@ -25,9 +28,11 @@ def render(directory: Path, step: int, shot: Shot, out: Path) -> None:
     check("out", str(out), "a name ending in .png", out.suffix in Image.registered_extensions())
     config, frames = load(directory)
     last = int(frames["step"][-1])
+    step = min(STEP, last) if step is None else step
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
     with Stage(config, frames, shot, robot_file_of(directory)) as stage:
         pixels = stage.frame(frames, step)
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)
+    return step

@@ -19,7 +19,7 @@ from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.tasks.layout import no_balls, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things, only
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.constraints import Above, Within
+from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -57,8 +57,9 @@ class Aggregation:
         """See `Task.lay_out`.
 
         Raises:
-            ConfigError: a spot would lie beyond the walls.
+            ConfigError: a spot would lie beyond the walls, or a setting is out of range.
         """
+        validate(self)
         half, remedy = config.arena.size / 2, "make it smaller, or `arena.size` larger"
         if self.spot_radius > half:
             raise ConfigError("spot_radius", self.spot_radius, f"at most {half:g} rd, half of `arena.size`", remedy)

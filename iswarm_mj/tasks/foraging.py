@@ -16,7 +16,7 @@ from iswarm_mj.tasks.cleaning import grip
 from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import Above, Within
+from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
@@ -45,12 +45,16 @@ class Foraging:
         """See `Task.lay_out`.
 
         Raises:
-            ConfigError: a source would lie beyond the walls.
+            ConfigError: a source would lie beyond the walls or have no items, or a setting is out of range.
         """
+        validate(self)
         arena, poses = config.arena, place_robots(config.arena, n_robots, rng, cell)
         if self.source_radius > arena.size / 2:
             most, remedy = f"at most {arena.size / 2:g} rd, half of `arena.size`", "make it smaller, or that larger"
             raise ConfigError("source_radius", self.source_radius, most, remedy)
+        if self.sources > arena.n_dust:
+            most = f"at most {arena.n_dust}, the items of all sources (`arena.n_dust`)"
+            raise ConfigError("sources", self.sources, most, "take fewer, or more items")
         nearest, farthest = 0.75 * arena.dump_size + self.source_radius, arena.size / 2 - self.source_radius
         limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))

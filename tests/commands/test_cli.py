@@ -256,8 +256,10 @@ def test_version(capfd):
 
 
 def test_pictures_and_videos_say_where_they_are(monkeypatch, capfd):
-    monkeypatch.setattr("iswarm_mj.output.render.render", lambda *_: None)
+    monkeypatch.setattr("iswarm_mj.output.render.render", lambda _, step, *__: 3 if step is None else step)
     monkeypatch.setattr("iswarm_mj.output.video.write_video", lambda *_: None)
     main(["picture", "runs/x", "--step", "7", "--camera", "oblique", "--out", "a.png"])
+    main(["picture", "runs/x", "--out", "a.png"])
     main(["video", "runs/x", "--out", "a.mp4"])
-    assert capfd.readouterr().out == "step 7 of runs/x, oblique: a.png\nvideo of runs/x: a.mp4\n"
+    pictures = "step 7 of runs/x, oblique: a.png\nstep 3 of runs/x, above: a.png\n"
+    assert capfd.readouterr().out == f"{pictures}video of runs/x: a.mp4\n"

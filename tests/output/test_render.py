@@ -104,6 +104,11 @@ def test_a_step_outside_the_run_is_refused(directory, tmp_path, step):
         render(directory, step, Shot(size=(64, 64)), tmp_path / "a.png")
 
 
+def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0
+
+
 class Blank:
     """In place of a stage: a picture that does not compress."""
 

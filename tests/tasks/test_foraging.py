@@ -41,6 +41,20 @@ def test_sources_beyond_the_walls_are_refused():
         draw_start(SMALL, 5, 0, 0, task=Foraging(source_radius=7.6))
 
 
+@pytest.mark.parametrize(
+    "task, message",
+    [
+        (Foraging(sources=5, source_radius=1.0), r"sources must be at most 4, the items .*\(got 5\); take fewer"),
+        (Foraging(sources=0), r"sources must be a whole number between 1 and 100 \(got 0\)"),
+        (Foraging(source_radius=-1.0), r"source_radius must be .*\(got -1.0\)"),
+    ],
+)
+def test_sources_that_cannot_be_are_refused(task, message):
+    """One without items would run dry at each step."""
+    with pytest.raises(ConfigError, match=message):
+        draw_start(SMALL, 5, 0, 0, task=task)
+
+
 def test_a_source_moves_when_its_last_item_is_home():
     """Counted from the balls themselves; what is home stays home until then, and items lie at their new source."""
     settings = RunSettings(10, 500, stop_at=6)
