@@ -65,13 +65,25 @@ class Worlds:
         return _numbers(self._state)
 
 
+def action_array(action: Any) -> np.ndarray:
+    """Actions as an array.
+
+    Raises:
+        UserError: their lengths differ.
+    """
+    try:
+        return np.asarray(action)
+    except ValueError:
+        raise UserError("an action must be an array of numbers (got lists of different lengths)") from None
+
+
 def check_actions(action: Any) -> None:
     """Refuse actions that are not finite or lie beyond -1 and 1.
 
     Raises:
         UserError: one is or does; it names the first.
     """
-    values = np.asarray(action)
+    values = action_array(action)
     if values.dtype.kind not in "fiu":
         raise UserError(f"an action must hold numbers from -1 to 1 (got {values.dtype}); convert it to float32")
     is_bad = ~(np.abs(values) <= 1.0 + 1e-6)

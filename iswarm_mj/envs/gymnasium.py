@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iswarm_mj.envs.adapters import Worlds, checked_seed, fresh_seed
+from iswarm_mj.envs.adapters import Worlds, action_array, checked_seed, fresh_seed
 from iswarm_mj.utils.constraints import check
 
 
@@ -71,7 +71,7 @@ class SwarmEnv(gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Take a control step."""
-        state = self._worlds.step(np.asarray(action)[None])
+        state = self._worlds.step(action_array(action)[None])
         truncated = bool(state.info["truncated"][0])
         metrics = {name: value[0] for name, value in state.metrics.items()}
         return state.obs[0], float(state.reward.sum()), bool(state.done[0]) and not truncated, truncated, metrics

@@ -1,12 +1,14 @@
 """A swarm as a PettingZoo environment: robots act in parallel."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box, Space
 from pettingzoo import ParallelEnv
 
-from iswarm_mj.envs.adapters import Worlds, checked_seed, fresh_seed
+from iswarm_mj.envs.adapters import Worlds, action_array, checked_seed, fresh_seed
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 
 
@@ -54,14 +56,16 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         """
         if not self.agents:
             raise UserError("step needs an episode; call reset first")
-        wrong = sorted(set(self.agents) ^ set(actions))
+        check("actions", type(actions).__name__, "a dict of each agent's action", isinstance(actions, Mapping))
+        wrong = sorted(map(str, set(self.agents) ^ set(actions)))
         if wrong:
             raise UserError(f"step needs an action of each agent and no others (differing: {', '.join(wrong[:5])})")
         shape = self.action_spaces[self.possible_agents[0]].shape
-        for agent in self.agents:
-            if np.shape(actions[agent]) != shape:
-                raise UserError(f"the action of {agent} must have the shape {shape} (got {np.shape(actions[agent])})")
-        state = self._worlds.step(np.stack([np.asarray(actions[agent]) for agent in self.agents])[None])
+        given = [action_array(actions[agent]) for agent in self.agents]
+        for agent, action in zip(self.agents, given, strict=True):
+            if action.shape != shape:
+                raise UserError(f"the action of {agent} must have the shape {shape} (got {action.shape})")
+        state = self._worlds.step(np.stack(given)[None])
         agents, truncated = self.agents, bool(state.info["truncated"][0])
         terminated, metrics = bool(state.done[0]) and not truncated, {k: v[0] for k, v in state.metrics.items()}
         result = (

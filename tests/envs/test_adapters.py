@@ -76,6 +76,8 @@ class TestMistakes:
         [
             (lambda a: a.pop("robot_2"), r"an action of each agent and no others \(differing: robot_2\)"),
             (lambda a: a.update(robot_9=a["robot_0"]), "differing: robot_9"),
+            (lambda a: a.update({None: a["robot_0"]}), "differing: None"),
+            (lambda a: a.update(robot_0=[[1.0], [1.0, 0.0]]), "lists of different lengths"),
             (
                 lambda a: a.update(robot_1=np.zeros(2)),
                 r"the action of robot_1 must have the shape \(3,\) \(got \(2,\)\)",
@@ -95,6 +97,15 @@ class TestMistakes:
         change(actions)
         with pytest.raises(UserError, match=words):
             env.step(actions)
+
+    def test_actions_of_another_kind(self):
+        env, one = parallel_env(**FEW), single_env(**FEW)
+        env.reset(seed=0)
+        with pytest.raises(UserError, match=r"actions must be a dict of each agent's action \(got 'NoneType'\)"):
+            env.step(None)
+        one.reset(seed=0)
+        with pytest.raises(UserError, match="lists of different lengths"):
+            one.step([[1], [1, 2], [0]])
 
     def test_steps_without_an_episode(self):
         with pytest.raises(UserError, match="call reset first"):

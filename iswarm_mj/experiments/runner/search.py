@@ -46,8 +46,8 @@ def run_searches(
     set of jobs, the others at the end. A generation of all searches that learn, with all replicates, is one set of
     jobs, and so are several generations of one that does not. Neither the number of workers nor an interruption changes
     a byte of the files. Where a set of jobs is one batch, a generation that a checkpoint contains in part is repeated
-    as a whole; its bytes are then the same on CPUs, and on GPUs if these round reproducibly and the searches in the batch
-    are the same.
+    as a whole; its bytes are then the same on CPUs, and on GPUs if these round reproducibly and the searches in the
+    batch are the same.
 
     Args:
         searches: what to do, by the directories of the results.
