@@ -39,8 +39,7 @@ def check_room(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:
     Raises:
         ConfigError: with what is needed and what is free.
     """
-    devices = None if engine.on_host else getattr(engine, "devices", None) or jax.local_devices()
-    needed, free = needed_memory(engine, n_worlds, n_robots), _free_memory(devices)
+    needed, free = needed_memory(engine, n_worlds, n_robots), _free_memory(engine)
     if free is not None and needed > free:
         most = free // needed_memory(engine, 1, n_robots)
         share = f"so that the run fits into the {gigabytes(free)} of memory that are free, for it needs"
@@ -48,9 +47,21 @@ def check_room(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:
         raise ConfigError("n_worlds", n_worlds, constraint, "use fewer worlds or robots")
 
 
-def _free_memory(devices: Sequence[Any] | None) -> int | None:
-    """Bytes that are free on the host, or on the devices if they have memory of their own; None if unknown."""
-    if devices is None or any(device.platform == "cpu" for device in devices):
+def most_worlds(engine: EngineSettings, n_robots: int) -> float:
+    """How many worlds take no more than half of the free memory, since they need more than is known; at least one.
+
+    Args:
+        engine: that carries them out.
+        n_robots: places for robots in each world.
+    """
+    free = _free_memory(engine)
+    return float("inf") if free is None else max(1, free // 2 // needed_memory(engine, 1, n_robots))
+
+
+def _free_memory(engine: EngineSettings) -> int | None:
+    """Bytes that are free on the host, or on the engine's devices if they have memory of their own; None if unknown."""
+    devices: Sequence[Any] = () if engine.on_host else getattr(engine, "devices", None) or jax.local_devices()
+    if not devices or any(device.platform == "cpu" for device in devices):
         return available_memory()
     stats = [device.memory_stats() or {} for device in devices]
     if not all("bytes_limit" in found for found in stats):

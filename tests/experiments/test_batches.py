@@ -10,6 +10,7 @@ import pytest
 from iswarm_mj.experiments.runner import batches, pool
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.simulation import room
 from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings
@@ -120,12 +121,23 @@ def test_large_batches_are_of_similar_size():
     """A few hundred worlds of several sizes; a generation of ten swarms stays one batch."""
     sizes = [100, 950, 240, 119, 900, 95] * 64
     jobs = [SimpleNamespace(n_robots=n) for n in sizes]
-    parts = batches._of_similar_size(range(len(jobs)), jobs, 128)
+    parts = batches._of_similar_size(range(len(jobs)), jobs)
     assert sorted(index for part in parts for index in part) == list(range(len(jobs)))
     assert [sorted({sizes[i] for i in part}) for part in parts] == [[900, 950], [119, 240], [95, 100]]
-    assert (
-        len(batches._of_similar_size(range(6), jobs, 128)) == len(batches._of_similar_size(range(384), jobs, 512)) == 1
-    )
+    assert len(batches._of_similar_size(range(6), jobs)) == 1
+
+
+@pytest.mark.parametrize(
+    "fitting, sizes", [(None, [384]), (384, [384]), (200, [192, 192]), (100, [96] * 4), (0, [1] * 384)]
+)
+def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
+    """Of any sizes, with half of what is free left for what is not estimated."""
+    jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
+    free = fitting and int(2 * fitting * room.needed_memory(planar, 1, 950))
+    monkeypatch.setattr(room, "_free_memory", lambda _: free)
+    parts = batches._parts(range(len(jobs)), jobs, planar)
+    assert [len(part) for part in parts] == sizes
+    assert [index for part in parts for index in part] == list(range(384))
 
 
 class TestPlanarInBatches:

@@ -72,19 +72,26 @@ class TestReplicates:
         sets, run_jobs = [], resumable.run_jobs
         monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
         run_searches({tmp_path / "all" / search.method: search for search in searches})
-        assert sets == [20] + [20] * 6  # two generations of random search, six of the others
+        assert sets == [10] * 2 + [20] * 6  # two generations of random search, six of the others
         for method in METHODS:
             assert contents(tmp_path / "all" / method) == contents(tmp_path / "alone" / method)
 
-    @pytest.mark.parametrize("at_once, sets", [(60, [60]), (25, [20, 20, 20]), (3, [10] * 6)])
-    def test_generations_that_depend_on_none_are_run_at_once(self, monkeypatch, tmp_path, at_once, sets):
+    @pytest.mark.parametrize(
+        "at_once, engine, sets",
+        [(60, "planar", [60]), (25, "planar", [20] * 3), (3, "planar", [10] * 6), (60, "mjx", [10] * 6)],
+    )
+    def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
+        """MJX's time grows with a batch, and the table of a search in workers with each generation."""
         pretend(monkeypatch)
-        search = replace(SEARCH, method="random")
-        run_search(search, tmp_path / "default")
+        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        search, execution = replace(SEARCH, method="random"), Execution(engine)
         found, run_jobs = [], resumable.run_jobs
         monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
+        run_search(search, tmp_path / "default", execution)
+        assert found == ([60] if engine == "planar" else [10] * 6)
+        found.clear()
         monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", at_once)
-        run_search(search, tmp_path / "other")
+        run_search(search, tmp_path / "other", execution)
         assert found == sets and contents(tmp_path / "other") == contents(tmp_path / "default")
 
     def test_several_interrupted_searches_go_on(self, monkeypatch, tmp_path):

@@ -53,10 +53,9 @@ class Part:
     """That the table contains."""
     is_whole: Callable[[Rows], bool]
     """Whether rows are those of all runs."""
-    make: Callable[[Path, bool], Any]
-    """Writes the results into a directory, going on with what is there unless it is told to begin again."""
-    search: tuple[Search, Execution] | None = None
-    """What it is made by, if it is a search, which may advance together with others."""
+    make: Callable[[Path, bool], Any] | tuple[Search, Execution]
+    """What writes the results into a directory, going on with what is there unless it is told to begin again; or a
+    search, which advances together with others."""
 
     def lacks(self, results: Path, same_engine: bool = False) -> str:
         """Why the part has to be made, in words; empty if its table is there.
@@ -126,29 +125,24 @@ def _experiment(experiment: Experiment, plan: Plan, execution: Execution) -> Par
 
 def make(parts: Sequence[Part], work: Path, again: bool) -> Iterator[Part]:
     """Make parts in directories of their own names, searches together at last, and yield each when it is there."""
-    searches = [part for part in parts if part.search is not None]
+    searches: dict[Path, Search] = {}
+    execution = None
     for part in parts:
-        if part not in searches:
+        if isinstance(part.make, tuple):
+            searches[work / part.name], execution = part.make
+        else:
             part.make(work / part.name, again)
             yield part
     if searches:
-        _search_in({work / part.name: part.search for part in searches if part.search is not None}, again)
-    yield from searches
-
-
-def _search_in(searches: Mapping[Path, tuple[Search, Execution]], again: bool) -> None:
-    (execution, *_) = [execution for _, execution in searches.values()]
-    run_searches({out: settings for out, (settings, _) in searches.items()}, execution, resume=True, again=again)
+        run_searches(searches, execution, resume=True, again=again)
+    yield from (part for part in parts if isinstance(part.make, tuple))
 
 
 def _search(settings: Search, execution: Execution) -> Part:
     n_rows = settings.generations * settings.n_runs
 
-    def make(out: Path, again: bool) -> None:
-        _search_in({out: (settings, execution)}, again)
-
     def is_whole(rows: Rows) -> bool:
         return len(rows) == n_rows
 
     name, own = f"evolve-{settings.method}", settings_of_search(settings, execution)
-    return Part(name, SEARCH, own, is_whole, make, (settings, execution))
+    return Part(name, SEARCH, own, is_whole, (settings, execution))

@@ -1,11 +1,13 @@
 """Jobs as worlds of batches, on the devices of this machine."""
 
+import math
 from collections.abc import Generator, Sequence
 from typing import Any, Literal
 
 from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.metrics import Measures
+from iswarm_mj.simulation.room import most_worlds
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -22,12 +24,10 @@ In 250 steps, the swarms of an evolution that collide most needed up to 2.1 time
 each other at all up to 3.6 times; a floor full of robots would need 7 times. With the JAX implementation unused space
 costs time: 4 times the default takes 6 times as long.
 """
-LARGE_BATCH, SIMILAR = {"mjx": 128, "planar": 4096}, 0.8
-"""A batch of so many worlds, by engine, takes no worlds with less than this share of the robots of its largest.
-
-With planar a world is a block: empty places cost little, and a step of a few hundred worlds takes as long as that of
-the world in which robots jam most.
-"""
+LARGE_BATCH, SIMILAR = 128, 0.8
+"""With mjx, a batch of so many worlds takes no worlds with less than this share of the robots of its largest. With
+planar a world is a block: empty places cost little, and a step of a few hundred worlds takes as long as that of the
+world in which robots jam most."""
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
@@ -53,22 +53,30 @@ def run_batches(
         UserError: a job is not possible.
     """
     alike: dict[Any, list[int]] = {}
-    engine = "mjx" if planar is None else "planar"
     for index, job in enumerate(jobs):
         alike.setdefault((common(job.config), job.steps, job.stop_at), []).append(index)
-    for indices in (part for every in alike.values() for part in _of_similar_size(every, jobs, LARGE_BATCH[engine])):
+    for indices in (part for every in alike.values() for part in _parts(every, jobs, planar)):
         batch = [jobs[index] for index in indices]
         found = _measured(batch) if planar is None else _measures(batch, _run(batch, planar))
         for index, job, measures in zip(indices, batch, found, strict=True):
             yield index, outcome(job, measures, measures.finished_at or job.steps)
 
 
-def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job], large: int) -> list[list[int]]:
-    """Jobs in batches of at least `large`, whose empty places would otherwise cost more than another program."""
+def _parts(indices: Sequence[int], jobs: Sequence[Job], planar: PlanarSettings | None) -> list[list[int]]:
+    """Jobs in batches: of similar size with mjx, as many as the memory has room for with planar."""
+    if planar is None:
+        return _of_similar_size(indices, jobs)
+    most = most_worlds(planar, max(jobs[index].n_robots for index in indices))
+    n_parts = max(1, math.ceil(len(indices) / most))
+    return [list(indices[len(indices) * k // n_parts : len(indices) * (k + 1) // n_parts]) for k in range(n_parts)]
+
+
+def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job]) -> list[list[int]]:
+    """Jobs in batches of at least `LARGE_BATCH`, whose empty places would otherwise cost more than another program."""
     parts: list[list[int]] = []
     for index in sorted(indices, key=lambda index: -jobs[index].n_robots):
         n_robots = jobs[index].n_robots
-        if not parts or (len(parts[-1]) >= large and n_robots < SIMILAR * jobs[parts[-1][0]].n_robots):
+        if not parts or (len(parts[-1]) >= LARGE_BATCH and n_robots < SIMILAR * jobs[parts[-1][0]].n_robots):
             parts.append([])
         parts[-1].append(index)
     return parts

@@ -25,7 +25,7 @@ from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
 AT_ONCE = 4096
-"""Runs of a set of jobs at most, where a search does not learn and several of its generations can be one."""
+"""Runs of a set of jobs at most, where a search does not learn and several generations can be a batch of planar."""
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
 
 
@@ -44,10 +44,10 @@ def run_searches(
     Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome, and with replicates the
     best of each, best-0.json and so on; fitness.png and .svg; checkpoint.jsonl. The table is written after each
     set of jobs, the others at the end. A generation of all searches that learn, with all replicates, is one set of
-    jobs, and so are several generations of one that does not. Neither the number of workers nor an interruption changes
-    a byte of the files. Where a set of jobs is one batch, a generation that a checkpoint contains in part is repeated
-    as a whole; its bytes are then the same on CPUs, and on GPUs if these round reproducibly and the searches in the
-    batch are the same.
+    jobs, and in batches of planar so are several generations of one that does not. Neither the number of workers nor an
+    interruption changes a byte of the files. Where a set of jobs is one batch, a generation that a checkpoint contains
+    in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round reproducibly and the
+    searches in the batch are the same.
 
     Args:
         searches: what to do, by the directories of the results.
@@ -113,10 +113,12 @@ def _begun(out: Path, search: Search, execution: Execution, resume: bool, again:
 def _run_generations(begun: Sequence[_Begun], execution: Execution) -> None:
     """Run all generations; runs in the journals are not repeated."""
     total = sum(each.search.generations * each.search.n_runs for each in begun)
+    is_large = execution.in_batches and execution.engine == "planar"  # whose time hardly grows with its worlds
     with progress(total, done=sum(len(each.journal.entries) for each in begun)) as bar:
         for each in begun:
             if not each.replicates.learns:
-                stride, last = max(1, AT_ONCE // each.search.n_runs), each.search.generations
+                stride = max(1, AT_ONCE // each.search.n_runs) if is_large else 1
+                last = each.search.generations
                 for first in range(0, last, stride):
                     _advance([each], range(first, min(first + stride, last)), execution, bar)
         learning = [each for each in begun if each.replicates.learns]
