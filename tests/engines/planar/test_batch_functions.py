@@ -21,6 +21,8 @@ KINDS = {float: "float({})", int: "int({})", bool: "{} != 0.0"}
 N_SAMPLES = 3000
 POWER, SECTOR = (read_light(read_robot(), OpticsConfig(mode=mode)) for mode in ("power", "sector"))
 SHAPE = 1.4, 0.6
+ELSEWHERE = {"two_impulses": "solver"}
+"""Modules of the kernels that have a function in a form of their own."""
 
 
 def heading(rng):
@@ -108,7 +110,7 @@ def source_of(name, space, function):
     results = [f"r{i}" for i in range(n_results(function))]
     return "\n".join(
         [
-            f"f_{name} = {space}.{name}",
+            f"f_{name} = {ELSEWHERE.get(name, space)}.{name}",
             "@wp.kernel(enable_backward=False)",
             f"def k_{name}(a: wp.array2d(dtype=float), out: wp.array2d(dtype=float)):",
             "    k = wp.tid()",
@@ -130,6 +132,7 @@ def kernels(tmp_path_factory):
     path = tmp_path_factory.mktemp("kernels") / "kernels_of_numbers.py"
     parts = [source_of(name, space, functions_of(MODULES[space])[name]) for name, space in OWNERS.items()]
     imports = f"import warp as wp\nfrom iswarm_mj.engines.planar.gpu.functions import {', '.join(MODULES)}\n"
+    imports += "from iswarm_mj.engines.planar.gpu import solver\n"
     path.write_text("\n".join([imports, *parts]))
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None

@@ -41,23 +41,32 @@ def any_of(flag: bool, n_threads: int) -> bool:
     ...
 
 
+NO_SUM = wp.constant(wp.int64(-9223372036854775807))
+"""What `sum_if_any` returns where no flag is set."""
+
+
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
 __shared__ long long part[32];
 long long sum = value;
 for (int step = 16; step > 0; step >>= 1) sum += __shfl_xor_sync(0xFFFFFFFFu, sum, step);
 if ((threadIdx.x & 31) == 0) part[threadIdx.x >> 5] = sum;
-asm volatile("bar.sync 1, %0;" ::"r"(n_threads) : "memory");
+unsigned any;
+asm volatile("{ .reg .pred p, q; setp.ne.u32 p, %1, 0; bar.red.or.pred q, 1, %2, p; selp.u32 %0, 1, 0, q; }"
+             : "=r"(any) : "r"((unsigned)flag), "r"(n_threads) : "memory");
+if (any == 0) return -9223372036854775807LL;
 sum = 0;
 for (int warp = 0; warp < n_threads >> 5; ++warp) sum += part[warp];
-asm volatile("bar.sync 1, %0;" ::"r"(n_threads) : "memory");
 return sum;
 #else
-return value;
+return flag ? value : -9223372036854775807LL;
 #endif
 """)
-def sum_of(value: wp.int64, n_threads: int) -> wp.int64:
-    """Sum over the first threads, in whole numbers so that their order does not matter; a barrier for these, too."""
+def sum_if_any(flag: bool, value: wp.int64, n_threads: int) -> wp.int64:
+    """Sum over the first threads if a flag is set in any of them, in whole numbers so that their order does not matter.
+
+    A barrier for these threads, too; another one has to come before the next sum.
+    """
     ...
 
 

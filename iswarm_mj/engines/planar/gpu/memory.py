@@ -60,15 +60,15 @@ def lay_out(m: Memory, n: int, n_cells: int, n_lanes: int, room_near: int, room_
     w.farthest = wp.array(ptr=_at(m, 16, 16), shape=(1,), dtype=float)
     w.end = wp.array(ptr=_at(m, 32, 128), shape=(_MAX_COLOURS + 1,), dtype=int)
     at = int(160)
-    w.velocity = wp.array(ptr=_at(m, at, 12 * n + 12), shape=(n + 1,), dtype=wp.vec3)
-    at += _aligned(12 * n + 12)
+    w.velocity = wp.array(ptr=_at(m, at, 16 * n + 16), shape=(n + 1,), dtype=wp.vec4)
+    at += 16 * n + 16
+    w.before = wp.array(ptr=_at(m, at, 16 * n + 16), shape=(n + 1,), dtype=wp.vec4)
+    at += 16 * n + 16
     w.n_first = wp.clamp((m.room - at) // _RECORD_BYTES, 0, wp.min(room_contacts, _first_contacts(n)))
     w.first = m.shared + wp.uint64(at)
     at += _aligned(_RECORD_BYTES * w.n_first)
     w.place = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
     at += 16 * n
-    w.before = wp.array(ptr=_at(m, at, 12 * n), shape=(n,), dtype=wp.vec3)
-    at += _aligned(12 * n)
     w.claim = wp.array(ptr=_at(m, at, 8 * n), shape=(n,), dtype=wp.int64)
     at += _aligned(8 * n)
     w.used = wp.array(ptr=_at(m, at, 4 * n), shape=(n,), dtype=int)
@@ -115,10 +115,10 @@ return 0;
 def shared_bytes(n_robots: int) -> int:
     """Shared memory for the arrays that are used most, as much as there is."""
     contacts = RECORD_BYTES * (3 * n_robots // 4 + 16)
-    return min(MOST_SHARED, -(-(256 + 40 * n_robots + contacts) // 1024) * 1024)
+    return min(MOST_SHARED, -(-(256 + 48 * n_robots + contacts) // 1024) * 1024)
 
 
 def own_bytes(n_robots: int, n_cells: int, n_threads: int, room_near: int, room_contacts: int) -> int:
     """Size of the whole layout."""
-    robots, lists = 60 * n_robots + 4 * n_threads, 8 * room_near + (12 + RECORD_BYTES) * room_contacts
+    robots, lists = 68 * n_robots + 4 * n_threads, 8 * room_near + (12 + RECORD_BYTES) * room_contacts
     return robots + lists + 4 * n_cells**2 + 512

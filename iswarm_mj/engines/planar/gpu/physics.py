@@ -88,8 +88,10 @@ def take_steps_in(n_shared: int) -> Callable:
             colour_contacts(w, lane)
             set_contacts(w, plane, lane)
             for i in range(lane, n_robots, wp.block_dim()):
-                v = w.velocity[i]
-                w.velocity[i] = v + wp.cw_mul(plane.servo, targets[world, i] - v)
+                old = _velocity(w, i)
+                v = old + wp.cw_mul(plane.servo, targets[world, i] - old)
+                w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
+                w.before[i] = w.velocity[i]
             barrier()
             solve(w, plane, lane)
             barrier()
@@ -100,7 +102,7 @@ def take_steps_in(n_shared: int) -> Callable:
             barrier()
         for i in range(lane, n_robots, wp.block_dim()):
             new_poses[world, i] = wp.vec3(w.place[i][0], w.place[i][1], w.yaw[i])
-            new_velocities[world, i] = w.velocity[i]
+            new_velocities[world, i] = _velocity(w, i)
         if lane == 0:
             failure[world] = w.count[FAILURE]
 
@@ -116,12 +118,20 @@ def _begin(w: World, poses: wp.array(dtype=wp.vec3), velocities: wp.array(dtype=
         h = heading(p[2])
         w.place[i] = wp.vec4(p[0], p[1], h[0], h[1])
         w.yaw[i] = p[2]
-        w.velocity[i] = velocities[i]
+        v = velocities[i]
+        w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
     if lane == 0:
-        w.velocity[n_robots] = wp.vec3(0.0, 0.0, 0.0)
+        w.velocity[n_robots] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        w.before[n_robots] = wp.vec4(0.0, 0.0, 0.0, 0.0)
         w.count[FAILURE] = 0
         w.farthest[0] = 0.0
     barrier()
+
+
+@wp.func
+def _velocity(w: World, i: int) -> wp.vec3:
+    v = w.velocity[i]
+    return wp.vec3(v[0], v[1], v[2])
 
 
 @wp.func
@@ -133,7 +143,7 @@ def _integrate(w: World, timestep: float, lane: int):
     farthest = float(0.0)
     for i in range(lane, w.place.shape[0], wp.block_dim()):
         if w.is_present[i]:
-            p, step = w.place[i], timestep * w.velocity[i]
+            p, step = w.place[i], timestep * _velocity(w, i)
             h = wp.vec2(p[2], p[3])
             if step[2] != 0.0:
                 w.yaw[i] = w.yaw[i] + step[2]

@@ -6,7 +6,7 @@ All contacts of a colour are solved side by side, colour after colour.
 import warp as wp
 
 from iswarm_mj.engines.planar import solver
-from iswarm_mj.engines.planar.gpu.block import any_of, barrier_of, sum_of, threads_for
+from iswarm_mj.engines.planar.gpu.block import NO_SUM, barrier_of, sum_if_any, threads_for
 from iswarm_mj.engines.planar.gpu.colours import begin_of
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
 from iswarm_mj.engines.planar.gpu.functions import law
@@ -28,7 +28,7 @@ from iswarm_mj.utils.errors import FaultKind
 
 _MOST_MOMENTUM = wp.constant(solver.MOST_MOMENTUM)
 _FAILED = wp.constant(int(FaultKind.SOLVER_FAILED))
-_two_impulses, _velocity_change = law.two_impulses, law.velocity_change
+_velocity_change = law.velocity_change
 
 
 @wp.func
@@ -42,82 +42,107 @@ def solve(w: World, plane: Plane, lane: int):
     n_lanes = threads_for(largest)
     if lane >= n_lanes:
         return
-    sweep, downhill, is_changing = int(0), int(0), bool(True)
+    sweep, downhill, momentum, is_changing = int(0), int(0), float(0.0), bool(True)
+    smallest = plane.tolerance / plane.inverse_mass
+    unit = 1000.0 / (smallest * smallest)
     while is_changing and sweep < plane.max_sweeps:
         sweep += 1
-        change, uphill = float(0.0), wp.int64(0)
+        change, uphill, begin = float(0.0), wp.int64(0), int(0)
         for colour in range(n_colours):
-            for k in range(begin_of(w, colour) + lane, w.end[colour], n_lanes):
-                found = _relax(w, k, plane)
+            end = w.end[colour]
+            k = begin + lane
+            while k < end:
+                found = _relax(w, k, float(sweep), momentum, plane)
                 change = wp.max(change, found[0])
-                uphill += _whole(found[1], plane)
+                uphill += wp.int64(wp.clamp(found[1] * unit, -1.0e12, 1.0e12))
+                k += n_lanes
+            begin = end
             barrier_of(n_lanes)
-        is_changing = any_of(change > plane.tolerance, n_lanes)
-        if is_changing:
-            is_downhill = 2 * sweep <= plane.max_sweeps and (sweep == 1 or sum_of(uphill, n_lanes) <= wp.int64(0))
-            downhill = wp.where(is_downhill, downhill + 1, 0)
-            momentum = wp.min(_MOST_MOMENTUM, float(downhill) / (float(downhill) + 2.0))
-            _go_on(w, n, wp.where(sweep > 1, momentum, 0.0), lane, n_lanes)
+        climbed = sum_if_any(change > plane.tolerance, uphill, n_lanes)
+        is_changing = climbed != NO_SUM
+        is_downhill = 2 * sweep <= plane.max_sweeps and (sweep == 1 or climbed <= wp.int64(0))
+        downhill = wp.where(is_downhill, downhill + 1, 0)
+        share = wp.min(_MOST_MOMENTUM, float(downhill) / (float(downhill) + 2.0))
+        momentum = wp.where(sweep > 1, share, 0.0)
     if is_changing and lane == 0:
         wp.atomic_or(w.count, FAILURE, _FAILED)
 
 
 @wp.func
-def _relax(w: World, k: int, plane: Plane) -> wp.vec2:
+def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.vec2:
     """Solve the rows of contact k while all others stay.
+
+    First its impulses move on by a share of what they changed in the sweep before, and so do the velocities of its
+    bodies, unless another contact of theirs has seen to it in this sweep.
+
+    Each value is read by a statement of its own, which makes Warp read it there, once, and all of them side by side.
 
     Returns:
         By how much a velocity changes at most [mm/s], and how far the momentum before led uphill.
     """
     bodies, c, n_robots = bodies_of(w, k), numbers_of(w, k), w.place.shape[0]
-    first, second = bodies[0], bodies[1]
-    v1, v2 = w.velocity[wp.min(first, n_robots)], w.velocity[second]
-    m1, i1 = wp.where(first < n_robots, plane.inverse_mass, 0.0), wp.where(first < n_robots, plane.inverse_inertia, 0.0)
+    first = bodies[0]
+    second = bodies[1]
+    at = wp.min(first, n_robots)
+    end_v1 = w.velocity[at]
+    end_v2 = w.velocity[second]
+    before_v1 = w.before[at]
+    before_v2 = w.before[second]
+    nx = c[NX]
+    ny = c[NY]
+    arm1 = c[ARM]
+    arm2 = c[ARM + 1]
+    lever1 = c[LEVER]
+    lever2 = c[LEVER + 1]
+    offset1 = c[OFFSET]
+    offset2 = c[OFFSET + 1]
+    softness1 = c[SOFTNESS]
+    softness2 = c[SOFTNESS + 1]
+    end1 = c[IMPULSE]
+    end2 = c[IMPULSE + 1]
+    before1 = c[BEFORE]
+    before2 = c[BEFORE + 1]
+    n_rows = c[N_ROWS]
+    is_robot, is_two = first < n_robots, n_rows == 2.0
+    m1, i1 = wp.where(is_robot, plane.inverse_mass, 0.0), wp.where(is_robot, plane.inverse_inertia, 0.0)
     m2, i2 = plane.inverse_mass, plane.inverse_inertia
-    nx, ny, p1, p2, n_rows = c[NX], c[NY], c[IMPULSE], c[IMPULSE + 1], c[N_ROWS]
-    arm1, arm2, lever1, lever2 = c[ARM], c[ARM + 1], c[LEVER], c[LEVER + 1]
+    h11 = m1 + m2 + i1 * arm1 * arm1 + i2 * lever1 * lever1 + softness1
+    h12 = wp.where(is_two, m1 + m2 + i1 * arm1 * arm2 + i2 * lever1 * lever2, 0.0)
+    h22 = wp.where(is_two, m1 + m2 + i1 * arm2 * arm2 + i2 * lever2 * lever2 + softness2, 1.0)
+    moves1, moves2 = end_v1[3] != sweep, end_v2[3] != sweep  # it is the body's first contact in this sweep
+    v1 = end_v1 + wp.where(moves1, momentum, 0.0) * (end_v1 - before_v1)
+    v2 = end_v2 + wp.where(moves2, momentum, 0.0) * (end_v2 - before_v2)
+    p1, p2 = end1 + momentum * (end1 - before1), end2 + momentum * (end2 - before2)
     along = nx * (v2[0] - v1[0]) + ny * (v2[1] - v1[1])
-    w1 = along + lever1 * v2[2] - arm1 * v1[2] + c[OFFSET] + c[SOFTNESS] * p1
-    h11 = m1 + m2 + i1 * arm1 * arm1 + i2 * lever1 * lever1 + c[SOFTNESS]
-    q1, q2 = float(0.0), float(0.0)
-    if n_rows == 1.0:
-        q1 = wp.max(0.0, p1 - w1 / h11)
-    elif n_rows == 2.0:
-        w2 = along + lever2 * v2[2] - arm2 * v1[2] + c[OFFSET + 1] + c[SOFTNESS + 1] * p2
-        h12 = m1 + m2 + i1 * arm1 * arm2 + i2 * lever1 * lever2
-        h22 = m1 + m2 + i1 * arm2 * arm2 + i2 * lever2 * lever2 + c[SOFTNESS + 1]
-        s1, s2 = _two_impulses(p1, p2, w1, w2, h11, h12, h22)
-        q1, q2 = s1, s2
+    w1 = along + lever1 * v2[2] - arm1 * v1[2] + offset1 + softness1 * p1
+    w2 = wp.where(is_two, along + lever2 * v2[2] - arm2 * v1[2] + offset2 + softness2 * p2, 0.0)
+    s1, q2 = two_impulses(p1, p2, w1, w2, h11, h12, h22)
+    q1 = wp.where(n_rows > 0.0, s1, 0.0)
     d1, d2 = q1 - p1, q2 - p2
     push, twist1, twist2 = d1 + d2, arm1 * d1 + arm2 * d2, lever1 * d1 + lever2 * d2
-    if first < n_robots:
-        w.velocity[first] = v1 - wp.vec3(nx * m1 * push, ny * m1 * push, i1 * twist1)
-    w.velocity[second] = v2 + wp.vec3(nx * m2 * push, ny * m2 * push, i2 * twist2)
+    push2, push1 = m2 * push, m1 * push
+    w.velocity[second] = wp.vec4(v2[0] + nx * push2, v2[1] + ny * push2, v2[2] + i2 * twist2, sweep)
+    if moves2:
+        w.before[second] = end_v2
+    if is_robot:
+        w.velocity[first] = wp.vec4(v1[0] - nx * push1, v1[1] - ny * push1, v1[2] - i1 * twist1, sweep)
+        if moves1:
+            w.before[first] = end_v1
+    c[BEFORE] = end1
+    c[BEFORE + 1] = end2
     c[IMPULSE] = q1
     c[IMPULSE + 1] = q2
     change = _velocity_change(d1, d2, arm1, arm2, lever1, lever2, m2, i2, plane.radius)
-    return wp.vec2(change, -d1 * (q1 - c[BEFORE]) - d2 * (q2 - c[BEFORE + 1]))
+    return wp.vec2(change, -d1 * (q1 - end1) - d2 * (q2 - end2))
 
 
 @wp.func
-def _go_on(w: World, n: int, momentum: float, lane: int, n_lanes: int):
-    """End a sweep: all impulses move on by a share of what they changed, and so do the velocities."""
-    for k in range(lane, n, n_lanes):
-        c = numbers_of(w, k)
-        for row in range(2):
-            p = c[IMPULSE + row]
-            c[IMPULSE + row] = p + momentum * (p - c[BEFORE + row])
-            c[BEFORE + row] = p
-    for i in range(lane, w.before.shape[0], n_lanes):
-        v = w.velocity[i]
-        if momentum > 0.0:  # before the first sweep there is nothing in `before`
-            w.velocity[i] = v + momentum * (v - w.before[i])
-        w.before[i] = v
-    barrier_of(n_lanes)
-
-
-@wp.func
-def _whole(climb: float, plane: Plane) -> wp.int64:
-    """As a whole number in units of a thousandth of the square of the smallest change that matters."""
-    smallest = plane.tolerance / plane.inverse_mass
-    return wp.int64(wp.clamp(climb / (smallest * smallest) * 1000.0, -1.0e12, 1.0e12))
+def two_impulses(p1: float, p2: float, w1: float, w2: float, h11: float, h12: float, h22: float):
+    """As `contact_law.two_impulses`, without branches, in which the threads of a warp would wait for each other."""
+    inverse, inverse1, inverse2 = 1.0 / (h11 * h22 - h12 * h12), 1.0 / h11, 1.0 / h22
+    both1, both2 = p1 + (h12 * w2 - h22 * w1) * inverse, p2 + (h12 * w1 - h11 * w2) * inverse
+    alone1, alone2 = wp.max(0.0, p1 - (w1 - h12 * p2) * inverse1), wp.max(0.0, p2 - (w2 - h12 * p1) * inverse2)
+    are_both, is_first = both1 >= 0.0 and both2 >= 0.0, w2 + h12 * (alone1 - p1) - h22 * p2 >= 0.0
+    q1 = wp.where(are_both, both1, wp.where(is_first, alone1, 0.0))
+    q2 = wp.where(are_both, both2, wp.where(is_first, 0.0, alone2))
+    return q1, q2

@@ -92,10 +92,11 @@ class World:
     """(N,) x, y [mm], cosine and sine of the yaw."""
     yaw: wp.array(dtype=float)
     """(N,) [rad]"""
-    velocity: wp.array(dtype=wp.vec3)
-    """(N + 1,) [mm/s, mm/s, rad/s]; the last one is that of the walls, zero."""
-    before: wp.array(dtype=wp.vec3)
-    """(N,) likewise, as the latest sweep of the solver ended."""
+    velocity: wp.array(dtype=wp.vec4)
+    """(N + 1,) [mm/s, mm/s, rad/s], and the number of the solver's sweep that changed it; the last one is that of the
+    walls, zero."""
+    before: wp.array(dtype=wp.vec4)
+    """(N + 1,) likewise, as the sweep before ended."""
     is_present: wp.array(dtype=wp.bool)
     """(N,)"""
     cells: Cells
