@@ -2,7 +2,6 @@
 
 import difflib
 import inspect
-import numbers
 from typing import Any
 
 import jax
@@ -12,7 +11,7 @@ from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.make import make_env
 from iswarm_mj.envs.observations import bounds
 from iswarm_mj.envs.state import State
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError, shown
 
 MOST_SEED = 2**32 - 1
@@ -116,7 +115,7 @@ def checked_seed(seed: Any) -> int | None:
     """
     if seed is None:
         return None
-    is_seed = isinstance(seed, numbers.Integral) and not isinstance(seed, bool) and 0 <= int(seed) <= MOST_SEED
+    is_seed = is_whole(seed) and 0 <= int(seed) <= MOST_SEED
     check("seed", seed, f"a whole number from 0 to {MOST_SEED}, or None for one by chance", is_seed)
     return int(seed)
 

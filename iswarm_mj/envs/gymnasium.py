@@ -1,6 +1,5 @@
 """Swarms as Gymnasium environments: the robots of a world as one agent, one world or many at once."""
 
-import numbers
 from typing import Any
 
 import gymnasium
@@ -10,7 +9,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from iswarm_mj.envs.adapters import Worlds, action_array, checked_seed, fresh_seed
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.constraints import check, is_whole
+from iswarm_mj.utils.errors import ConfigError
 
 
 class SwarmVectorEnv(VectorEnv):
@@ -22,12 +22,16 @@ class SwarmVectorEnv(VectorEnv):
         """Make the worlds, see `make_env`.
 
         Raises:
-            UserError: `num_envs` is no number of worlds, or see `make_env`.
+            UserError: `num_envs` is no number of worlds, or of more than fit into the memory; or see `make_env`.
         """
-        is_number = isinstance(num_envs, numbers.Integral) and not isinstance(num_envs, bool) and num_envs >= 1
-        check("num_envs", num_envs, "a whole number, at least 1", is_number)
-        self._worlds = Worlds(num_envs, **settings)
-        self.num_envs = num_envs
+        check("num_envs", num_envs, "a whole number, at least 1", is_whole(num_envs) and num_envs >= 1)
+        try:
+            self._worlds = Worlds(num_envs, **settings)
+        except ConfigError as error:
+            if error.field != "n_worlds":
+                raise
+            raise ConfigError("num_envs", num_envs, error.constraint, error.remedy) from None
+        self.num_envs = int(num_envs)
         self.single_observation_space, self.single_action_space = _spaces(self._worlds)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -21,6 +21,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.room import check_room
 from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
 from iswarm_mj.simulation.start import compiled_engine, devices_of, host_engine
 from iswarm_mj.simulation.state import SwarmState, WorldParams
@@ -32,7 +33,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.library import find_task
 from iswarm_mj.tasks.signatures import check_object
-from iswarm_mj.utils.constraints import check, check_kind
+from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import configure_jax
 
@@ -72,7 +73,7 @@ def make_env(
         robot_file: MJCF file of the robots; None for `models/robot.xml`.
 
     Raises:
-        UserError: no such task, or settings that do not fit.
+        UserError: no such task, settings that do not fit, or more worlds than fit into the memory.
     """
     configure_jax()
     config, engine = SwarmConfig() if config is None else config, PlanarSettings() if engine is None else engine
@@ -84,11 +85,11 @@ def make_env(
     if config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
     settings = RunSettings(n_robots, steps, seed=seed, n_worlds=1 if n_worlds is None else n_worlds, stop_at=stop_at)
-    is_number = isinstance(n_starts, int) and n_starts in range(1, 100_001)
-    check("n_starts", n_starts, "a whole number from 1 to 100000", is_number)
+    check("n_starts", n_starts, "a whole number from 1 to 100000", is_whole(n_starts) and 1 <= n_starts <= 100_000)
     n_robots, seed = int(n_robots), int(seed)
     goal, cell = goal_of(task, config, settings), cell_of(robot)
     check_robots(config.arena, n_robots, cell)
+    check_room(engine, settings.n_worlds, n_robots)
     layout_of(speaker, len(robot.sides))
     worlds = [World(PRESETS["type1"], n_robots, seed, index) for index in range(n_starts)]
     starts = starts_of(config, worlds, cell, task)

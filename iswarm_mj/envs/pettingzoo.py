@@ -28,12 +28,20 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.action_spaces = {agent: Box(done[0], done[1], dtype=np.float32) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Space:
-        """Return what a robot observes, see `Env.observations`."""
-        return self.observation_spaces[agent]
+        """Return what a robot observes, see `Env.observations`.
+
+        Raises:
+            UserError: there is no such robot.
+        """
+        return self._of(agent, self.observation_spaces)
 
     def action_space(self, agent: str) -> Space:
-        """Return what a robot does, see `Env.actions`."""
-        return self.action_spaces[agent]
+        """Return what a robot does, see `Env.actions`.
+
+        Raises:
+            UserError: there is no such robot.
+        """
+        return self._of(agent, self.action_spaces)
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
         """Begin an episode, which the seed determines.
@@ -83,6 +91,12 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def close(self) -> None:
         """Nothing is open."""
+
+    def _of(self, agent: Any, spaces: Mapping[str, Space]) -> Space:
+        known = f"{self.possible_agents[0]} to {self.possible_agents[-1]}"
+        is_known = isinstance(agent, str) and agent in spaces
+        check("agent", agent, f"one of `possible_agents`, {known}", is_known)
+        return spaces[agent]
 
     def _each(self, obs: np.ndarray) -> dict[str, np.ndarray]:
         return {agent: row.copy() for agent, row in zip(self.possible_agents, obs, strict=True)}

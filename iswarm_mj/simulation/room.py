@@ -25,6 +25,7 @@ def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> int:
     """
     identity = engine.identity
     each = PER_ROBOT.get(f"{identity['engine']} {identity.get('impl')}", PER_ROBOT[identity["engine"]])
+    n_worlds, n_robots = int(n_worlds), int(n_robots)  # which never overflow
     return n_worlds * n_robots * (each + PER_PAIR * n_robots)
 
 

@@ -75,6 +75,11 @@ def check_kind(name: str, value: Any, kind: type | tuple[type, ...], remedy: str
         raise ConfigError(name, value, f"a {' or '.join(cls.__name__ for cls in kinds)}", remedy)
 
 
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number of any type, but no truth value."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
 def validate(settings: Any, group: str = "") -> None:
     """Check the fields of a dataclass against their types and their `Within`; to be called by `__post_init__`.
 
@@ -109,9 +114,8 @@ def validate(settings: Any, group: str = "") -> None:
 
 
 def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
-    whole = "a whole number " if kind is int else ""
-    number = numbers.Integral if whole else numbers.Real
-    is_number = isinstance(value, number) and not isinstance(value, bool)
+    whole = "a whole number " if {*(get_args(kind) or [kind])} <= {int, type(None)} else ""
+    is_number = is_whole(value) or (not whole and isinstance(value, numbers.Real) and not isinstance(value, bool))
     text = constraint.told(value) if is_number else str(constraint)
     check(name, value, f"{whole}{text}", is_number and constraint.allows(value))
 

@@ -25,7 +25,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_object
-from iswarm_mj.utils.constraints import check, check_kind
+from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
 from iswarm_mj.workflows.recorder import Recorder
@@ -105,8 +105,8 @@ def rollout(
     check_kind("config", config, SwarmConfig)
     check_kind("record", record, (str, Path, NoneType))
     check_kind("poses_of", poses_of, (list, tuple, range))
-    check("every", every, "a whole number between 1 and 10000", isinstance(every, int) and 1 <= every <= 10_000)
-    n_worlds = len(keys)
+    check("every", every, "a whole number between 1 and 10000", is_whole(every) and 1 <= every <= 10_000)
+    every, n_worlds = int(every), len(keys)
     known = all(isinstance(world, int) and world in range(n_worlds) for world in poses_of)
     known = known and len(set(poses_of)) == len(poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)

@@ -11,7 +11,7 @@ from helpers_envs import FIELDS, SMALL
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from iswarm_mj.envs import parallel_env, single_env, vector_env
-from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings
 from iswarm_mj.utils.errors import UserError
 
 FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}
@@ -136,6 +136,20 @@ class TestMistakes:
     def test_numbers_of_worlds(self, number):
         with pytest.raises(UserError, match=r"^num_envs must be a whole number, at least 1 \(got "):
             vector_env(num_envs=number, **FEW)
+
+    @pytest.mark.parametrize("engine", [PlanarSettings(1), MjxSettings()])
+    @pytest.mark.parametrize("number", [10**9, 10**30])
+    def test_more_worlds_than_fit_into_the_memory(self, engine, number):
+        words = rf"^num_envs must be at most \d+ with 5 robots in each, .* it needs .* GB \(got {number}\); use fewer"
+        with pytest.raises(UserError, match=words):
+            vector_env(num_envs=number, **FEW | {"engine": engine})
+
+    @pytest.mark.parametrize("agent", ["x", "robot_5", None, ["robot_0"], 0])
+    def test_unknown_agents(self, agent):
+        env = parallel_env(**FEW)
+        for space in (env.observation_space, env.action_space):
+            with pytest.raises(UserError, match=r"^agent must be one of `possible_agents`, robot_0 to robot_4 \(got "):
+                space(agent)
 
     @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
     def test_seeds(self, make):

@@ -15,6 +15,7 @@ from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings
 from iswarm_mj.utils.errors import UserError
 
 KEYS = jax.random.split(jax.random.key(5), 3)
+HUGE = 10**9, np.int64(2**60), 10**30
 
 
 class TestMistakes:
@@ -28,7 +29,10 @@ class TestMistakes:
             ({"n_robots": 0}, "n_robots must be at least 1|n_robots must be a whole number"),
             ({"n_robots": 5000}, "n_robots must be between 1 and"),
             ({"steps": 0}, "steps must be"),
-            ({"n_starts": 0}, "n_starts must be a whole number from 1 to 100000"),
+            *(({"n_starts": n}, "n_starts must be a whole number from 1 to 100000") for n in (0, True, 2.5, 100_001)),
+            *(({"stop_at": n}, r"stop_at must be a whole number at least 1 \(got") for n in (0, True, 2.5)),
+            *(({"n_worlds": n}, r"n_worlds must be at most \d+ with 3 robots .* free, for it needs") for n in HUGE),
+            ({"n_worlds": HUGE[0], "engine": PlanarSettings(impl="warp")}, "n_worlds must be at most"),
             ({"engine": "planar"}, "engine must be a MujocoSettings or PlanarSettings or MjxSettings"),
             ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
             ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
@@ -40,6 +44,9 @@ class TestMistakes:
     def test_settings(self, settings, words):
         with pytest.raises(UserError, match=words):
             self.ENV(**settings)
+
+    def test_whole_numbers_of_any_type(self):
+        assert self.ENV(n_starts=np.int64(3), stop_at=np.uint8(2)).core.beginnings.poses.shape[0] == 3
 
     @pytest.mark.parametrize(
         "action, words",

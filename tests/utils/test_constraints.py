@@ -37,6 +37,7 @@ class Settings:
     is_on: bool = True
     anything: Any = None
     width: Annotated[float | None, Within(0, 10)] = None
+    most: Annotated[int | None, Within(1)] = None
 
     def __post_init__(self):
         validate(self, "motor")
@@ -44,7 +45,15 @@ class Settings:
 
 @pytest.mark.parametrize(
     "values",
-    [{"length": 3}, {"length": np.float32(3)}, {"count": np.int64(3)}, {"mode": "slow"}, {"anything": math.nan}],
+    [
+        {"length": 3},
+        {"length": np.float32(3)},
+        {"count": np.int64(3)},
+        {"most": np.int64(3)},
+        {"width": 2.5},
+        {"mode": "slow"},
+        {"anything": math.nan},
+    ],
 )
 def test_allowed(values):
     assert vars(Settings(**values)) == vars(Settings()) | values
@@ -57,6 +66,8 @@ def test_allowed(values):
         ({"length": "3"}, "motor.length must be between 0 and 10 m (got '3')"),
         ({"length": True}, "motor.length must be between 0 and 10 m (got True)"),
         ({"count": 2.0}, "motor.count must be a whole number between 1 and 5 (got 2.0)"),
+        ({"most": 2.5}, "motor.most must be a whole number at least 1 (got 2.5)"),
+        ({"most": True}, "motor.most must be a whole number at least 1 (got True)"),
         ({"mode": "still"}, "motor.mode must be fast or slow (got 'still')"),
         ({"is_on": 1}, "motor.is_on must be true or false (got 1)"),
         ({"width": 11}, "motor.width must be between 0 and 10 (got 11)"),
