@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import check_file
 
+LARGEST_FILE = 2**28
+"""Size up to which a file is read [bytes]; that of a result.json."""
 _SETTINGS = {"n_robots": "robots", "n_worlds": "worlds", "steps": "steps", "seed": "seed", "stop_at": "stop_at"}
 """Settings of a run in result.json, and their flags."""
 _ENGINE = ("engine", "impl", "refinement", "solver_iterations")
@@ -85,11 +88,12 @@ def read(path: Path, given: Sequence[str]) -> ConfigFile:
     """
     is_json = path.suffix == ".json"
     try:
+        check_file(path, LARGEST_FILE)
         text = path.read_text(encoding="utf-8-sig")
         content = json.loads(text) if is_json else tomllib.loads(text)
     except OSError as error:
         remedy = "name a TOML file or a result.json"
-        raise UserError(f"--config {path} cannot be read ({error.strerror}); {remedy}") from None
+        raise UserError(f"--config {path} cannot be read ({error.strerror or error}); {remedy}") from None
     except (ValueError, RecursionError) as error:
         kind = "JSON" if is_json else "TOML, as `steps = 300` or `[arena]`"
         raise UserError(f"--config {path} is not {kind} ({' '.join(str(error).split())})") from None

@@ -109,7 +109,9 @@ def _imported(offer: Offer, path: Path) -> ModuleType:
     try:
         check_file(path, LARGEST_FILE)
     except OSError as error:
-        raise UserError(f"{offer.word} file {path} cannot be read ({error.strerror}); give {offer.form}") from None
+        raise UserError(
+            f"{offer.word} file {path} cannot be read ({error.strerror or error}); give {offer.form}"
+        ) from None
     path = path.resolve()
     name = f"iswarm_strategy_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)

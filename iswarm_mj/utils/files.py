@@ -46,9 +46,9 @@ def check_file(path: Path, most: int) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(found.st_mode):
-        raise OSError(errno.EINVAL, "it is no file")
+        raise OSError("it is a pipe or a device, not a file")
     if found.st_size > most:
-        raise OSError(errno.EFBIG, f"it has more than {most} bytes")
+        raise OSError(f"it has more than {most} bytes")
 
 
 def write_error(path: Path, error: OSError) -> UserError:

@@ -10,10 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.files import check_file
 
 Obstacle = tuple[float, float, float, float, float]
 """x and y of the centre, half the edges along the box's own x and y [rd], yaw [deg]."""
 FIELDS = ("x", "y", "half_x", "half_y", "yaw")
+LARGEST_FILE = 2**24
+"""Size up to which a file of boxes is read [bytes]."""
 
 
 def checked(given: Any, half_arena: float, half_dump: float) -> tuple[Obstacle, ...]:
@@ -79,9 +82,12 @@ def read_obstacles(path: Path) -> list[list[float]]:
     """
     form = f"a list of objects with {', '.join(FIELDS[:4])} [rd] and, if not 0, yaw [deg]"
     try:
+        check_file(path, LARGEST_FILE)
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise UserError(f"--obstacles {path} cannot be read ({error.strerror}); name a JSON file of boxes") from None
+        raise UserError(
+            f"--obstacles {path} cannot be read ({error.strerror or error}); name a JSON file of boxes"
+        ) from None
     except (ValueError, RecursionError) as error:
         raise UserError(f"--obstacles {path} is not JSON ({' '.join(str(error).split())}); write {form}") from None
     is_list = isinstance(content, list) and all(isinstance(one, Mapping) for one in content)

@@ -1,6 +1,7 @@
 """`--config`: a TOML file of flags, or the result.json of an earlier run; and words for Booleans."""
 
 import json
+import os
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -76,11 +77,13 @@ def test_what_a_file_must_not_have(here, text, says):
     ("arguments", "says"),
     [
         (["--config", "none.toml"], "none.toml cannot be read"),
+        (["--config", "pipe.toml"], r"pipe.toml cannot be read \(it is a pipe or a device, not a file\); name a TOML"),
         (["--config"], "--config needs the name"),
         (["--config=run.toml", "--config=run.toml"], "--config is given 2 times"),
     ],
 )
-def test_files_that_are_not_there(arguments, says):
+def test_files_that_are_not_there(here, arguments, says):
+    os.mkfifo(here / "pipe.toml")
     with pytest.raises(UserError, match=says):
         parse(["clean", *arguments])
 

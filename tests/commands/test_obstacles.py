@@ -1,6 +1,7 @@
 """Obstacles by flags and files, and those that cannot be."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -77,11 +78,14 @@ def test_no_obstacle_where_balls_lie():
         ("{}", "must be a list of objects with x, y, half_x, half_y"),
         ('[{"x": 1}]', "must be a list of objects with x, y, half_x, half_y"),
         (None, "cannot be read"),
+        (os.mkfifo, r"cannot be read \(it is a pipe or a device, not a file\); name a JSON file of boxes"),
     ],
 )
 def test_files_that_hold_something_else(tmp_path, text, sentence):
     path = tmp_path / "boxes.json"
-    if text is not None:
+    if callable(text):
+        text(path)
+    elif text is not None:
         path.write_text(text)
     with pytest.raises(UserError, match=sentence):
         parse(["clean", "--obstacles", str(path)]).checked()

@@ -1,5 +1,6 @@
 """The journal of finished runs: what is in it stays, what does not fit is refused."""
 
+import os
 import resource
 
 import numpy as np
@@ -58,6 +59,22 @@ def test_settled_files_are_in_order(path, written, tmp_path):
 def test_a_directory_in_its_place_is_told(path):
     path.mkdir()
     with pytest.raises(UserError, match=r"checkpoint\.jsonl cannot be written \(Is a directory\); move it away"):
+        Journal(path, SETTINGS)
+
+
+def test_a_pipe_in_its_place_is_told_and_not_waited_for(path):
+    os.mkfifo(path)
+    said = (
+        r"checkpoint\.jsonl cannot be written \(it is a pipe or a device, not a file\); move it away or choose another"
+    )
+    with pytest.raises(UserError, match=said):
+        Journal(path, SETTINGS)
+
+
+def test_a_file_that_is_too_large_is_to_be_moved_away(path):
+    with path.open("wb") as file:
+        file.truncate(checkpoint.LARGEST_FILE + 1)
+    with pytest.raises(UserError, match=r"\(it has more than 4294967296 bytes\); move it away or choose another `out`"):
         Journal(path, SETTINGS)
 
 

@@ -1,5 +1,7 @@
 """`iswarm reproduce`: what it makes, keeps and refuses; runs are by a stand-in that takes no time."""
 
+import os
+
 import pytest
 
 from iswarm_mj.commands.main import main
@@ -185,13 +187,15 @@ class TestBadInput:
             (["--trials", "0"], "--trials must be"),
             (["--tables", "--results", "nowhere"], "--results must be an existing directory"),
             (["--pages", "none.md"], "none.md is not a readable page"),
+            (["--pages", "pipe.md"], "pipe.md is not a readable page"),
             (["--pages", "bad.md"], "bad.md:1: The block was 'densty'; there are"),
         ],
     )
     def test_it_is_one_sentence_and_nothing_is_written(self, jobs, tmp_path, capsys, flags, said):
         (tmp_path / "bad.md").write_text("<!-- results: densty -->\n<!-- end -->\n")
+        os.mkfifo(tmp_path / "pipe.md")
         with pytest.raises(SystemExit) as stop:
             main(["reproduce", *flags])
         error = capsys.readouterr().err
         assert stop.value.code == 2 and said in error and error.count("\n") == 1
-        assert {path.name for path in tmp_path.iterdir()} == {"README.md", "bad.md"} and jobs == []
+        assert {path.name for path in tmp_path.iterdir()} == {"README.md", "bad.md", "pipe.md"} and jobs == []
