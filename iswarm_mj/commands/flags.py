@@ -13,12 +13,18 @@ NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""
 
 
-def in_flags(error: UserError | SimulationFault, commands: Iterable[type]) -> str:
+def in_flags(error: UserError | SimulationFault, commands: Iterable[type], given: Any = None) -> str:
     """Return an error's message with flags of the commands, as `--arena.size`, in place of the settings it names.
 
     Settings without a flag keep their names.
+
+    Args:
+        error: its message.
+        commands: all of them.
+        given: the command that raised it, with the flags of its own strategy and task; None if there was none yet.
     """
-    flags = {name: "--" + name.replace("_", "-") for command in commands for name, _ in _values(command())}
+    known = [command() for command in commands] + ([] if given is None else [given])
+    flags = {name: "--" + name.replace("_", "-") for command in known for name, _ in _values(command)}
     flags |= {"controller": "--strategy", "task_name": "--task"}
     flags |= {name: flags[flag] for name, flag in RENAMED.items() if flag in flags}
     if isinstance(error, ConfigError) and error.field in flags:

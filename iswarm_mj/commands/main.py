@@ -97,13 +97,15 @@ def parse(arguments: Sequence[str]) -> Command:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
+    command = None
     try:
         with interruptible() if arguments is None else nullcontext():
             given = sys.argv[1:] if arguments is None else arguments
             for stream in (sys.stdout, sys.stderr):
                 if isinstance(stream, io.TextIOWrapper):
                     stream.reconfigure(errors="backslashreplace")  # names of files may be no text
-            parse(given).run()
+            command = parse(given)
+            command.run()
             sys.stdout.flush()
     except BaseException as error:
         code = code_of_signal(error)
@@ -112,17 +114,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if arguments is None:
                 leave(code)
             raise SystemExit(code) from None
-        code = _explained(error)
+        code = _explained(error, command)
         if code is None:
             raise
         raise SystemExit(code) from None
 
 
-def _explained(error: BaseException) -> int | None:
-    """Explain an error on the standard error, and return the exit code; None for what is no user's."""
+def _explained(error: BaseException, command: Command | None) -> int | None:
+    """Explain an error of a command on the standard error, and return the exit code; None for what is no user's."""
     match error:
         case UserError() | SimulationFault():
-            words = in_flags(error, COMMANDS.values())
+            words = in_flags(error, COMMANDS.values(), command)
             code = 2 if isinstance(error, UserError) else 1
         case BrokenPipeError():  # whatever read the output, such as `head`, has ended
             _discard_output()

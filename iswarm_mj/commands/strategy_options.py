@@ -11,7 +11,7 @@ import tyro
 from iswarm_mj.commands.arguments import flag_kinds
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import validate
-from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.errors import UserError
 
 OWN, OWN_TASK = OWNS = "own", "own_task"
 """Fields of a command that hold the strategy and the task."""
@@ -100,14 +100,10 @@ def check_flags(given: Any) -> None:
     """Check the fields of a strategy or a task against their annotations, see `constraints.validate`.
 
     Raises:
-        ConfigError: a value is out of range; the error calls the field by its flag.
+        ConfigError: a value is out of range.
     """
-    if not is_dataclass(given):
-        return
-    try:
+    if is_dataclass(given):
         validate(given)
-    except ConfigError as error:
-        raise ConfigError(f"--{error.field.replace('_', '-')}", error.value, error.constraint, error.remedy) from None
 
 
 def _own(cls: Any, found: Any) -> Any:

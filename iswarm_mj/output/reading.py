@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Frames, Scene
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
 from iswarm_mj.utils.memory import check_memory
@@ -88,6 +88,25 @@ def read_about(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
             "put it back where it was written."
         )
     return json.loads(arrays[ABOUT].item())
+
+
+def no_trajectory(directory: Path, result: Mapping[str, Any]) -> UserError:
+    """Return the error to raise for a run without a trajectory.
+
+    Args:
+        directory: of the run.
+        result: content of its result.json.
+    """
+    recordings = [name for name in (RECORDING, OTHER_RECORDING) if (directory / name).exists()]
+    if not recordings:
+        return UserError(f"{directory} holds no {TRAJECTORY}, since no world was recorded; run it without --no-record.")
+    again = f"repeat it by `iswarm {'clean' if RECORDING in recordings else 'run'} --config {directory / RESULT}`"
+    if not result.get("interrupted"):
+        return UserError(f"{directory} holds no {TRAJECTORY}, although its run has ended; put it back, or {again}.")
+    return UserError(
+        f"{directory} holds no {TRAJECTORY}, which a run writes at its end, and this one goes on, or was killed; wait "
+        f"for its end, or {again}: what was recorded until then is in {directory / recordings[0]}."
+    )
 
 
 def _check_room(path: Path) -> None:

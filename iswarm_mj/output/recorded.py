@@ -1,12 +1,13 @@
 """The recorded world of a run, as pictures and videos read it from the run's directory."""
 
+import os
 import sys
 from pathlib import Path
 
 import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.output.reading import REMEDY, read_result, read_trajectory
+from iswarm_mj.output.reading import REMEDY, no_trajectory, read_result, read_trajectory
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 
@@ -27,6 +28,8 @@ def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
         config = SwarmConfig(arena=ArenaConfig(**result["config"]["arena"]))
     except (KeyError, TypeError, UserError) as error:
         raise UserError(f"{directory / RESULT} states no arena ({error}); {REMEDY}.") from None
+    if not os.path.lexists(directory / TRAJECTORY):
+        raise no_trajectory(directory, result)
     frames = read_trajectory(directory / TRAJECTORY)
     _check_drawn(directory / TRAJECTORY, frames)
     if result.get("interrupted"):

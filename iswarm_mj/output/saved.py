@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from iswarm_mj.config import N_LEDS, SwarmConfig
-from iswarm_mj.output.reading import REMEDY, read_about, read_result, read_trajectory
+from iswarm_mj.output.reading import REMEDY, no_trajectory, read_about, read_result, read_trajectory
 from iswarm_mj.output.said import payload_of, stored
 from iswarm_mj.output.tables import TABLES, missing, table_of
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
@@ -76,7 +76,7 @@ class SavedRun:
         """Constants of the first recorded world.
 
         Raises:
-            UserError: no world was recorded.
+            UserError: no world was recorded, or the run did not end.
         """
         self._check_recorded()
         return next(iter(self.scenes.values()))
@@ -117,9 +117,7 @@ class SavedRun:
 
     def _check_recorded(self) -> None:
         if not self._arrays:
-            raise UserError(
-                f"{self.path} holds no {TRAJECTORY}, since no world was recorded; run it without --no-record."
-            )
+            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path, self.result)
 
 
 def load(path: str | Path) -> SavedRun:

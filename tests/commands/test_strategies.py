@@ -179,6 +179,23 @@ class TestMistakes:
     def test_ranges(self, capfd):
         assert "--turn must be between 0 and 180 deg (got 200.0)" in self.wrong(capfd, "walk.py:Walk", "--turn=200")
 
+    @pytest.mark.parametrize(
+        "task, flag, said",
+        [
+            ("foraging.py:Foraging", "--source-radius=7.6", r"at most 7.5 rd, half of --arena.size \(got 7.6\); make"),
+            (
+                "foraging.py:Foraging",
+                "--sources=6",
+                r"at most 5, the items .* \(--arena.n-dust\) \(got 6\)",
+            ),
+            ("aggregation.py:Aggregation", "--spot-radius=7.6", "at most 7.5 rd, half of --arena.size"),
+        ],
+    )
+    def test_what_a_task_finds_wrong_with_its_flags(self, capfd, task, flag, said):
+        few = FEW if task.startswith("foraging") else SMALL
+        error = refused(capfd, "run", f"--task={Path(iswarm_mj.__file__).parent / 'tasks' / task}", *few, flag)
+        assert re.search(f"^iswarm: {flag.partition('=')[0]} must be {said}", error)
+
     def test_flags_that_the_command_has(self, capfd):
         changed("    turn: ", "    steps: int = 3\n    turn: ")
         assert "Walk has a field steps, but --steps is already a flag of iswarm clean" in self.wrong(capfd)

@@ -78,6 +78,34 @@ def test_flipped_bits_are_found_or_harmless(tmp_path):
     assert n_refused > 150
 
 
+@pytest.mark.parametrize(
+    ("interrupted", "recording", "said"),
+    [
+        (
+            True,
+            "clean.rrd",
+            r"this one goes on, or was killed; wait .* `iswarm clean --config .*/result.json`: .*/clean",
+        ),
+        (
+            True,
+            "run.rrd",
+            r"was killed; wait for its end, or repeat it by `iswarm run --config .*/result.json`: .*/run",
+        ),
+        (False, "clean.rrd", r"although its run has ended; put it back, or repeat it by `iswarm clean --config"),
+        (False, None, r"since no world was recorded; run it without --no-record\.$"),
+    ],
+)
+def test_a_run_without_a_trajectory(tmp_path, interrupted, recording, said):
+    """Of one that was killed there are its announcement and the recording until then."""
+    (write_run(tmp_path) / TRAJECTORY).unlink()
+    content = json.loads((tmp_path / RESULT).read_text())
+    (tmp_path / RESULT).write_text(json.dumps(content | {"interrupted": interrupted}))
+    if recording is not None:
+        (tmp_path / recording).touch()
+    with pytest.raises(UserError, match=rf"holds no trajectory\.npz, .*{said}"):
+        load(tmp_path)
+
+
 @pytest.mark.parametrize("name", [RESULT, TRAJECTORY])
 class TestWhatIsNoFile:
     def replace(self, out, name):

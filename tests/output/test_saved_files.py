@@ -10,7 +10,7 @@ from helpers_runs import run_of
 
 import iswarm_mj
 from iswarm_mj.output.tables import TABLES
-from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY
+from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
 
@@ -98,7 +98,7 @@ def test_a_run_that_was_interrupted(small_run, copy):
 
 
 def test_a_run_without_a_recording(copy):
-    saved = iswarm_mj.load(copy(TRAJECTORY))
+    saved = iswarm_mj.load(copy(TRAJECTORY, RECORDING))
     assert len(saved.measures) == 3 and saved.scenes == {}
     with pytest.raises(UserError, match=r"holds no trajectory\.npz, since no world was recorded"):
         _ = saved.robots
