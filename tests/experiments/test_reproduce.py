@@ -106,6 +106,26 @@ class TestRuns:
         run(only=["hop-count", "evolve-random"])
         assert len(jobs) == n_done + (6 - 5) + (24 - 5)  # of each, the sixth was done but not kept
 
+    def test_what_cannot_be_made_is_left_out_and_named(self, jobs, tmp_path, capsys):
+        """Damaged journals of an experiment and a search, and a file in the place of a directory."""
+        for name in ("hop-count/runs.jsonl", "evolve-random/checkpoint.jsonl"):
+            path = tmp_path / "runs/reproduce-quick" / name
+            path.parent.mkdir(parents=True)
+            path.write_text("something else\n")
+        (path.parent.parent / "evolve-paper").write_text("")
+        parts = [*PARTS, "evolve-paper", "evolve-cmaes"]
+        with pytest.raises(SystemExit) as stop:
+            run(only=parts)
+        out, error = capsys.readouterr()
+        assert stop.value.code == 2 and error.count("\n") == 1 and error.startswith("iswarm: hop-count was not made (")
+        assert "; evolve-random was not made (" in error and "; evolve-paper was not made (" in error
+        assert "/hop-count/runs.jsonl is not a checkpoint of iswarm, or damaged: it " in error
+        assert error.endswith("; all other parts are there: make it anew with --only and --again\n")
+        assert "hop-count: not made, runs/" in out and "density: made" in out and "report in" in out
+        assert {path.parent.name for path in (tmp_path / "results").glob("*/*.parquet")} == {"density", parts[-1]}
+        run("--again", only=["evolve-random"])
+        assert (tmp_path / "results/evolve-random/best.json").is_file()
+
     def test_again_begins_anew(self, jobs):
         run(only=["hop-count", "evolve-random"])
         made = len(jobs)

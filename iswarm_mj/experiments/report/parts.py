@@ -123,19 +123,32 @@ def _experiment(experiment: Experiment, plan: Plan, execution: Execution) -> Par
     return Part(experiment.name, experiment.table, settings_of(experiment, plan, own), is_whole, make)
 
 
-def make(parts: Sequence[Part], work: Path, again: bool) -> Iterator[Part]:
-    """Make parts in directories of their own names, searches together at last, and yield each when it is there."""
+def make(parts: Sequence[Part], work: Path, again: bool) -> Iterator[tuple[Part, UserError | None]]:
+    """Make parts in directories of their own names, searches together at last.
+
+    Yields:
+        Each part when it is there, and None; or a part that is left out, and why.
+
+    Raises:
+        UserError: searches that were begun cannot go on.
+        SimulationFault: a run could not go on.
+    """
     searches: dict[Path, Search] = {}
     execution = None
     for part in parts:
         if isinstance(part.make, tuple):
             searches[work / part.name], execution = part.make
-        else:
+            continue
+        error = None
+        try:
             part.make(work / part.name, again)
-            yield part
+        except UserError as found:
+            error = found
+        yield part, error
+    refused: dict[Path, UserError] = {}
     if searches:
-        run_searches(searches, execution, resume=True, again=again)
-    yield from (part for part in parts if isinstance(part.make, tuple))
+        run_searches(searches, execution, resume=True, again=again, refused=refused)
+    yield from ((part, refused.get(work / part.name)) for part in parts if isinstance(part.make, tuple))
 
 
 def _search(settings: Search, execution: Execution) -> Part:

@@ -50,7 +50,8 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
     """Make the parts that are not there, then findings, tables and the report from all results.
 
     A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
-    best genomes are copied into the results when it is complete.
+    best genomes are copied into the results when it is complete. A part that cannot be made, since its directory is
+    damaged for example, is left out and named at the end.
 
     Args:
         parts: to be made.
@@ -59,7 +60,7 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
         same_engine: make those too that another engine computed.
 
     Raises:
-        UserError: a page has a block that cannot be filled, or something cannot be written.
+        UserError: a page has a block that cannot be filled, something cannot be written, or a part was left out.
         SimulationFault: a run could not go on.
     """
     blocks.new_texts(places.pages, check_name)  # before anything takes hours
@@ -75,11 +76,19 @@ def _make(parts: Sequence[Part], places: Places, again: bool, same_engine: bool)
         print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
         if why:
             missing.append(part)
-    for part in make(missing, places.out, again):
-        part.publish(places.out / part.name, places.results)
-        print(f"{part.name}: made", flush=True)
+    refused = {}
+    for part, error in make(missing, places.out, again):
+        if error is None:
+            part.publish(places.out / part.name, places.results)
+            print(f"{part.name}: made", flush=True)
+        else:
+            refused[part.name] = error
+            print(f"{part.name}: not made, {error}", flush=True)
     rewrite(places, partial=True)
     report([places.results], places.out / "report.html", places.beside)
+    if refused:
+        why = "; ".join(f"{name} was not made ({error})" for name, error in refused.items())
+        raise UserError(f"{why}; all other parts are there: make it anew with `only` and `again`")
 
 
 def rewrite(places: Places, partial: bool = False) -> None:

@@ -17,7 +17,7 @@ from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.replicates import Replicates, entry_of, forget_partial, is_entry
 from iswarm_mj.experiments.runner.resumable import run_missing
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
@@ -37,7 +37,11 @@ def run_search(
 
 
 def run_searches(
-    searches: Mapping[Path, Search], execution: Execution | None = None, resume: bool = False, again: bool = False
+    searches: Mapping[Path, Search],
+    execution: Execution | None = None,
+    resume: bool = False,
+    again: bool = False,
+    refused: dict[Path, UserError] | None = None,
 ) -> list[Best]:
     """Search, write the results into the directories, print a summary of each.
 
@@ -54,15 +58,24 @@ def run_searches(
         execution: how to run the jobs, by default on all cores; a search must be resumed with its own engine.
         resume: continue the search in a directory, if there is one.
         again: discard the search in a directory.
+        refused: takes, by directories, why searches cannot begin, which are then left out; without it, the first
+            such error is raised.
 
     Raises:
-        UserError: a directory is not writable or in use, contains a search that is not to be resumed, or a different
-            one.
+        UserError: a directory is not writable or in use, contains a search that is not to be resumed, a different or
+            a damaged one; or a file cannot be written later.
         SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
     with ExitStack() as stack:
-        begun = [stack.enter_context(_begun(*each, execution, resume, again)) for each in searches.items()]
+        begun = []
+        for out, search in searches.items():
+            try:
+                begun.append(stack.enter_context(_begun(out, search, execution, resume, again)))
+            except UserError as error:
+                if refused is None:
+                    raise
+                refused[out] = error
         _run_generations(begun, execution)
         best = [search.end() for search in begun]
     for search, own in zip(begun, best, strict=True):
