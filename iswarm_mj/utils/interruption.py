@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, ClassVar
 
 GRACE_S = 0.4
@@ -38,6 +38,8 @@ class _State:
     is_told = False
     """Whether the user was told."""
     savers: ClassVar[list[Callable[[], None]]] = []
+    tidiers: ClassVar[list[Callable[[], None]]] = []
+    """Called at the very end."""
 
 
 @contextmanager
@@ -87,6 +89,27 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
         _State.savers.remove(save)
 
 
+@contextmanager
+def tidied(begin: Callable[[], Callable[[], None]]) -> Iterator[None]:
+    """Have something undone when the block ends, also where a signal ends the process in it.
+
+    Args:
+        begin: does it, and returns what undoes it; both are called with `BUSY`, the latter once, in any thread.
+    """
+    with ExitStack() as stack:
+        with postponed(), BUSY:
+            undo = begin()
+            _State.tidiers.append(undo)
+            stack.callback(_tidy, undo)
+        yield
+
+
+def _tidy(undo: Callable[[], None]) -> None:
+    with postponed(), BUSY:
+        _State.tidiers.remove(undo)
+        undo()
+
+
 def code_of_signal(error: BaseException) -> int | None:
     """Exit code of a process that this error ends because of a signal; None if there was none.
 
@@ -107,13 +130,16 @@ def tell() -> None:
 
 
 def leave(code: int) -> None:
-    """End the process after its output, without what Python does at its end.
+    """End the process after its output and what tidies up, without what Python does at its end.
 
     Libraries of which a signal interrupted the loading, or threads of which run on, may crash there.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
+    for undo in reversed(_State.tidiers):  # last, since locks go with it
+        with suppress(Exception):
+            undo()
     os._exit(code)
 
 

@@ -2,15 +2,19 @@
 
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import make_output_directory, write_error
+from iswarm_mj.utils.interruption import tidied
 
 LOCK = ".lock"
-"""Name of the file that is locked; the lock ends with its process, whether the file is left or not."""
+"""Name of the file that is locked; the lock ends with its process, whether the file is left or not. It is left where
+SIGKILL or a crash ends the process: who finds it cannot remove it, for another may have locked it in between, but who
+locks it next removes it at the end."""
 
 
 @contextmanager
@@ -25,13 +29,19 @@ def locked(out: Path, given: Path | None = None) -> Iterator[None]:
         UserError: the directory cannot be written to, or another process, or this one, writes into it.
     """
     make_output_directory(out, given)
-    file = _taken(out / LOCK)
-    try:
+    with tidied(partial(_lock, out / LOCK)):
         yield
-    finally:
-        with suppress(OSError):
-            (out / LOCK).unlink()  # before it is unlocked, so that nobody else has it
-        os.close(file)
+
+
+def _lock(path: Path) -> Callable[[], None]:
+    """Take the lock; return what gives it back."""
+    return partial(_unlock, path, _taken(path))
+
+
+def _unlock(path: Path, file: int) -> None:
+    with suppress(OSError):
+        path.unlink()  # before it is unlocked, so that nobody else has it
+    os.close(file)
 
 
 def _taken(path: Path) -> int:

@@ -64,7 +64,7 @@ def check(out):
     assert content["interrupted"] and frames["step"][-1] == content["steps"]
     assert frames["delivered"][-1] == content["delivered"] and frames["collisions"][-1] == content["collisions"]
     assert read(out / "clean.rrd")["/world/robots/body"]["step"] == frames["step"].tolist()
-    assert {path.name for path in out.iterdir()} - {".lock"} == {"clean.rrd", "result.json", "trajectory.npz"}
+    assert {path.name for path in out.iterdir()} == {"clean.rrd", "result.json", "trajectory.npz"}
     return content
 
 

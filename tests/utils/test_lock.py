@@ -1,9 +1,11 @@
 """One process at a time writes into a directory."""
 
+import signal
 import subprocess
 import sys
 
 import pytest
+from helpers_signals import heeded
 
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
@@ -39,6 +41,24 @@ def test_the_lock_goes_with_a_process_that_is_killed(tmp_path):
         process.wait(timeout=600)
     with locked(tmp_path):
         pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_that_python_does_not_notice_leaves_no_file(tmp_path):
+    """A thread ends the process, whose main thread is in a call that comes back late."""
+    code = f"""
+import hashlib
+from pathlib import Path
+from iswarm_mj.utils.interruption import interruptible
+from iswarm_mj.utils.lock import locked
+with interruptible(), locked(Path({str(tmp_path)!r})):
+    print("has it", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
+"""
+    with heeded(), subprocess.Popen([sys.executable, "-c", code], stdout=-1, text=True) as process:
+        assert process.stdout.readline() == "has it\n" and (tmp_path / ".lock").exists()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=600) == 130
     assert list(tmp_path.iterdir()) == []
 
 
