@@ -20,8 +20,11 @@ class Within:
     """Why there is no more, where that is not obvious."""
 
     def allows(self, value: Any) -> bool:
-        """Return whether the value lies within; NaN and infinite values never do."""
-        return self.low <= value <= self.high and math.isfinite(value)
+        """Return whether the value lies within; NaN, infinite values and whole numbers beyond all floats never do."""
+        try:
+            return self.low <= value <= self.high and math.isfinite(value)
+        except OverflowError:
+            return False
 
     def told(self, value: Any) -> str:
         """The limits as they are told of a value that lies beyond."""

@@ -12,7 +12,10 @@ MAX_LISTED = 10
 
 def shown(value: Any) -> str:
     """A value in a message: one line, and no more than a part of it if it is long."""
-    text = " ".join(str(value).split())
+    try:
+        text = " ".join(str(value).split())
+    except ValueError:  # Python refuses to print whole numbers of thousands of digits
+        text = "a number of too many digits"
     return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
 
 

@@ -26,7 +26,7 @@ from iswarm_mj.utils.errors import ConfigError
 def test_limits(constraint, text, inside, outside):
     assert str(constraint) == text
     assert all(map(constraint.allows, inside))
-    assert not any(map(constraint.allows, [*outside, math.nan, math.inf, -math.inf]))
+    assert not any(map(constraint.allows, [*outside, math.nan, math.inf, -math.inf, np.float32(np.inf), 10**400]))
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,8 @@ def test_allowed(values):
         ({"length": True}, "motor.length must be between 0 and 10 m (got True)"),
         ({"count": 2.0}, "motor.count must be a whole number between 1 and 5 (got 2.0)"),
         ({"most": 2.5}, "motor.most must be a whole number at least 1 (got 2.5)"),
+        ({"most": 10**400}, f"motor.most must be a whole number at least 1 (got 1{'0' * 99}...)"),
+        ({"most": 10**5000}, "motor.most must be a whole number at least 1 (got a number of too many digits)"),
         ({"most": True}, "motor.most must be a whole number at least 1 (got True)"),
         ({"mode": "still"}, "motor.mode must be fast or slow (got 'still')"),
         ({"is_on": 1}, "motor.is_on must be true or false (got 1)"),
