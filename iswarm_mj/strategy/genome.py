@@ -61,18 +61,17 @@ TYPE2 = Genome(
 )
 EVOLVED = Genome(
     density_of_robots=0.3304,
-    fraction_scouts=0.0310,
-    p_vector_forget=0.661,
-    priority_coll_avoid_dist=0.506,
-    empty_coll_avoid_dist=0.798,
-    loaded_coll_avoid_dist=0.0517,
-    priority_signal_scouts=True,
+    fraction_scouts=0.000916,
+    p_vector_forget=0.816,
+    priority_coll_avoid_dist=0.596,
+    empty_coll_avoid_dist=0.581,
+    loaded_coll_avoid_dist=0.0302,
     priority_signal_loaded=False,
-    weight_find_dust=0.750,
-    weight_find_dump=0.769,
+    weight_find_dust=0.129,
+    weight_find_dump=1.00,
 )
 PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
-"""The two fit types that evolved in the paper (Table 2), and the fittest of `results-initial/evolve-paper`."""
+"""The two fit types that evolved in the paper (Table 2), and the fittest of `results/evolve-paper`."""
 
 
 LARGEST_FILE = 2**20
