@@ -29,7 +29,7 @@ OTHER_TABLES = (
     "directory | command",
     "setting `optics.` | default | meaning",
     "robots | cores | ms per control step | sense | policy | physics | ARGoS 3, one core",
-    "robots | worlds | reading | billion robot-physics-steps/s",
+    "robots | worlds | reading | refinement | billion",
     "worlds | VMAS | environment",
     "file | contents |",
     "| delivered | picked up | collisions | clean worlds",
@@ -45,7 +45,7 @@ OTHER_TABLES = (
     "method | returns",
     "eight worlds, ",
     "name | numbers | ",
-    "robots | worlds | `planar --refinement 1`: ms per control step",
+    "robots | worlds | reading | `planar --refinement 1`: ms per control step",
 )
 """Beginnings of the heads of tables that are not of results: on the code, and on speed with commands beside them."""
 
