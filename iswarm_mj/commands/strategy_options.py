@@ -108,7 +108,12 @@ def check_flags(given: Any) -> None:
 
 def _own(cls: Any, found: Any) -> Any:
     """Field of the command for a strategy or task: its default, or none if it has parameters that must be given."""
-    make: Any = cls
+    from iswarm_mj.strategy.explain import explained
+
+    def make() -> Any:
+        with explained(cls.__name__):
+            return cls()
+
     if found is not cls:
         return field(default=found)
     if is_dataclass(cls) and any(f.default is MISSING and f.default_factory is MISSING for f in fields(cls) if f.init):

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from jaxtyping import Int
 from iswarm_mj.utils.deadline import ends_within
 from iswarm_mj.utils.errors import UserError
 
+_END = b"RRF2FOOT\x01\x00\x00\x00"
+"""Of a complete file: the mark of its index, and of how many there are."""
 FLUSH_SECONDS = 30.0
 """Time limit of a flush; without one Rerun waits for ever when the disk is full."""
 
@@ -77,6 +80,22 @@ def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
     """
     if not ends_within(limit_s, call):
         raise RuntimeError(f"not done within {limit_s:g} s")
+
+
+def close(stream: rr.RecordingStream, path: str | Path) -> None:
+    """Close the file of a stream, and look whether it has its end; Rerun only logs that it could not write it.
+
+    Raises:
+        RuntimeError: it has not, or was not closed in time, see `bounded`.
+    """
+    bounded(stream.disconnect)
+    path = Path(path)
+    if path.is_file():
+        with path.open("rb") as file:
+            file.seek(-min(len(_END), path.stat().st_size), os.SEEK_END)
+            has_end = file.read().startswith(_END[:8])
+        if not has_end:
+            raise RuntimeError("No space left for its end, or another fault of the disk")
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

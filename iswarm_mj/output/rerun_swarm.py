@@ -20,6 +20,7 @@ from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
 from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
     bounded,
+    close,
     columns_of,
     index,
     leave_alone,
@@ -92,7 +93,7 @@ class Recording:
         try:
             Path(self._path).open("wb").close()
             bounded(lambda: self._stream.save(self._path, default_blueprint=layout(self._scene)))
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
             leave_alone(self._stream)
             raise UserError(
                 f"The recording {self._path!r} cannot be written ({error}): "
@@ -118,7 +119,7 @@ class Recording:
                 self._flush()
             finally:
                 with written(self._path, self._stream):
-                    bounded(self._stream.disconnect)
+                    close(self._stream, self._path)
         except UserError:
             if error is None:
                 raise

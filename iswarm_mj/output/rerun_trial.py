@@ -11,7 +11,14 @@ from jaxtyping import Float
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
-from iswarm_mj.output.rerun_format import FLUSH_SECONDS, bounded, leave_alone, require_recordings, send_properties
+from iswarm_mj.output.rerun_format import (
+    FLUSH_SECONDS,
+    bounded,
+    close,
+    leave_alone,
+    require_recordings,
+    send_properties,
+)
 from iswarm_mj.output.rerun_trial_view import NN, UM
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.files import atomic_write
@@ -52,7 +59,7 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
                 _write(stream, path.stem, thinned(trace, SAMPLES), {"version": __version__, **settings})
                 stream.flush(timeout_sec=FLUSH_SECONDS)
             finally:
-                bounded(stream.disconnect)
+                close(stream, part)
     except (OSError, RuntimeError) as error:
         leave_alone(stream)
         raise UserError(

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated, Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -24,7 +25,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import Within, validate
+from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.robot import Robot
 
 
@@ -51,6 +52,9 @@ class World:
 
     def __post_init__(self):
         validate(self)
+        is_key = isinstance(self.key, jax.Array) and jnp.issubdtype(self.key.dtype, jax.dtypes.prng_key)
+        is_one = self.key is None or (is_key and not self.key.ndim)
+        check("key", self.key, "one random key, as jax.random.key(0)", is_one)
 
     @property
     def random_key(self) -> Array:

@@ -58,6 +58,10 @@ def explained(what: str) -> Iterator[None]:
         yield
     except (UserError, SimulationFault):
         raise
+    except SystemExit as error:  # where not the user's code raised it, the parser has explained a flag
+        if not _frames(error):
+            raise
+        raise UserError(_sentence(what, error)) from error
     except Exception as error:
         raise UserError(_sentence(what, error)) from error
 
@@ -67,7 +71,7 @@ def is_inner(path: str) -> bool:
     return path.startswith(("<", *_INNER))
 
 
-def _sentence(what: str, error: Exception) -> str:
+def _sentence(what: str, error: BaseException) -> str:
     place = _place(error)
     for kinds, does, remedy in _TRACED:
         if isinstance(error, kinds):
@@ -76,12 +80,17 @@ def _sentence(what: str, error: Exception) -> str:
     return f"{what} raised {type(error).__name__}{': ' if told else ''}{told} ({place}); correct it there"
 
 
-def _place(error: Exception) -> str:
+def _place(error: BaseException) -> str:
     """File, number and text of the last line of the user's own code that an exception passed through."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}: `{(error.text or '').strip()}`"
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not is_inner(frame.filename)]
+    frames = _frames(error)
     if not frames:
         return "its parameters or its call"
     name, line = frames[-1].filename, frames[-1].lineno or 0
     return f"{name}, line {line}: `{linecache.getline(name, line).strip()}`"
+
+
+def _frames(error: BaseException) -> list[traceback.FrameSummary]:
+    """Of the user's own code, that an exception passed through."""
+    return [frame for frame in traceback.extract_tb(error.__traceback__) if not is_inner(frame.filename)]

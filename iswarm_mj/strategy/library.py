@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from iswarm_mj.strategy.explain import explained
-from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.errors import ConfigError, UserError, shown
 from iswarm_mj.utils.files import check_file
 
 LARGEST_FILE = 2**24
@@ -104,13 +104,13 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
 
 def _imported(offer: Offer, path: Path) -> ModuleType:
     """Execute a file, which may import others beside it."""
-    if not path.is_file():
-        raise UserError(f"{offer.word} file {path} does not exist; give {offer.form}")
     try:
+        if not path.is_file():
+            raise UserError(f"{offer.word} file {shown(path)} does not exist; give {offer.form}")
         check_file(path, LARGEST_FILE)
     except OSError as error:
         raise UserError(
-            f"{offer.word} file {path} cannot be read ({error.strerror or error}); give {offer.form}"
+            f"{offer.word} file {shown(path)} cannot be read ({error.strerror or error}); give {offer.form}"
         ) from None
     path = path.resolve()
     name = f"iswarm_strategy_{path.stem}"

@@ -107,7 +107,7 @@ def rollout(
     check_kind("poses_of", poses_of, (list, tuple, range))
     check("every", every, "a whole number between 1 and 10000", is_whole(every) and 1 <= every <= 10_000)
     every, n_worlds = int(every), len(keys)
-    known = all(isinstance(world, int) and world in range(n_worlds) for world in poses_of)
+    known = all(is_whole(world) and world in range(n_worlds) for world in poses_of)
     known = known and len(set(poses_of)) == len(poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
     recorded = tuple(poses_of) or (() if record is None else (0,))

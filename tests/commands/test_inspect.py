@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import re
 import shlex
 import shutil
@@ -125,3 +126,16 @@ def test_a_run_that_was_read_can_be_recorded_again(run):
     n_steps, size, milliseconds = tool.cost(run)
     assert n_steps == 13 and milliseconds > 0
     assert (run / "clean.rrd").stat().st_size / 3 < n_steps * size < (run / "clean.rrd").stat().st_size
+
+
+@pytest.mark.parametrize("faults", [3, {"a": 1}, "x"])
+def test_faults_that_are_no_list(run, tmp_path, faults):
+    content = json.loads((run / "result.json").read_text())
+    (tmp_path / "result.json").write_text(json.dumps({**content, "faults": faults}))
+    assert "its faults cannot be read: result.json is of another version" in inspection(tmp_path)
+
+
+def test_a_pipe_is_no_result(tmp_path):
+    os.mkfifo(tmp_path / "result.json")
+    with pytest.raises(UserError, match="holds no results"):
+        inspection(tmp_path)

@@ -168,6 +168,21 @@ class TestMistakes:
         line = changed("    def picks(self, memory):", "    def picks(self, memory)")
         assert re.search(rf"SyntaxError: .*walk\.py, line {line}: `def picks\(self, memory\)`", self.wrong(capfd))
 
+    @pytest.mark.parametrize("line", ["class Walk:", '        return {"turned": jnp.zeros(n_robots)}'])
+    def test_exits(self, capfd, line):
+        """Where it is imported, and in a method."""
+        indent = line[: -len(line.lstrip())]
+        changed(line, f"{line}\n    exit(0)" if not indent else f"{indent}raise SystemExit(0)")
+        assert "raised SystemExit: 0 (" in self.wrong(capfd)
+
+    def test_names_that_are_too_long(self, capfd):
+        error = self.wrong(capfd, f"{'a' * 300}.py:Walk")
+        assert re.search(r"strategy file a{100}\.\.\. cannot be read \(File name too long\)", error)
+
+    def test_an_object_that_cannot_be_made(self, capfd):
+        changed("@dataclass\nclass Walk:", "class Walk:\n    def __init__(self):\n        self.a = 1 / 0\n")
+        assert re.search(r"raised ZeroDivisionError: .*walk\.py, line \d+: `self.a = 1 / 0`", self.wrong(capfd))
+
     def test_imports(self, capfd):
         changed("import jax\n", "import nonesuch\n")
         assert "ModuleNotFoundError: No module named 'nonesuch'" in self.wrong(capfd)

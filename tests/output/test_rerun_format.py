@@ -64,6 +64,28 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
     assert forgotten == []
 
 
+def test_a_name_that_no_file_can_have(unregistered):
+    recording = object.__new__(Recording)
+    recording._path, recording._stream = "a\0b", object()
+    with pytest.raises(UserError, match=r"cannot be written \(embedded null byte\)"):
+        recording._open()
+
+
+def test_a_recording_without_its_end_is_told(tmp_path, unregistered):
+    """As on a disk that is full only then, which Rerun logs and nothing else."""
+
+    class Stream:
+        def disconnect(self):
+            pass
+
+    for name in ("cut.rrd", "empty.rrd"):
+        (tmp_path / name).write_bytes(b"RRF2 and so on" if name == "cut.rrd" else b"")
+        told = pytest.raises(UserError, match=r"could not be written to its end \(No space left")
+        with told, rerun_format.written(name, Stream()):
+            rerun_format.close(Stream(), tmp_path / name)
+    rerun_format.close(Stream(), "/dev/null")  # has none
+
+
 @pytest.mark.parametrize("lengths", [2, np.array([3, 0, 1, 2])])
 def test_columns_are_those_of_rerun(lengths):
     n = 4 * lengths if isinstance(lengths, int) else lengths.sum()

@@ -170,3 +170,9 @@ class TestWhatDoesNotFit:
         for world in (-1, 1):
             with pytest.raises(IndexError, match="between 0 and 0"):
                 run.measures(world)
+
+
+@pytest.mark.parametrize("key", [3, jax.random.split(jax.random.key(0), 2), np.zeros(2, np.uint32)])
+def test_a_world_has_one_key(key):
+    with pytest.raises(UserError, match=r"^key must be one random key, as .*\(got "):
+        World(TYPE1, 5, key=key)

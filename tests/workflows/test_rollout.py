@@ -250,7 +250,9 @@ def test_keys_are_one_for_each_world(keys, words):
         rollout(TINY, Straight(jnp.float32(0.1)), keys, n_robots=2, steps=1)
 
 
-@pytest.mark.parametrize("more", [{"n_robots": 1000}, {"steps": 0}, {"every": 0}, {"poses_of": (3,)}])
+@pytest.mark.parametrize(
+    "more", [{"n_robots": 1000}, {"steps": 0}, {"every": 0}, {"poses_of": (3,)}, {"poses_of": (True,)}]
+)
 def test_numbers_that_do_not_fit(more):
     settings = {"n_robots": 2, "steps": 1} | more
     with pytest.raises(UserError, match=r"^[a-z_]+ must be .* \(got "):

@@ -34,7 +34,7 @@ def inspection(directory: Path) -> str:
         raise UserError(f"{directory} is no directory; give the --out of a command.")
     if _is_result(directory):
         return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
-    found = sorted({path.parent for name in _KNOWN for path in directory.glob(f"**/{name}")})
+    found = sorted({path.parent for name in _KNOWN for path in directory.glob(f"**/{name}") if path.is_file()})
     if not found:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
     return "\n\n".join(
@@ -80,6 +80,9 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
     except (KeyError, TypeError, ValueError, AttributeError):
         yield f"its measures cannot be read: {RESULT} is of another version"
     faults = content.get("faults") or []
+    if not isinstance(faults, list):
+        yield f"its faults cannot be read: {RESULT} is of another version"
+        faults = []
     yield from (f"fault: {fault}" for fault in faults[:_MAX_LISTED])
     if len(faults) > _MAX_LISTED:
         yield f"{len(faults) - _MAX_LISTED} more faults are in {RESULT}"
