@@ -110,6 +110,11 @@ class TestResume:
             with pytest.raises(UserError, match=message):
                 run_search(search, tmp_path, resume=resume)
             assert contents(tmp_path) == before
+        whole = (tmp_path / CHECKPOINT).read_bytes()
+        for left in (whole[:20], b""):  # which would begin anew, over the table
+            (tmp_path / CHECKPOINT).write_bytes(left)
+            with pytest.raises(UserError, match="this one lacks its checkpoint"):
+                run_search(SEARCH, tmp_path, resume=True)
         (tmp_path / CHECKPOINT).unlink()
         with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.jsonl$"):
             run_search(SEARCH, tmp_path, resume=True)

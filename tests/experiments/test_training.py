@@ -141,6 +141,9 @@ class TestResume:
             trained(tmp_path, replace(TRAINING, seed=4), resume=True)
         with pytest.raises(UserError, match="different settings"):
             train(TRAINING, Three(jnp.zeros(3)), tmp_path, MujocoSettings(1), task=CLEANING, resume=True)
+        (tmp_path / CHECKPOINT).write_bytes(b"")
+        with pytest.raises(UserError, match="this one lacks its checkpoint"):
+            trained(tmp_path, resume=True)
         (tmp_path / CHECKPOINT).unlink()
         with pytest.raises(UserError, match="this one lacks its checkpoint"):
             trained(tmp_path)

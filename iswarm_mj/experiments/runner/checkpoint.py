@@ -20,8 +20,18 @@ from iswarm_mj.utils.versions import versions
 Key = tuple[int, ...]
 LARGEST_FILE = 2**32
 """Size up to which a journal is read [bytes]."""
+LARGEST_HEAD = 2**24
+"""Size up to which its first line is looked for [bytes]."""
 
 _LEFT_OUT = "the default"  # of a setting that a file omits, see `serialization.to_dict`
+
+
+def is_begun(path: Path) -> bool:
+    """Whether a file holds at least the first line of a journal; what is no file `Journal` refuses."""
+    if not path.is_file():
+        return path.exists()
+    with path.open("rb") as file:
+        return b"\n" in file.read(LARGEST_HEAD)
 
 
 class Journal:

@@ -12,7 +12,7 @@ import numpy as np
 from iswarm_mj.experiments.analysis.evolution_best import Best, best_of, by_replicate
 from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.replicates import Replicates, entry_of, forget_partial, is_entry
 from iswarm_mj.experiments.runner.resumable import run_missing
@@ -206,8 +206,7 @@ def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) 
 
 def _check_out(out: Path, resume: bool) -> None:
     """Raise a UserError if `out` contains results that would be overwritten."""
-    if (out / CHECKPOINT).exists():
-        if not resume:
-            raise ConfigError("out", out, "a directory without a search", "continue the search with `resume`")
-    elif (out / TABLE).exists():
+    if (out / CHECKPOINT).exists() and not resume:
+        raise ConfigError("out", out, "a directory without a search", "continue the search with `resume`")
+    if (out / TABLE).exists() and not is_begun(out / CHECKPOINT):
         raise ConfigError("out", out, "a directory without a search", f"this one lacks its {CHECKPOINT}")

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.experiments.analysis.learning_figure import draw_learning
-from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 from iswarm_mj.simulation.settings import EngineSettings
 from iswarm_mj.simulation.strategies import stated
@@ -203,9 +203,8 @@ def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) 
     if again:
         for name in (WEIGHTS, CURVE, CHECKPOINT):
             remove(out / name)
-    if (out / CHECKPOINT).exists():
-        if not resume:
-            raise ConfigError("out", out, "a directory without a training", "continue the training with `resume`")
-    elif (out / CURVE).exists():
+    if (out / CHECKPOINT).exists() and not resume:
+        raise ConfigError("out", out, "a directory without a training", "continue the training with `resume`")
+    if (out / CURVE).exists() and not is_begun(out / CHECKPOINT):
         raise ConfigError("out", out, "a directory without a training", f"this one lacks its {CHECKPOINT}")
     return Journal(out / CHECKPOINT, settings, _is_entry)
