@@ -21,11 +21,14 @@ class ArenaConfig:
     size: Annotated[float, Within(10, 150, "rd")] = 49.0
     """Edge of the square arena (Table 1) [rd]."""
     dump_size: Annotated[float, Within(1, 75, "rd")] = 5.0
-    """Edge of the square dump at the centre [rd]."""
+    """Edge of the square dump at the centre [rd]. Section 4.2: "in the centre of the arena", without a size; Figs. 12
+    and 16 show it without a scale, and no value tried is supported (docs/readings.md)."""
     dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
-    """Edge of each of the two square dust areas [rd]."""
+    """Edge of each of the two square dust areas [rd]. Section 4.2: "two areas contain dust particles";
+    as for the dump."""
     dust_area_offset: Annotated[float, Within(0, 75, "rd")] = 12.0
-    """Distance of the dust areas' centres from the arena's centre, along the x axis [rd]: see docs/readings.md."""
+    """Distance of the dust areas' centres from the arena's centre, along the x axis [rd]. The paper
+    gives none; of those tried, 12 rd is supported (docs/readings.md)."""
     n_dust: Annotated[int, Within(1, 2500)] = 72
     """Number of dust particles (Table 1), half of them in each area."""
     ball_radius_min: Annotated[float, Within(1e-6, 1e-4, "m")] = 15e-6
@@ -71,9 +74,11 @@ class DriveConfig:
     walk_substeps: Annotated[int, Within(1, 100)] = 6
     """Number of physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
-    """Largest turn in one control step [deg]."""
+    """Largest turn in one control step [deg]. The paper does not say, and neither value tried is supported
+    (docs/readings.md)."""
     error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of the turn in a control step about the commanded one, where the robot moves [deg]."""
+    """Standard deviation of the turn in a control step about the commanded one, where the robot moves [deg]. The paper
+    does not say; section 4.2 has "noise in communication" only."""
     error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
     """Relative standard deviation of the distance walked in a control step; no step is longer than `step_length`."""
 
@@ -195,7 +200,8 @@ class GripperConfig:
     spread_object_substrate: Annotated[float, Within(0, 2)] = 0.16
     """Coefficient of variation of `work_object_substrate` over the balls (log-normal)."""
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
-    """Probability per step that a carried ball falls."""
+    """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
+    without a rate; docs/readings.md says why it is 0 although more is supported."""
     resolution: Literal["quasi-static", "dynamic"] = added_later("quasi-static")
     """What decides about attempts to lift and release: the balance of the forces, or a trial on the bench."""
     bench: Literal["auto", "c", "mjx"] = added_later("auto")
@@ -240,9 +246,10 @@ class StrategyConfig:
     the ball in a crowd."""
     blocked: Literal["pushes", "waits"] = added_later("pushes")
     """What a robot does that hears another at most 1 rd ahead: it walks on, and pushes, or it turns only. The paper
-    does not say."""
+    does not say, and neither is supported (docs/readings.md)."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
-    """Largest turn of a random move, to either side [deg]."""
+    """Largest turn of a random move, to either side [deg]. Section 4.1: "microrobots walk often randomly", without an
+    angle; no value tried is supported above the others (docs/readings.md)."""
     scouts_pick: bool = False
     """Scouts pick up dust as well."""
     avoidance_gain: Annotated[float, Within(0, 100)] = 8.0
@@ -256,7 +263,8 @@ class StrategyConfig:
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
     odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of what a robot believes that it turned in a control step, about the command [deg]."""
+    """Standard deviation of what a robot believes that it turned in a control step, about the command [deg]. The paper
+    does not say; section 4.2 has "noise in communication" only."""
     odometry_error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
     """Relative standard deviation of the distance that a robot believes that it walked, likewise."""
     update_order: Literal["synchronous", "sequential"] = added_later("synchronous")

@@ -9,7 +9,7 @@ from PIL import Image
 
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
-from iswarm_mj.experiments.analysis.support import Combination, accepted, support
+from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, support
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
@@ -149,6 +149,12 @@ class TestSupport:
         for shares in (support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()):
             assert sum(share.estimate for share in shares.values()) == pytest.approx(1.0)
 
+    def test_chances_are_corrected_for_the_number_of_factors(self):
+        """Of 200, the ten that hold have the first label of `a`, and the labels of `b` by halves."""
+        sample = [Combination(None, {"a": str(k % 2), "b": str(k // 2 % 2)}, [k % 2 == 0], k / 200) for k in range(200)]
+        found = chances(sample, accepted(sample), {"a": ["0", "1", "2"], "b": ["0", "1"]})
+        assert found["a"] == pytest.approx((2 / 2**10, 4 / 2**10)) and found["b"] == pytest.approx((1, 1))
+
     def test_the_times_decide_between_equals(self):
         sample = [Combination(None, {"a": str(k)}, [True, k % 2 == 0], abs(k - 10) / 10) for k in range(40)]
         assert [c.labels["a"] for c in accepted(sample)] == ["10", "8"] or accepted(sample)[0].labels["a"] == "10"
@@ -160,7 +166,8 @@ class TestSupport:
         total = len(STATEMENTS)
         assert f"at most {total} of {total}, by 20" in first.ours
         assert f"paper {total} of {total}; initial 2 of {total}" in first.ours
-        assert "front: 100.0 %" in next(f for f in others if "avoidance sides" in f.claim).ours
+        sides = next(f for f in others if "avoidance sides" in f.claim)
+        assert "front: 100.0 %" in sides.ours and "p = 0.5, 1 by Holm for 17 readings" in sides.statistics
         (picture,) = draw(rows, tmp_path)
         assert picture.stat().st_size > 20_000
 

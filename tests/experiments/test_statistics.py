@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from iswarm_mj.experiments.analysis import statistics
 from iswarm_mj.experiments.analysis.statistics import (
     compare,
     correlation,
     difference,
+    even,
     holm,
     interval,
     lowest,
@@ -155,3 +157,20 @@ def test_holm_by_hand():
     """0.01 x 3, then 0.02 x 2, then the larger of 0.03 and what came before."""
     assert holm([0.03, 0.01, 0.02]) == pytest.approx([0.04, 0.03, 0.04])
     assert holm([]) == [] and holm([0.9, 0.8]) == [1.0, 1.0]
+
+
+class TestEven:
+    def test_of_two_classes_it_is_the_binomial_test(self):
+        for count in (3, 6, 13, 20):
+            assert even([count, 26 - count], [0.5, 0.5]) == pytest.approx(stats.binomtest(count, 26).pvalue)
+        assert even([5, 5], [0.3, 0.7]) == pytest.approx(stats.binomtest(5, 10, 0.3).pvalue)
+
+    def test_three_classes_by_hand(self):
+        """Of the 27 equally probable ways of three draws from three classes 3 are of one class, and 6 of all three."""
+        thirds = [1 / 3] * 3
+        assert even([3, 0, 0], thirds) == pytest.approx(3 / 27)
+        assert even([2, 1, 0], thirds) == pytest.approx(21 / 27)
+        assert even([1, 1, 1], thirds) == pytest.approx(1)
+
+    def test_one_class_tells_nothing(self):
+        assert even([7], [1.0]) == pytest.approx(1)

@@ -14,7 +14,8 @@ ALPHA = 0.01
 PREDICTED, FITTED, CONSTRUCTED = "predicted", "fitted", "by construction"
 SLIP, NOT_COMPARABLE = "the paper's slip", "not comparable"
 KINDS = {
-    PREDICTED: "follows from the model's rules; no value was set with the statement in view",
+    PREDICTED: "follows from the model's rules; no value was set with the statement alone in view (the default's "
+    "distance of the dust was chosen by Figs. 15 and 17 and Table 2 together)",
     FITTED: "a value was set so that it holds, or was selected by the measure that it is about",
     CONSTRUCTED: "put in, or algebra: it could not have come out otherwise",
     SLIP: "on the paper's own arithmetic, or on an equation of it outside of the range for which it is stated",

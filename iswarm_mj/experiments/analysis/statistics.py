@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import combinations, pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -97,6 +98,26 @@ def share(count: int, total: int, method: Literal["wilson", "exact"] = "wilson")
     """Share of a total with Wilson's interval, or with Clopper and Pearson's, never too narrow for few runs."""
     ends = stats.binomtest(count, total).proportion_ci(LEVEL, method=method)
     return Interval(count / total, float(ends.low), float(ends.high))
+
+
+def even(counts: Sequence[int], shares: Sequence[float]) -> float:
+    """P-value of the exact multinomial test that counts come of these shares; of two, the binomial test's.
+
+    It is the probability of all counts of the same total that are no more probable than these; their number grows with
+    the total to the power of one less than there are, so that this is for few.
+
+    Args:
+        counts: of each class, together at least one.
+        shares: their probabilities, which sum to one.
+    """
+    total = sum(counts)
+    ways = [
+        [*(b - a - 1 for a, b in pairwise((-1, *bars, total + len(counts) - 1)))]
+        for bars in combinations(range(total + len(counts) - 1), len(counts) - 1)
+    ]
+    chances = stats.multinomial.pmf(ways, total, shares)
+    mine = stats.multinomial.pmf(list(counts), total, shares)
+    return min(1.0, float(chances[chances <= mine * (1 + 1e-7)].sum()))
 
 
 def correlation(x: Values, y: Values) -> Interval:

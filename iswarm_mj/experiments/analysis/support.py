@@ -8,7 +8,7 @@ statements hold. Source: Pritchard et al. (1999), Mol. Biol. Evol. 16, 1791.
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from iswarm_mj.experiments.analysis.statistics import Interval, share
+from iswarm_mj.experiments.analysis.statistics import Interval, even, holm, share
 
 ACCEPTED = 0.05
 """Share of the combinations that is accepted."""
@@ -46,3 +46,17 @@ def support(
     """
     tried = {c.labels[factor] for c in sample}
     return {label: share(sum(c.labels[factor] == label for c in kept), len(kept)) for label in labels if label in tried}
+
+
+def chances(
+    sample: Sequence[Combination], kept: Sequence[Combination], factors: Mapping[str, Sequence[str]]
+) -> dict[str, tuple[float, float]]:
+    """P-value by factor that those accepted are drawn from the sample whatever their label, and the same by Holm."""
+    raw = []
+    for factor, labels in factors.items():
+        tried, taken = ([sum(c.labels[factor] == label for c in group) for label in labels] for group in (sample, kept))
+        there = [
+            (taken_one, tried_one / len(sample)) for taken_one, tried_one in zip(taken, tried, strict=True) if tried_one
+        ]
+        raw.append(even(*zip(*there, strict=True)))
+    return dict(zip(factors, zip(raw, holm(raw), strict=True), strict=True))

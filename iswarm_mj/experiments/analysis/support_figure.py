@@ -36,7 +36,7 @@ def draw_support(
     named = [c for c in every if c.reading is not None]
     caption = (
         f"n = {len(sample)} combinations; the {len(accepted(sample))} that reproduce most statements are accepted.\n"
-        "Intervals: Wilson's, at 95 %."
+        "Intervals: Wilson's, at 95 %, not corrected for the number of choices."
     )
     with figure(path, columns=3, size=(4.6, max(4.0, 0.17 * n_lines)), caption=caption) as (left, middle, right):
         _draw_counts(left, sample, named)

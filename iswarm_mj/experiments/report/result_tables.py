@@ -20,7 +20,7 @@ from iswarm_mj.experiments.analysis.measures import (
 )
 from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
-from iswarm_mj.experiments.analysis.support import accepted, support
+from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, support
 from iswarm_mj.experiments.report.markdown import text
 from iswarm_mj.experiments.studies import infer, resolved_grasps, robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
@@ -187,9 +187,16 @@ def evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> str:
 
 
 def _infer(rows: Rows) -> str:
-    """Support of each reading by the combinations that miss the fewest of the paper's statements."""
-    sample = [one for one in infer.combinations_of(rows) if one.reading is None]
+    """What combinations reproduce, and the support of each reading by those that miss the fewest statements."""
+    every = infer.combinations_of(rows)
+    sample = [one for one in every if one.reading is None]
     kept = accepted(sample)
+    runs = select(rows, study=infer.TYPES)
+    counted = [_reproduced(f"all {len(sample)}", sample, select(runs, reading=None))]
+    for one in every:
+        if one.reading is not None:
+            counted.append(_reproduced(f"reading `{one.reading}`", [one], select(runs, reading=one.reading)))
+    by_factor = chances(sample, kept, {name: list(levels) for name, levels in infer.FACTORS.items()})
     lines = []
     for name, levels in infer.FACTORS.items():
         shares = support(sample, kept, name, list(levels))
@@ -197,9 +204,24 @@ def _infer(rows: Rows) -> str:
             f"{label}: {100 * s.estimate:.0f} ({100 * s.low:.0f} to {100 * s.high:.0f}) %"
             for label, s in shares.items()
         ]
-        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told)])
+        p = [number(value, 2) for value in by_factor[name]]
+        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told), *p])
     head = ["reading", "share without support", f"share of the {len(kept)} accepted of {len(sample)} (95 % interval)"]
-    return markdown(head, lines)
+    first = ["combinations", f"statements reproduced, of {len(sample[0].answers)}"]
+    first += [f"runs of {name} that deliver all: median time [steps]" for name in PAPER_TIME]
+    return markdown(first, counted) + "\n\n" + markdown([*head, "p", "p by Holm"], lines)
+
+
+def _reproduced(label: str, group: Sequence[Combination], runs: Rows) -> list[object]:
+    """How many statements combinations reproduce, and how long both types take with them."""
+    counts = [sum(one.answers) for one in group]
+    most = max(counts)
+    told = [f"{np.median(counts):g}; at most {most}, by {counts.count(most)}" if len(group) > 1 else most]
+    for name in PAPER_TIME:
+        mine = select(runs, setting=name)
+        times = [row["finished_at"] for row in mine if row["finished_at"] is not None]
+        told.append(f"{len(times)} of {len(mine)}" + (f": {number(float(np.median(times)))}" if times else ""))
+    return [label, *told]
 
 
 TABLES: dict[str, Callable[[Rows], str]] = {

@@ -14,7 +14,7 @@ from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, percent
 from iswarm_mj.experiments.analysis.paper import STEPS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
-from iswarm_mj.experiments.analysis.support import ACCEPTED, Combination, accepted, support
+from iswarm_mj.experiments.analysis.support import ACCEPTED, Combination, accepted, chances, support
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
@@ -155,12 +155,15 @@ def findings(rows: Rows) -> list[Finding]:
     )
     ours = f"at most {most} of {total}, by {counts.count(most)}; median {number(float(np.median(counts)))}; {said}"
     listed = [best.found(ours, rule, "")]
+    by_factor = chances(sample, kept, {name: list(levels) for name, levels in FACTORS.items()})
     for name, levels in FACTORS.items():
         shares = support(sample, kept, name, list(levels))
         text = "; ".join(f"{label}: {percent(share)}" for label, share in shares.items())
         claim = Claim(f"Support of {name.replace('_', ' ')}", "not in the paper", "not stated", NOT_COMPARABLE)
+        p, adjusted = by_factor[name]
         prior = (
-            f"share of the accepted combinations, of which {number(100 / len(levels))} % without any support; Wilson"
+            f"share of the accepted combinations, of which {number(100 / len(levels))} % without any support; Wilson; "
+            f"exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings"
         )
         listed.append(claim.found(text, prior, ""))
     return listed
