@@ -17,7 +17,7 @@ from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.simulation.decide import alike
 from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import UserError, shown
 
 
 class Env(ABC):
@@ -60,7 +60,15 @@ class Env(ABC):
         return self.core.config.drive.control_period
 
     def named(self, obs: Any) -> dict[str, Any]:
-        """Return observations (..., D) by the names of `observations`."""
+        """Return observations (..., D) by the names of `observations`.
+
+        Raises:
+            UserError: these are none of this environment.
+        """
+        if getattr(obs, "shape", ())[-1:] != (self.observation_size,):
+            raise UserError(
+                f"obs must be an array (..., {self.observation_size}) (got {shown(obs)}); give the `obs` of a state."
+            )
         return observations.split(self.observations, obs)
 
     @abstractmethod
@@ -101,7 +109,8 @@ class Env(ABC):
 
     def _check(self, state: Any) -> None:
         """Refuse what is no state of this environment."""
-        if not isinstance(state, State) or not isinstance(state.data, Episode):
+        is_one = isinstance(state, State) and isinstance(state.data, Episode)
+        if not is_one or any(part is None for part in (*state, state.data.world)):
             raise UserError(f"step needs a state that reset or step returned (got a {type(state).__name__})")
         shape = *self._axes, self.n_robots, self.observation_size
         if state.obs.shape != shape or not isinstance(state.data.world.bodies, self._bodies):

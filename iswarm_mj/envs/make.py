@@ -27,6 +27,7 @@ from iswarm_mj.simulation.start import compiled_engine, devices_of, host_engine
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of
 from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -139,7 +140,9 @@ def _task(given: Any) -> Any:
     """A task by its name, or as it was given."""
     if isinstance(given, str):
         given = CLEANING if given == "cleaning" else find_task(given)
-        given = given() if isinstance(given, type) else given
+        if isinstance(given, type):
+            with explained(given.__name__):
+                given = given()
     check_object(given)
     return given
 

@@ -30,8 +30,8 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 from iswarm_mj.tasks.protocol import Task, Things
 from iswarm_mj.tasks.signatures import check_object
-from iswarm_mj.utils.constraints import check, check_kind
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.constraints import check, check_kind, is_whole
+from iswarm_mj.utils.errors import SimulationFault, UserError, shown
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import mm_from_rd
@@ -252,8 +252,8 @@ class Run:
         Raises:
             IndexError: there is no such world.
         """
-        if not 0 <= world < len(self.worlds):
-            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {world})")
+        if not (is_whole(world) and 0 <= world < len(self.worlds)):
+            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
         return measure(self._things.balls, world, int(counts.collisions[world]), finished_at)

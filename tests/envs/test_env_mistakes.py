@@ -82,9 +82,21 @@ class TestMistakes:
         for engine, given in [(env, other), (compiled, env)]:
             with pytest.raises(UserError, match=words):
                 engine.step(given.reset(KEYS[:1]), action)
-        for nothing in (None, env.reset(KEYS[:1]).obs, env.reset(KEYS[:1])._replace(data=None)):
+        state = env.reset(KEYS[:1])
+        lacking = [state._replace(**{name: None}) for name in ("data", "obs", "done")]
+        for nothing in (None, state.obs, *lacking, state._replace(data=state.data._replace(world=None))):
             with pytest.raises(UserError, match="step needs a state that reset or step returned"):
                 env.step(nothing, action)
+
+    @pytest.mark.parametrize("obs", [None, 3.0, np.zeros((3, 1))])
+    def test_observations_without_names(self, obs):
+        with pytest.raises(UserError, match=r"obs must be an array \(\.\.\., \d+\) .*; give the `obs` of a state"):
+            self.ENV().named(obs)
+
+    def test_a_task_that_cannot_be_made(self, tmp_path):
+        (tmp_path / "tasks_of_mine.py").write_text("class Mine:\n    def __init__(self):\n        raise KeyError(3)\n")
+        with pytest.raises(UserError, match=r"Mine.* raised KeyError: 3 .*line 3"):
+            self.ENV(task=f"{tmp_path}/tasks_of_mine.py:Mine")
 
     def test_engines_of_the_host_inside_programs(self):
         env, action = self.ENV(), np.zeros((1, 3, 2), np.float32)

@@ -266,6 +266,12 @@ def test_nobody_lives_and_nothing_happens(small):
     np.testing.assert_allclose(poses[0], run.starts[0].poses, atol=1e-9)
 
 
+@pytest.mark.parametrize("world", ["a", True, 0.0, None, 1, -1])
+def test_measures_of_no_world_are_refused(small, world):
+    with pytest.raises(IndexError, match=r"world must be between 0 and 0 \(got "):
+        run_of(small, steps=1).measures(world)
+
+
 def test_a_share_of_failed_robots_beyond_one_is_refused():
     with pytest.raises(UserError, match=r"failed_fraction must be between 0 and 1 \(got 1\.5\)"):
         RunSettings(n_robots=4, steps=1, failed_fraction=1.5)
