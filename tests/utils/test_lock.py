@@ -48,11 +48,12 @@ def test_a_signal_that_python_does_not_notice_leaves_no_file(tmp_path):
     """A thread ends the process, whose main thread is in a call that comes back late."""
     code = f"""
 import hashlib
+import threading
 from pathlib import Path
 from iswarm_mj.utils.interruption import interruptible
 from iswarm_mj.utils.lock import locked
 with interruptible(), locked(Path({str(tmp_path)!r})):
-    print("has it", flush=True)
+    threading.Timer(2.0, print, ["has it"], {{"flush": True}}).start()  # when the call below has begun
     hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
 """
     with heeded(), subprocess.Popen([sys.executable, "-c", code], stdout=-1, text=True) as process:
