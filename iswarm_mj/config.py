@@ -21,14 +21,11 @@ class ArenaConfig:
     size: Annotated[float, Within(10, 150, "rd")] = 49.0
     """Edge of the square arena (Table 1) [rd]."""
     dump_size: Annotated[float, Within(1, 75, "rd")] = 5.0
-    """Edge of the square dump at the centre [rd]. Section 4.2: "in the centre of the arena", without a size; Figs. 12
-    and 16 show it without a scale, and no value tried is supported (docs/readings.md)."""
+    """Edge of the square dump [rd], "in the centre of the arena" (section 4.2); no size is given or supported."""
     dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
-    """Edge of each of the two square dust areas [rd]. Section 4.2: "two areas contain dust particles";
-    as for the dump."""
+    """Edge of each of the two square dust areas [rd]. Section 4.2: "Two areas contain dust particles"."""
     dust_area_offset: Annotated[float, Within(0, 75, "rd")] = 12.0
-    """Distance of the dust areas' centres from the arena's centre, along the x axis [rd]. The paper
-    gives none; of those tried, 12 rd is supported (docs/readings.md)."""
+    """Distance of the dust areas' centres from the dump's [rd]. Not given; 12 rd is supported (docs/readings.md)."""
     n_dust: Annotated[int, Within(1, 2500)] = 72
     """Number of dust particles (Table 1), half of them in each area."""
     ball_radius_min: Annotated[float, Within(1e-6, 1e-4, "m")] = 15e-6
@@ -74,11 +71,9 @@ class DriveConfig:
     walk_substeps: Annotated[int, Within(1, 100)] = 6
     """Number of physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
-    """Largest turn in one control step [deg]. The paper does not say, and neither value tried is supported
-    (docs/readings.md)."""
+    """Largest turn in one control step [deg]. The paper does not say; no value is supported (docs/readings.md)."""
     error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of the turn in a control step about the commanded one, where the robot moves [deg]. The paper
-    does not say; section 4.2 has "noise in communication" only."""
+    """Standard deviation of the turn about the commanded one, where the robot moves [deg]. The paper does not say."""
     error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
     """Relative standard deviation of the distance walked in a control step; no step is longer than `step_length`."""
 
@@ -242,14 +237,12 @@ class StrategyConfig:
     scaled with their own, shorter distance to keep, which makes it higher only near contact. Section 4.1: they "have
     higher repellent forces"."""
     avoids_at_dust: bool = added_later(False)
-    """A robot that approaches a ball avoids others meanwhile. The paper does not say; a robot that does seldom gets to
-    the ball in a crowd."""
+    """A robot that approaches a ball avoids others meanwhile. The paper does not say; crowds keep such robots off."""
     blocked: Literal["pushes", "waits"] = added_later("pushes")
     """What a robot does that hears another at most 1 rd ahead: it walks on, and pushes, or it turns only. The paper
-    does not say, and neither is supported (docs/readings.md)."""
+    does not say; neither is supported (docs/readings.md)."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
-    """Largest turn of a random move, to either side [deg]. Section 4.1: "microrobots walk often randomly", without an
-    angle; no value tried is supported above the others (docs/readings.md)."""
+    """Largest turn of a random move, to either side [deg]. Section 4.1: "walk often randomly"; none is supported."""
     scouts_pick: bool = False
     """Scouts pick up dust as well."""
     avoidance_gain: Annotated[float, Within(0, 100)] = 8.0
@@ -263,8 +256,7 @@ class StrategyConfig:
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
     odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of what a robot believes that it turned in a control step, about the command [deg]. The paper
-    does not say; section 4.2 has "noise in communication" only."""
+    """Standard deviation of what a robot believes that it turned, about the command [deg]. The paper does not say."""
     odometry_error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
     """Relative standard deviation of the distance that a robot believes that it walked, likewise."""
     update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
