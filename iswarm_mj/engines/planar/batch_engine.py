@@ -28,9 +28,6 @@ from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD
 
-TOLERANCE = 2e-5
-"""Largest change of a velocity in the last sweep of the contact solver [mm/s]: in jams, robots end a control step
-within 0.0001 mm of where more sweeps put them. 32-bit floats reach a fifth of it."""
 ROBOTS_PER_WARP = 140
 """In a world, for each 32 threads of its block."""
 
@@ -170,10 +167,9 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> Planar
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
-    plane = read_plane(arena)._replace(tolerance=TOLERANCE)
     boxes = tuple(map(tuple, numbers(config.arena.obstacles, RD).tolist()))
     light = read_light(arena.robot, config.optics)
-    return PlanarBatchEngine(plane, light, arena.robot, platform != "cpu", boxes)
+    return PlanarBatchEngine(read_plane(arena), light, arena.robot, platform != "cpu", boxes)
 
 
 def _numbers(parameters: tuple) -> Float[Array, "P"]:

@@ -10,6 +10,7 @@ from helpers_planar import crowd, moved, placed
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
 
@@ -201,6 +202,18 @@ class TestFaults:
         motion = moved(engine, bodies, [0.5, 0, 0])
         assert motion.fault.tolist() == [0, FaultKind.SOLVER_FAILED]
         np.testing.assert_array_equal(motion.bodies.poses[1], heap)
+
+    def test_sweeps_end_within_their_tolerance(self, small):
+        """Where all robots walk to the middle, more sweeps put them elsewhere by less than the stated 0.0001 mm."""
+        inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
+        near, exact = engine_of(small), engine_of(small, tolerance=1e-10)
+        poses = place_robots(small.arena, 60, np.random.default_rng(3))[None]
+        for _ in range(20):
+            poses = near.move(placed(near, poses), [inward], np.ones(1, bool)).bodies.poses
+        here, there = (
+            engine.move(placed(engine, poses), [inward], np.ones(1, bool)).bodies.poses for engine in (near, exact)
+        )
+        assert 0 < np.abs(here - there).max() < 1e-4
 
 
 class TestManyWorlds:
