@@ -9,12 +9,22 @@ from PIL import Image
 
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
-from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, support
+from iswarm_mj.experiments.analysis.statistics import Interval
+from iswarm_mj.experiments.analysis.support import (
+    Combination,
+    accepted,
+    chances,
+    counts_alone,
+    gives_way,
+    support,
+)
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.experiments.studies.infer import (
+    ALONE,
+    DEFAULTS,
     DENSITIES,
     FACTORS,
     NAMED_REPEATS,
@@ -75,7 +85,7 @@ class TestDesign:
         listed = entries(N, 2, Plan())
         sampled = [e for e in listed if e.labels["reading"] is None]
         assert len(sampled) == N * 2 * len(SETTINGS) == N * 2 * (2 + len(DENSITIES) + 2)
-        assert len(listed) - len(sampled) == len(READINGS) * NAMED_REPEATS * len(SETTINGS)
+        assert len(listed) - len(sampled) == (len(READINGS) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
         for entry in sampled[:24]:
             config = SwarmConfig()
             for name in FACTORS:
@@ -93,7 +103,22 @@ class TestDesign:
     def test_the_named_readings_are_run_as_they_are(self):
         listed = entries(N, 1, Plan())
         for name, config in READINGS.items():
-            assert {e.job.config for e in listed if e.labels["reading"] == name} == {config}
+            mine = [e for e in listed if e.labels["reading"] == name and not any(e.labels[f] for f in FACTORS)]
+            assert {e.job.config for e in mine} == {config}
+
+    def test_the_paper_s_reading_is_run_with_each_other_value_alone(self):
+        """In the same layouts."""
+        runs = {}
+        for entry in entries(N, 1, Plan()):
+            if entry.labels["reading"] == "paper":
+                runs.setdefault(entry.labels["combination"], []).append(entry)
+        plain, *changed = [runs[place] for place in sorted(runs, reverse=True)]
+        assert len(changed) == len(ALONE) == sum(map(len, FACTORS.values())) - len(FACTORS)
+        assert len({one[0].job.config for one in changed} | {plain[0].job.config}) == len(ALONE) + 1
+        for one in changed:
+            assert [e.job.seed for e in one] == [e.job.seed for e in plain]
+            (told,) = [(name, one[0].labels[name]) for name in FACTORS if one[0].labels[name]]
+            assert one[0].job.config == varied(READINGS["paper"], FACTORS[told[0]][told[1]])
 
     @pytest.mark.parametrize(("numbers", "says"), [((19, 1), "combinations must be at least 20"), ((20, 0), "repeats")])
     def test_too_few_are_refused(self, numbers, says):
@@ -148,6 +173,23 @@ class TestSupport:
         assert sides["front"].estimate == 1.0 and sides["all"].estimate == 0.0
         for shares in (support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()):
             assert sum(share.estimate for share in shares.values()) == pytest.approx(1.0)
+
+    def test_a_default_gives_way_to_what_is_supported_and_does_no_worse_alone(self):
+        """Of the supported the one with the largest share, in thirds; without support or counts none."""
+        shares = {"a": Interval(0.1, 0.05, 0.2), "b": Interval(0.5, 0.4, 0.6), "c": Interval(0.6, 0.5, 0.7)}
+        assert gives_way("a", shares, {"a": 12, "b": 12, "c": 12}) == "c"
+        assert gives_way("a", shares, {"a": 12, "b": 12, "c": 11}) == "b"
+        assert gives_way("a", shares, {"a": 12, "b": 11, "c": 11}) is None
+        assert gives_way("c", shares, {"a": 12, "b": 11, "c": 12}) is None
+        assert gives_way("a", shares, {"a": 12}) is None
+
+    def test_counts_with_one_value_changed(self):
+        """Of runs as the paper reports them, but for those with drops."""
+        every = combinations_of(rows_where(lambda labels: labels["drops"] != "1 % a step"))
+        total = len(STATEMENTS)
+        assert counts_alone(every, "drops", DEFAULTS["drops"]) == {"none": total, "1 % a step": 2}
+        assert counts_alone(every, "blocked", DEFAULTS["blocked"]) == {"pushes": total, "waits": total}
+        assert sum(c.is_named for c in every) == len(READINGS)
 
     def test_chances_are_corrected_for_the_number_of_factors(self):
         """Of 200, the ten that hold have the first label of `a`, and the labels of `b` by halves."""

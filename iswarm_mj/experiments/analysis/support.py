@@ -19,12 +19,17 @@ class Combination(NamedTuple):
 
     reading: str | None
     """Name of a reading that is not part of the sample."""
-    labels: Mapping[str, str]
-    """By factors."""
+    labels: Mapping[str, str | None]
+    """By factors. A named reading has none; with one value changed, it has that one."""
     answers: Sequence[bool]
     """Which statements it reproduces."""
     time_error: float
     """Decides between combinations that reproduce equally many; the smaller, the better."""
+
+    @property
+    def is_named(self) -> bool:
+        """Whether it is a named reading as it is."""
+        return self.reading is not None and not any(self.labels.values())
 
 
 def accepted(sample: Sequence[Combination]) -> list[Combination]:
@@ -46,6 +51,31 @@ def support(
     """
     tried = {c.labels[factor] for c in sample}
     return {label: share(sum(c.labels[factor] == label for c in kept), len(kept)) for label in labels if label in tried}
+
+
+def counts_alone(every: Sequence[Combination], factor: str, default: str, reading: str = "paper") -> dict[str, int]:
+    """Statements that a named reading reproduces by labels of one factor, while all others stay, its default first."""
+    counts = {default: 0}
+    for one in every:
+        if one.reading == reading and (label := default if one.is_named else one.labels[factor]):
+            counts[label] = sum(one.answers)
+    return counts
+
+
+def gives_way(default: str, shares: Mapping[str, Interval], counts: Mapping[str, int]) -> str | None:
+    """Label to which a default gives way, if any: the one with the largest share of those that are supported.
+
+    Args:
+        default: its label.
+        shares: support of all labels; a label needs an interval above the share that all have without support.
+        counts: of statements by labels alone; a label needs as many as the default.
+    """
+    able = [
+        label
+        for label, share in shares.items()
+        if label != default and share.low > 1 / len(shares) and counts.get(label, -1) >= counts[default]
+    ]
+    return max(able, key=lambda label: shares[label].estimate, default=None)
 
 
 def chances(

@@ -20,7 +20,7 @@ from iswarm_mj.experiments.analysis.measures import (
 )
 from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
-from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, support
+from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, support
 from iswarm_mj.experiments.report.markdown import text
 from iswarm_mj.experiments.studies import infer, resolved_grasps, robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
@@ -194,8 +194,9 @@ def _infer(rows: Rows) -> str:
     runs = select(rows, study=infer.TYPES)
     counted = [_reproduced(f"all {len(sample)}", sample, select(runs, reading=None))]
     for one in every:
-        if one.reading is not None:
-            counted.append(_reproduced(f"reading `{one.reading}`", [one], select(runs, reading=one.reading)))
+        if one.is_named:
+            mine = [row for row in select(runs, reading=one.reading) if not any(row[name] for name in infer.FACTORS)]
+            counted.append(_reproduced(f"reading `{one.reading}`", [one], mine))
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in infer.FACTORS.items()})
     lines = []
     for name, levels in infer.FACTORS.items():
@@ -205,11 +206,14 @@ def _infer(rows: Rows) -> str:
             for label, s in shares.items()
         ]
         p = [number(value, 2) for value in by_factor[name]]
-        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told), *p])
+        alone = counts_alone(every, name, infer.DEFAULTS[name])
+        said = "; ".join(f"{label}: {n}" for label, n in alone.items())
+        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told), *p, said])
     head = ["reading", "share without support", f"share of the {len(kept)} accepted of {len(sample)} (95 % interval)"]
+    last = ["p", "p by Holm", "statements that `paper` reproduces with this value, the default first"]
     first = ["combinations", f"statements reproduced, of {len(sample[0].answers)}"]
     first += [f"runs of {name} that deliver all: median time [steps]" for name in PAPER_TIME]
-    return markdown(first, counted) + "\n\n" + markdown([*head, "p", "p by Holm"], lines)
+    return markdown(first, counted) + "\n\n" + markdown([*head, *last], lines)
 
 
 def _reproduced(label: str, group: Sequence[Combination], runs: Rows) -> list[object]:

@@ -14,7 +14,15 @@ from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, percent
 from iswarm_mj.experiments.analysis.paper import STEPS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
-from iswarm_mj.experiments.analysis.support import ACCEPTED, Combination, accepted, chances, support
+from iswarm_mj.experiments.analysis.support import (
+    ACCEPTED,
+    Combination,
+    accepted,
+    chances,
+    counts_alone,
+    gives_way,
+    support,
+)
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
@@ -24,9 +32,9 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.errors import ConfigError
 
-COMBINATIONS, REPEATS = 512, 1
-NAMED_REPEATS = 6
-"""Runs of each setting for the named readings."""
+COMBINATIONS, REPEATS = 512, 4
+NAMED_REPEATS = 12
+"""Runs of each setting for the named readings, and for the paper's with one value changed."""
 
 FACTORS: Mapping[str, Mapping[str, Values]] = {
     "avoidance_sides": {"front": {}, "all": {"strategy.avoidance_sides": "all"}},
@@ -59,6 +67,13 @@ FACTORS: Mapping[str, Mapping[str, Values]] = {
     "dump_size": {f"{size:g} rd": {"arena.dump_size": size} for size in (4.0, 5.0, 7.0)},
 }
 """Readings that are tried, by the names of their columns: labels, and the settings that they stand for."""
+DEFAULTS = {
+    name: next(label for label, settings in levels.items() if varied(SwarmConfig(), settings) == SwarmConfig())
+    for name, levels in FACTORS.items()
+}
+"""Label of the default."""
+ALONE = [(name, label) for name, levels in FACTORS.items() for label in levels if label != DEFAULTS[name]]
+"""Values that the paper's reading is run with, one at a time."""
 
 
 class Setting(NamedTuple):
@@ -97,29 +112,40 @@ def design(n: int, seed: int) -> list[dict[str, str]]:
 
 
 def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
-    """Runs of all combinations, and of the named readings, which are not part of the sample."""
+    """Runs of all combinations; and of the named readings, and of the paper's with one value changed, which are not
+    part of the sample and have negative numbers."""
     n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
     listed = []
     for place, name in enumerate(READINGS):
-        offset = READINGS[name].arena.dust_area_offset
-        base = replace(READINGS[name], arena=replace(plan.config.arena, dust_area_offset=offset))
         labels = dict.fromkeys(FACTORS) | {"combination": place - len(READINGS), "reading": name}
-        listed += _runs(plan, base, labels, named)
+        listed += _runs(plan, _named(plan, name), labels, place, named)
     for place, labels in enumerate(design(n, plan.seed)):
         config = plan.config
         for name, label in labels.items():
             config = varied(config, FACTORS[name][label])
-        listed += _runs(plan, config, {**labels, "combination": place, "reading": None}, 1 if plan.quick else repeats)
+        labels = {**labels, "combination": place, "reading": None}
+        listed += _runs(plan, config, labels, place + len(READINGS), 1 if plan.quick else repeats)
+    for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
+        number_of = -1 - len(READINGS) - place
+        labels = dict.fromkeys(FACTORS) | {name: label, "combination": number_of, "reading": "paper"}
+        paper = list(READINGS).index("paper")
+        listed += _runs(plan, varied(_named(plan, "paper"), FACTORS[name][label]), labels, paper, named)
     return listed
 
 
-def _runs(plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], repeats: int) -> list[Entry]:
-    """Runs of one configuration on all settings; every configuration meets the same seeds."""
+def _named(plan: Plan, name: str) -> SwarmConfig:
+    """A named reading in the arena of the plan, but for the distance of the dust."""
+    offset = READINGS[name].arena.dust_area_offset
+    return replace(READINGS[name], arena=replace(plan.config.arena, dust_area_offset=offset))
+
+
+def _runs(plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], seeds: int, repeats: int) -> list[Entry]:
+    """Runs of one configuration on all settings; those with the same number of `seeds` meet the same layouts."""
     listed = []
     for place, (study, setting, genome, density, steps, all_balls) in enumerate(SETTINGS):
         n_robots = robots_for(config.arena, density)
         for repeat in range(repeats):
-            seed = run_seed(plan.seed, labels["combination"] + len(READINGS), place, repeat)
+            seed = run_seed(plan.seed, seeds, place, repeat)
             limit, goal = (100, None) if plan.quick else (steps, None if all_balls else plan.goal)
             row = {**labels, "study": study, "setting": setting, "density": density, "repeat": repeat}
             listed.append(Entry(row, Job(config, genome, n_robots, seed, limit, goal)))
@@ -127,7 +153,7 @@ def _runs(plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], repeats: i
 
 
 def combinations_of(rows: Rows) -> list[Combination]:
-    """Combinations and named readings with their answers, from the table."""
+    """Combinations, named readings and the paper's with one value changed, with their answers, from the table."""
     found: dict[int, list[Any]] = {}
     for row in rows:
         found.setdefault(row["combination"], []).append(row)
@@ -143,7 +169,7 @@ def findings(rows: Rows) -> list[Finding]:
     if not rows:
         return [best.not_run()]
     every = combinations_of(rows)
-    sample, named = ([c for c in every if (c.reading is None) is flag] for flag in (True, False))
+    sample, named = [c for c in every if c.reading is None], [c for c in every if c.is_named]
     kept = accepted(sample)
     counts = [sum(c.answers) for c in sample]
     most, total = max(counts), len(STATEMENTS)
@@ -159,11 +185,15 @@ def findings(rows: Rows) -> list[Finding]:
     for name, levels in FACTORS.items():
         shares = support(sample, kept, name, list(levels))
         text = "; ".join(f"{label}: {percent(share)}" for label, share in shares.items())
+        counts = counts_alone(every, name, DEFAULTS[name])
+        if other := gives_way(DEFAULTS[name], shares, counts):
+            text += f"; by the rule, {DEFAULTS[name]} gives way to {other}"
         claim = Claim(f"Support of {name.replace('_', ' ')}", "not in the paper", "not stated", NOT_COMPARABLE)
         p, adjusted = by_factor[name]
         prior = (
             f"share of the accepted combinations, of which {number(100 / len(levels))} % without any support; Wilson; "
-            f"exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings"
+            f"exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings; "
+            f"statements of `paper` with one value: {', '.join(f'{label} {n}' for label, n in counts.items())}"
         )
         listed.append(claim.found(text, prior, ""))
     return listed
@@ -171,7 +201,7 @@ def findings(rows: Rows) -> list[Finding]:
 
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw how many statements are reproduced, and the support of each choice."""
-    every = combinations_of(rows)
+    every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
     sample = [c for c in every if c.reading is None]
     kept = accepted(sample)
     shares = {name: support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()}
