@@ -60,11 +60,11 @@ OTHER_NUMBERS = (
     "16 statements",
     "finishing times of 310 and 311 steps and the penalties of 9 and 4 points",
     "The 5 % of the combinations",
-    "512 combinations, run on",
     "for the 17 readings",
     "dust at 12 rd instead of 16",
     "drops of 1 % a step",
-    "distance of 12 rd, which",
+    "Drops of 1 % a step do not",
+    "distance of 12 rd was chosen",
     "deliver all 72 balls within 800 steps",
     # Arrays, programs and publications.
     "0 front, 1 left, 2 back, 3 right",

@@ -39,6 +39,7 @@ from iswarm_mj.experiments.studies.infer import (
 from iswarm_mj.simulation.common import DIFFERENT
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.tables import read_table
 
 N = 40
 
@@ -141,6 +142,19 @@ def test_the_page_of_readings_names_all_that_are_tried():
     assert len(differing) == 2
     for name, (paper, initial) in differing.items():
         assert f"| `strategy.{name}` | {paper} | {initial} |" in page
+
+
+def test_defaults_are_those_of_the_rule():
+    """And, as the page says, `paper` reproduces more statements than with any one of its values changed."""
+    rows, _ = read_table(Path(__file__).parents[2] / "results" / "infer" / "infer.parquet")
+    every = combinations_of(rows)
+    sample = [c for c in every if c.reading is None]
+    for name, levels in FACTORS.items():
+        shares = support(sample, accepted(sample), name, list(levels))
+        counts = counts_alone(every, name, DEFAULTS[name])
+        assert counts.keys() == levels.keys() and gives_way(DEFAULTS[name], shares, counts) is None, name
+        assert max(counts, key=counts.__getitem__) == DEFAULTS[name]
+        assert sorted(counts.values())[-2] < counts[DEFAULTS[name]]
 
 
 class TestStatements:

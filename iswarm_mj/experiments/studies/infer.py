@@ -32,7 +32,7 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.errors import ConfigError
 
-COMBINATIONS, REPEATS = 512, 4
+COMBINATIONS, REPEATS = 512, 1
 NAMED_REPEATS = 12
 """Runs of each setting for the named readings, and for the paper's with one value changed."""
 
