@@ -18,6 +18,7 @@ from iswarm_mj.experiments.analysis.statistics import (
     mean,
     median,
     rank_correlation,
+    ratio,
     share,
     slope,
     smallest_p,
@@ -85,6 +86,17 @@ class TestIntervals:
             found = difference(rng.normal(1, 1, 30), rng.normal(0, 1, 30), mean)
             inside += found.low <= 1 <= found.high
         assert 178 <= inside <= 198
+
+    def test_of_a_ratio_it_is_that_of_the_logarithms(self):
+        """The mean of two pairs, by hand; the normal distribution's half width of the mean logarithm."""
+        rng = np.random.default_rng(3)
+        samples = [np.exp(rng.normal(size, 0.3, 40)) for size in (1.0, 2.0, 1.2, 2.4)]
+        logs = [np.log(sample) for sample in samples]
+        found = ratio(samples[:2], samples[2:])
+        expected = (logs[2].mean() + logs[3].mean() - logs[0].mean() - logs[1].mean()) / 2
+        half = 1.96 * math.sqrt(sum(each.var() / 40 for each in logs)) / 2
+        assert found.estimate == pytest.approx(math.exp(expected))
+        assert np.log(found[1:]) == pytest.approx([expected - half, expected + half], abs=0.1 * half)
 
     def test_of_one_value_it_is_a_point(self):
         assert tuple(interval([3.0])) == (3, 3, 3)

@@ -5,8 +5,10 @@ import pytest
 from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
 
 from iswarm_mj.experiments.analysis import paper
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, PREDICTED, SLIP, Claim
-from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, PREDICTED, SLIP, TOO_FEW, UNDECIDED, Claim
+from iswarm_mj.experiments.report.engine_table import engines
+from iswarm_mj.experiments.report.markdown import markdown
+from iswarm_mj.experiments.report.result_tables import TABLES, evolution
 from iswarm_mj.experiments.report.statements import TITLES
 from iswarm_mj.experiments.report.tables import Tables, check_name, summary, verdicts
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
@@ -46,6 +48,38 @@ def test_hop_counts_by_hand():
     assert head[1:3] == ["with hop counts, 5 runs", "without, 5"]
     assert time[1:] == ["102 (103)", "1200 (1200)", "-1098 (-1100 to -1096)"]
     assert dust[1:3] == ["66 (66)", "42 (43)"]
+
+
+def engine_rows(factor, n=8, scatter=0.02):
+    """Runs whose times are those of one engine times a factor."""
+    hop = [
+        run_row(factor * 200 * (1 + scatter * k) if flag else None, k, use_hop_count=flag)
+        for flag in (True, False)
+        for k in range(n)
+    ]
+    density = [run_row(factor * 1000 * d * (1 + scatter * k), k, density=d) for d in (0.1, 0.2) for k in range(n)]
+    return {"hop-count": hop, "density": density}
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(1.02, HOLDS), (1.5, FAILS)])
+def test_engines_are_equal_by_their_times(factor, verdict):
+    head, *lines = cells(engines({"results": engine_rows(1.0), "other": engine_rows(factor)}))
+    assert head[1:3] == ["`results`: median time [steps]", "`other`"]
+    assert [line[0] for line in lines] == [
+        "Fig. 15, with hop counts",
+        "Fig. 17, density 0.1",
+        "Fig. 17, density 0.2",
+        "all",
+    ]
+    assert lines[0][1] == "214" and lines[-1][4] == verdict
+    assert lines[-1][3].startswith(f"{factor:.3g} (")
+
+
+def test_engines_with_few_or_scattered_runs_are_not_judged_equal():
+    few = cells(engines({"a": engine_rows(1.0, n=4), "b": engine_rows(1.0, n=4)}))
+    assert {line[4] for line in few[1:]} == {TOO_FEW}
+    scattered = cells(engines({"a": engine_rows(1.0, scatter=0.5), "b": engine_rows(1.0, scatter=0.5)}))
+    assert {line[4] for line in scattered[1:]} == {UNDECIDED}
 
 
 def test_densities_by_hand():
@@ -164,6 +198,9 @@ class TestContents:
         """Each topic and experiment has a block; those of what was not run are refused, or left as they are."""
         for name in (*TITLES, *EXPERIMENTS, "summary", "statements"):
             check_name("results", name)
+        check_name("results", "engines", "results-mujoco")
+        with pytest.raises(UserError, match="compares two directories; write `beside`"):
+            check_name("results", "engines")
         tables = Tables(root)
         assert tables.content("results", "laws") and tables.content("results", "statements").count("### ") == 2
         with pytest.raises(UserError, match=r"^results has no results for the block 'density'; make them with"):

@@ -1,6 +1,7 @@
 """Text of anyone in Markdown: it is read as it stands, and is no markup."""
 
 import re
+from collections.abc import Sequence
 from urllib.parse import quote
 
 _TAG = re.compile(r"<(?=[A-Za-z/!?])")
@@ -25,3 +26,9 @@ def code(value: object) -> str:
 def target(value: object) -> str:
     """A path as the target of a link."""
     return quote(str(value))
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(text(cell) for cell in line) + " |" for line in lines)

@@ -21,15 +21,9 @@ from iswarm_mj.experiments.analysis.measures import (
 from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
 from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, support
-from iswarm_mj.experiments.report.markdown import text
+from iswarm_mj.experiments.report.markdown import markdown
 from iswarm_mj.experiments.studies import infer, resolved_grasps, robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
-
-
-def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(text(cell) for cell in line) + " |" for line in lines)
 
 
 def _short(value: Interval, digits: int = 3) -> str:

@@ -5,22 +5,28 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, Finding
-from iswarm_mj.experiments.report.result_tables import TABLES, evolution, markdown
+from iswarm_mj.experiments.report.engine_table import PARTS, engines
+from iswarm_mj.experiments.report.markdown import markdown
+from iswarm_mj.experiments.report.result_tables import TABLES, evolution
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.statements import EVOLUTION, LAWS, TITLES, Topic, tally, topics_of
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 
-SUMMARY, STATEMENTS = "summary", "statements"
+SUMMARY, STATEMENTS, ENGINES = "summary", "statements", "engines"
 
 
 def check_name(directory: str, name: str, beside: str | None = None) -> None:
     """Return nothing if there are blocks of this name.
 
     Raises:
-        UserError: there is no such block.
+        UserError: there is no such block, or it needs another directory.
     """
-    if name not in (names := [*TITLES, *(each for each in EXPERIMENTS if each not in TITLES), SUMMARY, STATEMENTS]):
+    if name == ENGINES and beside is None:
+        raise UserError(f"The block {name!r} compares two directories; write `beside` and the other one.")
+    if name not in (
+        names := [*TITLES, *(each for each in EXPERIMENTS if each not in TITLES), SUMMARY, STATEMENTS, ENGINES]
+    ):
         raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
 
 
@@ -42,13 +48,13 @@ class Tables:
 
         Args:
             directory: of results.
-            name: a topic, `SUMMARY` or `STATEMENTS`.
+            name: a topic, `SUMMARY`, `STATEMENTS` or `ENGINES`.
             beside: another directory, whose results stand beside the first's.
 
         Raises:
             UserError: there is no such block, or no results for it.
         """
-        check_name(directory, name)
+        check_name(directory, name, beside)
         places = [directory] if beside is None else [directory, beside]
         try:
             found = {place: self._named(place, name) for place in places}
@@ -56,6 +62,9 @@ class Tables:
             if self._partial:
                 return None
             raise
+        if name == ENGINES:
+            rows = {place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()}
+            return engines(rows)
         if name == SUMMARY:
             return _each(found, lambda topics: summary([f for topic in topics for f in topic.findings]))
         if name == STATEMENTS:
@@ -78,9 +87,10 @@ class Tables:
         topics = self._topics[directory]
         if name in (SUMMARY, STATEMENTS):
             return [topic for topic in topics.values() if topic.results or topic.name == LAWS]
-        if not topics[name].results and name != LAWS:
+        wanted = PARTS if name == ENGINES else (name,)
+        if any(not topics[each].results and each != LAWS for each in wanted):
             raise UserError(f"{directory} has no results for the block {name!r}; make them with `iswarm reproduce`.")
-        return [topics[name]]
+        return [topics[each] for each in wanted]
 
 
 def _each(found: Mapping[str, Any], shown: Callable[[Any], str]) -> str:
