@@ -6,16 +6,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import random_attempts
+from helpers_attempts import any_attempts, random_attempts
 from helpers_sensing import lay, place
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.handling import Rules, carry, handle, working
-from iswarm_mj.gripper.laws.detachment import grasp_voltage
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, is_released
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
@@ -101,12 +102,89 @@ def test_an_empty_capacitor_lifts_nothing():
         assert bool(balls.is_held[0]) is holds
 
 
-def test_a_tool_that_misses_lifts_nothing():
-    """The tip is 0.19 mm from the ball, and the tool's position errs by a tenth of that: 19 um, its radius is 13 um."""
-    gripper = replace(GRIPPER, tool_error=0.1)
+@pytest.mark.parametrize("way", [0.0, 0.19])
+def test_a_tool_that_misses_lifts_nothing(way):
+    """The tool's place errs by 12 um along each axis, however far it reaches [mm]; its radius is 13 um."""
+    gripper = replace(GRIPPER, tool_error=12e-6)
     keys = jax.random.split(jax.random.key(1), 300)
-    lifted = jax.vmap(lambda key: step(gripper, lay((41.09, 0)), [(40, 0, 0)], key=key)[0].is_held[0])(keys)
-    assert lifted.mean() == pytest.approx(0.506, abs=0.1)  # |z| < 13 / 19
+    lifted = jax.vmap(lambda key: step(gripper, lay((40.9 + way, 0)), [(40, 0, 0)], key=key)[0].is_held[0])(keys)
+    assert lifted.mean() == pytest.approx(1 - np.exp(-((13 / 12) ** 2) / 2), abs=0.07)
+
+
+def test_a_lift_out_of_reach_when_it_ends_is_broken_off():
+    """Neighbours push the robot away, 5 mm and then 20 mm; a fraction of a millimetre does not matter."""
+    gripper = replace(GRIPPER, grasp_time=2.0)
+    for places, holds in (((40, 45, 60), False), ((40, 45, 40.15), True)):
+        balls = lay((40.9, 0))
+        for x in places:
+            balls, failed = step(gripper, balls, [(x, 0, 0)])
+        assert balls.attempts.tolist() == [1] and bool(balls.is_held[0]) is holds and bool(failed[0]) is not holds
+        assert balls.failed_grasps.tolist() == [int(not holds)] and not working(balls, 1).any()
+        assert balls.position[0, 0] == pytest.approx(40.9) and balls.lost_time.tolist() == [0.0 if holds else 2.0]
+
+
+def test_no_trial_is_made_of_an_attempt_that_is_broken_off():
+    def by_none(gripper, attempts):
+        assert not (attempts.lifts | attempts.releases).any()
+        return by_balance(gripper, attempts)
+
+    gripper, rules = replace(GRIPPER, grasp_time=1.0, release_time=1.0), Rules(decider=by_none)
+    for balls, places in ((lay((40.9, 0)), (40, 60)), (lay((1.0, 0.0), holders=[0]), (0, 30))):
+        for x in places:
+            balls, _ = step(gripper, balls, [(x, 0, 0)], rules=rules)
+        assert (balls.failed_grasps + balls.failed_releases).tolist() == [1]
+
+
+def test_a_robot_pushed_off_the_dump_keeps_the_ball_that_it_releases():
+    gripper, balls = replace(GRIPPER, release_time=2.0), lay((1.0, 0.0), holders=[0])
+    for x in (0, 30, 60):
+        balls, failed = step(gripper, balls, [(x, 0, 0)])
+    assert balls.is_held.tolist() == [True] and balls.is_delivered.tolist() == [False] and not failed.any()
+    assert balls.releases.tolist() == balls.failed_releases.tolist() == [1] and balls.lost_time.tolist() == [2.0]
+    for _ in range(3):
+        balls, _ = step(gripper, balls, [(0, 0, 0)])
+    assert balls.is_delivered.tolist() == [True] and balls.releases.tolist() == [2]
+
+
+def once_full(calls):
+    """A decider that has no room when it is asked for the first time."""
+
+    def decide(gripper, attempts):
+        found, made = by_balance(gripper, attempts), attempts.lifts | attempts.releases
+        if not made.any() or len(calls):
+            return found
+        calls.append(1)
+        nothing = jnp.zeros_like(made)
+        return found._replace(lifted=nothing, released=nothing, postponed=made)
+
+    return decide
+
+
+@pytest.mark.parametrize(("time", "steps"), [(0.0, 2), (3.0, 5)])
+def test_a_robot_is_not_told_of_a_lack_of_room_and_tries_again_in_the_next_step(time, steps):
+    gripper, rules, balls = replace(GRIPPER, grasp_time=time), Rules(decider=once_full([])), lay((40.9, 0))
+    for k in range(steps):
+        balls, failed = step(gripper, balls, [(40, 0, 0)], rules=rules)
+        assert not failed.any() and bool(balls.is_held[0]) is (k == steps - 1)
+        assert bool(working(balls, 1)[0]) is (k < steps - 1)
+    assert balls.postponed.tolist() == balls.attempts.tolist() == [1] and balls.lost_time.tolist() == [1.0]
+
+
+def test_a_release_without_room_is_made_in_the_next_step():
+    rules, balls = Rules(decider=once_full([])), lay((1.0, 0.0), holders=[0])
+    balls, _ = step(GRIPPER, balls, [(0, 0, 0)], rules=rules)
+    assert balls.is_held.all() and balls.postponed.tolist() == [1] and balls.releases.tolist() == [0]
+    balls, _ = step(GRIPPER, balls, [(0, 0, 0)], rules=rules)
+    assert balls.is_delivered.all() and balls.releases.tolist() == [1] and balls.failed_releases.tolist() == [0]
+
+
+def test_time_lost_contains_what_trials_in_vain_took():
+    gripper = replace(GRIPPER, grasp_time=1.0, grasp_voltage=5.0)
+    balls = lay((40.9, 0))
+    for _ in range(2):
+        balls, _ = step(gripper, balls, [(40, 0, 0)], rules=Rules(decider=by_host))
+    assert balls.failed_grasps.tolist() == [1] and 0 < float(balls.work_time[0]) < 2e-3
+    assert float(balls.lost_time[0]) == pytest.approx(1.0 + float(balls.work_time[0]), rel=1e-6)
 
 
 BAND = 0.06
@@ -114,26 +192,83 @@ BAND = 0.06
 that a ball loses while it is lifted, and 2 um of misalignment at the tool's edge."""
 
 
-def agreement(count, decider=by_host, seed=0):
-    """Share of random attempts outside the band of which trials decide like the balance, and the share outside."""
-    attempts, distance = random_attempts(count, seed)
-    away = (np.abs(distance) > BAND) & (np.abs(attempts.misalignment - 13e-6) > 2e-6)
+EDGE = 3.1e6
+"""Voltage over radius beyond which a ball may fall while the voltage is switched off, fitted to these trials: it has
+some half of the voltage by then, and its acceleration towards the plate goes with the square of this [V/m]."""
+
+
+def compared(attempts, decider=by_host):
+    """Whether trials decide like the balance, and what both decide."""
     decide = jax.jit(lambda *arrays: (by_balance(GRIPPER, Attempts(*arrays)), decider(GRIPPER, Attempts(*arrays))))
     fast, dynamic = decide(*attempts)
     same = (fast.lifted == dynamic.lifted) & (fast.released == dynamic.released)
-    return float(np.asarray(same)[away].mean()), float(away.mean())
+    return np.asarray(same), fast, dynamic
 
 
-def test_the_balance_is_a_surrogate_of_trials():
-    same, away = agreement(150)
+def is_clear(attempts, distance):
+    """Whether attempts are away from the threshold and from the tool's edge."""
+    return (np.abs(distance) > BAND) & (np.abs(attempts.misalignment - 13e-6) > 2e-6)
+
+
+def agreement(count, sample, seed=0):
+    """Share of random attempts below the edge and outside the bands in which trials decide like the balance, the share
+    of these, and the share of clear lifts beyond the edge that fail although the balance lifts."""
+    attempts, distance = sample(count, seed)
+    same, fast, dynamic = compared(attempts)
+    is_strong = attempts.lifts & (attempts.voltage > EDGE * attempts.radius)
+    clear = is_clear(attempts, distance)
+    strong = clear & is_strong
+    assert not np.asarray(dynamic.lifted & ~fast.lifted)[strong].any()
+    return same[clear & ~is_strong].mean(), (clear & ~is_strong).mean(), (~same[strong]).sum() / max(strong.sum(), 1)
+
+
+@pytest.mark.parametrize("sample", [random_attempts, any_attempts])
+def test_the_balance_is_a_surrogate_of_trials(sample):
+    same, away, _ = agreement(400, sample)
     assert same >= 0.99 and away > 0.6
 
 
 @pytest.mark.slow
-def test_the_balance_is_a_surrogate_of_ten_thousand_trials():
-    found = [agreement(1000, seed=seed) for seed in range(10)]
-    print("agreement and share outside the band", np.mean(found, axis=0))
+@pytest.mark.parametrize("sample", [random_attempts, any_attempts])
+def test_the_balance_is_a_surrogate_of_ten_thousand_trials(sample):
+    found = [agreement(1000, sample, seed) for seed in range(10)]
+    print("agreement, share of these attempts, failures beyond the edge", np.mean(found, axis=0))
     assert np.mean(found, axis=0)[0] >= 0.99
+
+
+def test_strong_fields_drop_light_balls_that_charge_while_they_are_lifted():
+    """By the balance all are lifted; with ten times the resistance they are."""
+    radius = np.linspace(15e-6, 16.5e-6, 40)
+    volts = 3.6e6 * radius
+    assert by_balance(GRIPPER, lifts_of(radius, volts)).lifted.all()
+    for leak, least, most in ((Contacts().leak, 0.2, 0.8), (10 * Contacts().leak, 1.0, 1.0)):
+        contacts = Contacts(leak=leak)
+        trials = [Trial(r, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts) for r in radius]
+        assert least <= swarm_trials.lift(trials, volts).succeeded.mean() <= most
+
+
+def lifts_of(radius, volts):
+    """Attempts to lift balls at the median works."""
+    ones = np.ones_like(radius)
+    works = WORK_TOOL_OBJECT * ones, WORK_OBJECT_SUBSTRATE * ones
+    return Attempts(ones > 0, ones < 0, volts, radius, *works, 0 * ones)
+
+
+def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool():
+    """With a tenth of the adhesion, not with seven tenths; the balance lets all go."""
+    radius = np.linspace(15e-6, 25e-6, 30)
+    for share, least, most in ((0.1, 0.4, 0.9), (0.7, 1.0, 1.0)):
+        trials = [Trial(r, share * WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE) for r in radius]
+        found = swarm_trials.drop(trials, np.full(30, 55.0), GRIPPER.release_gap)
+        assert least <= found.succeeded.mean() <= most
+        assert not found.impact[~found.succeeded].any()  # never down
+        assert np.asarray(is_released(55.0, radius, share * WORK_TOOL_OBJECT)).all()
+
+
+def test_a_ball_that_rests_as_soon_as_it_is_looked_at_needs_no_film():
+    """Whose flight ended before what was filmed last."""
+    found = swarm_trials.drop([Trial(21.9e-6, 0.41e-3, 14.7e-3)], np.array([62.0]), GRIPPER.release_gap)
+    assert 0 < found.duration[0] < swarm_trials.RELEASE_LIMIT + swarm_trials.PROTOCOL.flight_limit
 
 
 def test_a_trial_tells_how_long_it_took_and_how_fast_the_ball_landed():
@@ -162,6 +297,20 @@ def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     times = [np.asarray(found.duration)[landed].mean() for found in (theirs, ours)]
     assert times[0] == pytest.approx(times[1], rel=0.03)
     np.testing.assert_allclose(np.asarray(theirs.impact)[landed], np.asarray(ours.impact)[landed], rtol=0.3)
+
+
+@pytest.mark.slow
+def test_in_strong_fields_a_batch_in_mjx_lifts_as_many_as_c():
+    """Single balls that bounce may end otherwise."""
+    from iswarm_mj.gripper.bench.batch_trials import by_batch
+
+    attempts, _ = any_attempts(4000, 11)
+    strong = np.flatnonzero(attempts.lifts & (attempts.voltage > EDGE * attempts.radius))
+    mine = Attempts(*(np.asarray(values)[strong] for values in attempts))
+    gripper = replace(GRIPPER, bench_capacity=len(strong))
+    ours, theirs = (decide(gripper, Attempts(*map(jnp.asarray, mine))).lifted for decide in (by_host, by_batch))
+    print(int(ours.sum()), int(theirs.sum()), int((ours == theirs).sum()), "of", len(strong))
+    assert 0.8 < float(ours.mean()) < 0.95 and float((ours == theirs).mean()) > 0.95
 
 
 def test_the_bench_of_a_program_that_is_spread_over_devices_does_for_others():
