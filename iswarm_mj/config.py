@@ -33,8 +33,7 @@ class ArenaConfig:
     ball_radius_max: Annotated[float, Within(1e-6, 1e-4, "m")] = 25e-6
     """Largest radius of a solder ball (section 3.2.2) [m]."""
     obstacles: tuple[tuple[float, float, float, float, float], ...] = added_later(())
-    """Boxes that robots cannot enter and light does not pass: x, y, half edges along their own x and y [rd], and yaw
-    [deg], five numbers each."""
+    """Boxes that stop robots and light: x, y, half edges along their own x and y [rd], yaw [deg], five numbers each."""
 
     def __post_init__(self):
         validate(self, "arena")
@@ -207,8 +206,8 @@ class GripperConfig:
     """Coefficient of variation of `work_tool_object` from attempt to attempt at the same ball (log-normal)."""
     spot_spread_object_substrate: Annotated[float, Within(0, 2)] = added_later(0.0)
     """Coefficient of variation of `work_object_substrate` likewise."""
-    tool_error: Annotated[float, Within(0, 1)] = added_later(0.0)
-    """Standard deviation of the tool's position beside the ball, relative to the way by which it reaches for it."""
+    tool_error: Annotated[float, Within(0, 1e-4, "m")] = added_later(0.0)
+    """Standard deviation of the tool's place beside the ball, per axis and attempt [m]; docs/gripper.md tells more."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
     """Time for which a robot stays at a ball that it tries to lift, charging its tool included [s]; whole steps."""
     release_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
@@ -284,6 +283,7 @@ class SwarmConfig:
         window, walk = self.optics.window, self.drive.walk_time
         limit = f"high enough for {self.optics.slots} slots to take less than the {walk:g} s in which robots walk"
         check("optics.baud_rate", self.optics.baud_rate, f"{limit}, and not {window:g} s", window < walk)
+        self.energy.check_step(self.drive.control_period)
 
     @property
     def step_length(self) -> float:

@@ -111,7 +111,7 @@ class Core:
         refused = (refused | is_bad) & ~done
         energy = swarm.energy
         if energy is not None:
-            energy = power.after(self.config, energy, command, (data.before, swarm.balls), acts)
+            energy = power.after(self.config, energy, command, (data.before, swarm.balls), self.params.conditions, acts)
         start_key, key, next_key = jax.random.split(data.next_key, 3)
         index = jax.random.randint(start_key, (), 0, len(self.beginnings.poses))
         poses, swarm = jax.tree.map(lambda a: a[index], self.beginnings)
@@ -144,7 +144,7 @@ class Core:
         params = self.params._replace(key=key)
         situation = Situation(poses, sight, step, jnp.ones((), bool))
         seen = perceive(self.config, self.robot, params, swarm, situation, said, swarm.is_alive)
-        after = SwarmState(None, seen.things.balls, swarm.is_alive, seen.things.own, seen.energy)
+        after = SwarmState(None, seen.things.balls, swarm.is_alive, seen.things.own, seen.energy, seen.starved)
         progress = params.task.progress(seen.things)
         decision = Decision(after, plan.command, plan.refused, seen.links, seen.spoken, progress)
         ran = Situation(poses, sight, data.step, ~done)

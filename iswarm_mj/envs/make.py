@@ -18,7 +18,6 @@ from iswarm_mj.envs.env import CompiledEnv, Env, HostEnv
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation import power
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.room import check_room
@@ -132,8 +131,10 @@ def _beginnings(starts: Sequence[Start], config: SwarmConfig) -> Beginnings:
 
     balls, own = (jax.tree.map(stacked, *(getattr(start, name) for start in starts)) for name in ("balls", "own"))
     poses = jnp.asarray(np.stack([start.poses for start in starts]), jnp.float32)
-    energy = None if config.energy.model == "none" else jnp.full(poses.shape[:2], power.full(config.energy))
-    return Beginnings(poses, SwarmState(None, balls, stacked(*(start.is_alive for start in starts)), own, energy))
+    energy = None if config.energy.model == "none" else jnp.full(poses.shape[:2], config.energy.full)
+    starved = None if energy is None else jnp.zeros(poses.shape[:2], jnp.int32)
+    alive = stacked(*(start.is_alive for start in starts))
+    return Beginnings(poses, SwarmState(None, balls, alive, own, energy, starved))
 
 
 def _task(given: Any) -> Any:

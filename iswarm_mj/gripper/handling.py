@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import GripperConfig
-from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
+from iswarm_mj.gripper.attempts import Attempts, Decider, by_balance
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
@@ -41,7 +41,9 @@ class Balls(NamedTuple):
     failed_grasps: Int[Array, "K"]
     """Of these, in vain."""
     failed_releases: Int[Array, "K"]
-    """Attempts to release it, in vain."""
+    """Of `releases`, in vain."""
+    releases: Int[Array, "K"]
+    """Attempts to release it, so far."""
     postponed: Int[Array, "K"]
     """Attempts that had to be made again, since too many were made at once."""
     wait: Int[Array, "K"]
@@ -50,6 +52,8 @@ class Balls(NamedTuple):
     """The robot whose attempt it is."""
     work_time: Float[Array, "K"]
     """Time that attempts at it took on the bench [s]."""
+    lost_time: Float[Array, "K"]
+    """Time that robots lost at it: at attempts in vain, on the bench as well, and waiting for room [s]."""
     impact: Float[Array, "K"]
     """Speed of its last landing [m/s]."""
 
@@ -109,7 +113,9 @@ def handle(
 
     A robot tries to lift the ball that it senses if its tool reaches the ball; of several robots at one ball the
     nearest succeeds. A loaded robot on the dump tries to release its ball. Where attempts take time, the robot and the
-    ball are occupied until they end; then their outcome is found.
+    ball are occupied until they end; then their outcome is found. If the robot was pushed meanwhile, so that its tool
+    does not reach the ball any more, or is not over the dump, the attempt is broken off: it was in vain, and a robot
+    keeps the ball that it holds. An attempt for which there is no room is made as the next step begins.
 
     Args:
         gripper: reach, gap of the release, times and spreads of attempts.
@@ -134,41 +140,51 @@ def handle(
     begins = new_lifts | new_releases
     worker = jnp.where(new_lifts, winner, jnp.where(new_releases, balls.holder, balls.worker)).astype(jnp.int32)
     steps = [math.ceil(time / rules.control_period - 1e-9) for time in (gripper.grasp_time, gripper.release_time)]
-    lasts = jnp.where(new_releases, steps[1], steps[0])
+    lasts = jnp.where(balls.is_held, steps[1], steps[0])
     wait = jnp.where(begins, lasts, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
     ends = (begins & (lasts == 0)) | (~begins & (balls.wait == 1))
-    attempts = _attempts(gripper, conditions, balls, (tips, worker), ends, key, voltage)
+    over_dump = view.tip_on_dump[balls.holder]
+    away = jnp.linalg.norm(balls.position - tips[worker], axis=-1)
+    broken = ends & ~begins & jnp.where(balls.is_held, ~over_dump, away > gripper.tool_reach * 1e3)
+    attempts = _attempts(gripper, conditions, balls, worker, ends & ~broken, key, voltage)
     found = rules.decider(gripper, attempts)
     lifts = found.lifted
-    over_dump = view.tip_on_dump[balls.holder]
     dropped = balls.is_held & falls & ~found.released
     is_held = (balls.is_held & ~found.released & ~dropped) | lifts
-    failed = attempts.lifts & ~lifts & ~found.postponed
+    made = ends & ~found.postponed
+    failed = made & ~lifts & ~found.released
+    lost = jnp.where(failed, lasts * rules.control_period + found.duration, found.postponed * rules.control_period)
     balls = balls._replace(
         is_held=is_held,
         is_delivered=balls.is_delivered | found.released | (dropped & over_dump),
         holder=jnp.where(lifts, worker, balls.holder).astype(jnp.int32),
         was_picked=balls.was_picked | lifts,
         carried_steps=balls.carried_steps + is_held,
-        **_counted(balls, attempts, found),
-        wait=jnp.where(dropped, 0, wait),
+        attempts=balls.attempts + (made & balls.is_lying),
+        failed_grasps=balls.failed_grasps + (failed & balls.is_lying),
+        failed_releases=balls.failed_releases + (failed & balls.is_held),
+        releases=balls.releases + (made & balls.is_held),
+        postponed=balls.postponed + found.postponed,
+        wait=jnp.where(dropped, 0, jnp.where(found.postponed, 1, wait)),
         worker=worker,
+        work_time=balls.work_time + found.duration,
+        lost_time=balls.lost_time + lost,
+        impact=jnp.where(found.impact > 0, found.impact, balls.impact),
     )
     in_vain = tries & ~loaded(balls, n_robots) & ~working(balls, n_robots)
-    return balls, in_vain.at[worker].max(failed)
+    return balls, in_vain.at[worker].max(failed & balls.is_lying)
 
 
 def _attempts(
     gripper: GripperConfig,
     conditions: Conditions,
     balls: Balls,
-    robots: tuple[Float[Array, "N 2"], Int[Array, "K"]],
+    worker: Int[Array, "K"],
     ends: Bool[Array, "K"],
     key: Array | None,
     voltage: Float[Array, "N"] | None,
 ) -> Attempts:
-    """What is tried at the balls whose attempts end now, by robots with these tips (N, 2), one each of them (K,)."""
-    tips, worker = robots
+    """What is tried at the balls whose attempts end now, by these robots."""
     releases = ends & balls.is_held
     asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
     tool, floor = balls.work_tool_object, balls.work_object_substrate
@@ -176,11 +192,10 @@ def _attempts(
     if attempts_differ(gripper):
         if key is None:
             raise UserError("attempts that differ need a random key; pass `key`.")
-        draws = jax.random.normal(key, (3, len(balls.radius)))
+        draws = jax.random.normal(key, (4, len(balls.radius)))
         tool = scattered_work(tool, gripper.spot_spread_tool_object, draws[0])
         floor = scattered_work(floor, gripper.spot_spread_object_substrate, draws[1])
-        way = jnp.linalg.norm(balls.position - tips[worker], axis=-1) * 1e-3
-        misalignment = jnp.where(releases, 0.0, gripper.tool_error * way * jnp.abs(draws[2]))
+        misalignment = jnp.where(releases, 0.0, gripper.tool_error * jnp.linalg.norm(draws[2:], axis=0))
     return Attempts(
         ends & balls.is_lying,
         releases,
@@ -190,19 +205,6 @@ def _attempts(
         floor,
         misalignment,
     )
-
-
-def _counted(balls: Balls, attempts: Attempts, found: Outcomes) -> dict[str, Array]:
-    """The balls' counts after attempts."""
-    made = ~found.postponed
-    return {
-        "attempts": balls.attempts + (attempts.lifts & made),
-        "failed_grasps": balls.failed_grasps + (attempts.lifts & made & ~found.lifted),
-        "failed_releases": balls.failed_releases + (attempts.releases & made & ~found.released),
-        "postponed": balls.postponed + found.postponed,
-        "work_time": balls.work_time + found.duration,
-        "impact": jnp.where(found.impact > 0, found.impact, balls.impact),
-    }
 
 
 def _tries(

@@ -108,7 +108,7 @@ class CompiledLoop:
     def counts(self) -> Counts:
         """See `Loop.counts`."""
         s = self._state
-        found = Counts(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault)
+        found = Counts(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
         things = s.swarm.things
         things = things if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], things)
         return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(things=things)

@@ -106,8 +106,8 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     command = jax.tree.map(lambda a: jnp.where(acts, a, 0.0), command)
     energy = seen.energy
     if energy is not None:
-        energy = power.after(config, energy, command, (swarm.balls, seen.things.balls), acts)
-    decided = SwarmState(memory, seen.things.balls, is_alive, seen.things.own, energy)
+        energy = power.after(config, energy, command, (swarm.balls, seen.things.balls), params.conditions, acts)
+    decided = SwarmState(memory, seen.things.balls, is_alive, seen.things.own, energy, seen.starved)
     kept = jax.tree.map(lambda new, old: jnp.where(situation.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     return Decision(kept, command, flag, seen.links, seen.spoken, params.task.progress(kept.things))
@@ -131,6 +131,8 @@ class Perceived(NamedTuple):
     """Random keys of the world and step, the second of its strategy."""
     energy: Any = None
     """In the robots' capacitors (N,), with what light put in [J]; None where they have none."""
+    starved: Any = None
+    """Control steps in which each robot waited for energy (N,), this one included; None likewise."""
 
 
 def perceive(
@@ -169,10 +171,11 @@ def perceive(
         return exchange(channel, payload, sight.links, channel_key)
 
     received = transmit(payload)
-    energy, volts, waits = None, None, jnp.zeros(n_robots, bool)
+    energy, starved, volts, waits = None, None, None, jnp.zeros(n_robots, bool)
     if swarm.energy is not None:
         energy = power.charged(config, swarm.energy)
         volts, waits = power.voltage(config.energy, energy), ~power.can_act(config, energy)
+        starved = swarm.starved + (waits & swarm.is_alive)
     around = Around(poses, params.is_present, swarm.is_alive, picks & ~waits, params.conditions, config, robot, volts)
     things, sensed = params.task.advance(swarm.things, around, task_key)
     waits = waits | working(things.balls, n_robots)
@@ -180,7 +183,7 @@ def perceive(
     if takes_time(config):
         observation = observation._replace(waits=waits)
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
-    return Perceived(observation, things, around, sight.links, spoken, transmit, step_key, policy_key, energy)
+    return Perceived(observation, things, around, sight.links, spoken, transmit, step_key, policy_key, energy, starved)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
@@ -194,8 +197,10 @@ def decide_worlds(
 
 
 def takes_time(config: SwarmConfig) -> bool:
-    """Whether robots ever wait: for an attempt to end, or for energy."""
-    return config.energy.model != "none" or config.gripper.grasp_time > 0 or config.gripper.release_time > 0
+    """Whether robots ever wait: for an attempt to end, for room among the trials of a step, or for energy."""
+    gripper = config.gripper
+    is_slow = gripper.grasp_time > 0 or gripper.release_time > 0 or gripper.resolution == "dynamic"
+    return is_slow or config.energy.model != "none"
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))

@@ -30,6 +30,8 @@ class Counts(NamedTuple):
     is_finished: np.ndarray
     finished_at: np.ndarray
     fault: Fault
+    starved: Any = None
+    """Control steps in which each robot waited for energy (B, N); None where they have no capacitors."""
 
 
 @runtime_checkable
@@ -119,10 +121,7 @@ class HostLoop:
 
     def counts(self) -> Counts:
         """See `Loop.counts`."""
-        states = [share.state for share in self._shares]
-        return _joined(
-            [Counts(s.swarm.things, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault) for s in states]
-        )
+        return _joined([_counts(share.state) for share in self._shares])
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
@@ -166,3 +165,7 @@ def _joined(parts: Sequence[Tree]) -> Tree:
         return np.asarray(values[0]) if len(values) == 1 else np.concatenate(values)
 
     return jax.tree.map(join, *parts)
+
+
+def _counts(s: WorldState) -> Counts:
+    return Counts(s.swarm.things, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)

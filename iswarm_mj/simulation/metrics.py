@@ -30,13 +30,21 @@ class Measures(NamedTuple):
     """Attempts to lift a ball in vain."""
     failed_releases: int = 0
     """Attempts to release a ball in vain."""
+    releases: int = 0
+    """Attempts to release a ball."""
     postponed: int = 0
     """Attempts for which there was no room among the trials of a control step, and which were made in a later one."""
     work_time: float = 0.0
     """Time that attempts took on the bench, summed [s]; 0 where the balance of the forces decides."""
+    lost_time: float = 0.0
+    """Time that robots lost, summed: at attempts in vain, those on the bench included, and waiting for room [s]."""
+    impact: float | None = None
+    """Mean speed of the balls' last landings [m/s]; None where none was computed."""
+    starved: int = 0
+    """Control steps in which robots waited for energy, summed over robots."""
 
 
-def measure(balls: Balls, world: int, collisions: int, finished_at: int | None) -> Measures:
+def measure(balls: Balls, world: int, collisions: int, finished_at: int | None, starved: int = 0) -> Measures:
     """Measures of one world of a batch.
 
     Args:
@@ -44,8 +52,10 @@ def measure(balls: Balls, world: int, collisions: int, finished_at: int | None) 
         world: which of them.
         collisions: counted so far.
         finished_at: step at which the world finished.
+        starved: control steps in which robots waited for energy.
     """
     delivered = np.asarray(balls.is_delivered[world])
+    impact = np.asarray(balls.impact[world])
     carried = np.asarray(balls.carried_steps[world])[delivered]
     return Measures(
         delivered=int(delivered.sum()),
@@ -55,10 +65,13 @@ def measure(balls: Balls, world: int, collisions: int, finished_at: int | None) 
         finished_at=finished_at,
         **{name: int(np.asarray(getattr(balls, name)[world]).sum()) for name in COUNTED},
         work_time=float(np.asarray(balls.work_time[world]).sum()),
+        lost_time=float(np.asarray(balls.lost_time[world]).sum()),
+        impact=float(impact[impact > 0].mean()) if (impact > 0).any() else None,
+        starved=starved,
     )
 
 
-COUNTED = ("attempts", "failed_grasps", "failed_releases", "postponed")
+COUNTED = ("attempts", "failed_grasps", "failed_releases", "releases", "postponed")
 """Counts of each ball."""
 
 

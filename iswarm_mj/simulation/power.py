@@ -5,21 +5,17 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.units import mm_from_rd
 
 
-def full(energy: EnergyConfig) -> float:
-    """Energy of a full capacitor, C V^2 / 2 [J]."""
-    return energy.capacitance * energy.largest_voltage**2 / 2
-
-
 def charged(config: SwarmConfig, energy: Float[Array, "N"]) -> Float[Array, "N"]:
     """Energies after a control step in the light [J]."""
     income = config.energy.light_power * config.drive.control_period
-    return jnp.minimum(energy + income, full(config.energy))
+    return jnp.minimum(energy + income, config.energy.full)
 
 
 def voltage(config: EnergyConfig, energy: Float[Array, "N"]) -> Float[Array, "N"]:
@@ -29,7 +25,7 @@ def voltage(config: EnergyConfig, energy: Float[Array, "N"]) -> Float[Array, "N"
 
 def can_act(config: SwarmConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
     """Whether each robot has the energy of one control step, messages and a walk; otherwise it waits for light."""
-    return energy >= config.energy.message_energy + config.energy.walking_power * config.drive.control_period
+    return energy >= config.energy.of_step(config.drive.control_period)
 
 
 def after(
@@ -37,23 +33,31 @@ def after(
     energy: Float[Array, "N"],
     command: Command,
     balls: tuple[Balls, Balls],
+    conditions: Conditions,
     acts: Bool[Array, "N"],
 ) -> Float[Array, "N"]:
     """Energies of N robots after a control step: without motion, messages, and a tool's charge C V^2 in each attempt.
+
+    V is the voltage of the attempt, or what the capacitor has if that is less.
 
     Args:
         config: costs, and the greatest motion in a control step.
         energy: with what light put in [J].
         command: motion.
         balls: before and after the step; their counts tell of attempts.
+        conditions: voltages of grasp and release.
         acts: robots that do not wait; they light their LEDs.
     """
     costs, drive, (before, now) = config.energy, config.drive, balls
     turned = jnp.abs(command.turn) / jnp.deg2rad(drive.max_turn) * drive.turn_substeps
     walked = jnp.abs(command.forward) / mm_from_rd(config.step_length) * drive.walk_substeps
     moving = (turned + walked) * drive.timestep * costs.walking_power
-    tried = (now.attempts - before.attempts) + (now.failed_releases - before.failed_releases)
-    tried += now.is_delivered & ~before.is_delivered
-    charge = costs.tool_capacitance * voltage(costs, energy) ** 2
-    tools = jnp.zeros_like(energy).at[now.worker].add(tried) * charge
+    left, lifts, releases = (
+        voltage(costs, energy)[now.worker],
+        now.attempts - before.attempts,
+        now.releases - before.releases,
+    )
+    squares = lifts * jnp.minimum(conditions.grasp_voltage, left) ** 2
+    squares += releases * jnp.minimum(conditions.release_voltage, left) ** 2
+    tools = jnp.zeros_like(energy).at[now.worker].add(squares) * costs.tool_capacitance
     return jnp.maximum(energy - moving - jnp.where(acts, costs.message_energy, 0.0) - tools, 0.0)

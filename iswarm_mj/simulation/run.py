@@ -256,7 +256,8 @@ class Run:
             raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
-        return measure(self._things.balls, world, int(counts.collisions[world]), finished_at)
+        starved = 0 if counts.starved is None else int(np.asarray(counts.starved)[world].sum())
+        return measure(self._things.balls, world, int(counts.collisions[world]), finished_at, starved)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

@@ -16,7 +16,6 @@ from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation import power
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.initial import Start
@@ -75,7 +74,7 @@ def start_loop(plan: Plan, watch: Stopwatch) -> tuple[Loop, StepRecord]:
     params = world_params(config, worlds, strategy, plan.goal, capacity, plan.task)
     if config.gripper.bench == "auto":
         shared = replace(shared, gripper=replace(shared.gripper, bench="c" if plan.engine.on_host else "mjx"))
-    energy = None if config.energy.model == "none" else power.full(config.energy)
+    energy = None if config.energy.model == "none" else config.energy.full
     poses, state = first_state(plan.starts, params, energy)
     start = start_record(state, poses, settings.record_worlds, robot)
     engine = plan.engine

@@ -43,6 +43,8 @@ class SwarmState(NamedTuple):
     """What the task keeps beside the balls."""
     energy: Any = None
     """In the robots' capacitors (*B, N) [J]; None where they have none."""
+    starved: Any = None
+    """Control steps in which each robot waited for energy (*B, N); None where they have no capacitors."""
 
     @property
     def things(self) -> Things:

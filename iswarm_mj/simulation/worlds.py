@@ -133,6 +133,7 @@ def first_state(
             is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
             own=jax.tree.map(lambda *values: np.stack(values), *(start.own for start in starts)),
             energy=None if energy is None else np.full((n_worlds, capacity), energy, np.float32),
+            starved=None if energy is None else np.zeros((n_worlds, capacity), np.int32),
         ),
         touching=np.zeros((n_worlds, capacity, capacity), bool),
         collisions=zero,

@@ -121,7 +121,7 @@ def untouched(
     """Balls that nobody has touched yet; arguments as the fields of `Balls`."""
     k = len(radius)
     kinds = {name: np.int32 for name in Balls._fields[4:]} | dict.fromkeys(FLAGS, np.bool_)
-    kinds |= dict.fromkeys(("work_time", "impact"), np.float32)
+    kinds |= dict.fromkeys(("work_time", "lost_time", "impact"), np.float32)
     own = position, radius, work_tool_object, work_object_substrate
     return Balls(*own, **{name: np.zeros(k, kind) for name, kind in kinds.items()})
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from iswarm_mj.utils.constraints import Within, validate
+from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.serialization import added_later
 
 
@@ -32,3 +32,21 @@ class EnergyConfig:
 
     def __post_init__(self):
         validate(self, "energy")
+
+    @property
+    def full(self) -> float:
+        """Energy of a full capacitor, C V^2 / 2 [J]."""
+        return self.capacitance * self.largest_voltage**2 / 2
+
+    def of_step(self, period: float) -> float:
+        """Energy that a robot needs to act in a control step of this period [s]: messages and a walk [J]."""
+        return self.message_energy + self.walking_power * period
+
+    def check_step(self, period: float) -> None:
+        """Raise a ConfigError if robots can never act in a control step of this period [s]."""
+        needed, own = (
+            self.of_step(period),
+            f"{self.capacitance:g} with `energy.largest_voltage` {self.largest_voltage:g}",
+        )
+        limit = f"so that a full capacitor, {self.full:g} J, has what a control step takes, {needed:g} J"
+        check("energy.capacitance", own, limit, self.model == "none" or self.full >= needed)

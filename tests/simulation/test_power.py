@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 from helpers_sensing import lay
 
-from iswarm_mj.config import EnergyConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, EnergyConfig, SwarmConfig
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(energy=EnergyConfig(model="capacitor"))
-FULL = power.full(CONFIG.energy)
+FULL = CONFIG.energy.full
+USUAL = conditions_of(CONFIG)
 
 
 def test_light_fills_a_capacitor_and_no_more():
@@ -30,10 +33,43 @@ def test_what_robots_draw():
     command = Command(jnp.zeros(4), jnp.array([0.0, 0.5 * RD, 0.0, 0.0]))
     before = lay((0.0, 60.0))
     now = before._replace(attempts=jnp.array([1]), worker=jnp.array([3]))
-    left = power.after(CONFIG, jnp.full(4, 1e-3), command, (before, now), jnp.array([True, True, False, True]))
-    tool = 10e-12 * 2 * 1e-3 / 1e-6
+    acts = jnp.array([True, True, False, True])
+    left = power.after(CONFIG, jnp.full(4, 1e-3), command, (before, now), USUAL, acts)
+    tool = 10e-12 * 40**2
     np.testing.assert_allclose(1e-3 - left, [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool], rtol=1e-5, atol=1e-9)
-    assert power.after(CONFIG, jnp.array([1e-9]), Command(*jnp.zeros((2, 1))), (before, before), jnp.ones(1, bool)) == 0
+    still = Command(*jnp.zeros((2, 1)))
+    assert power.after(CONFIG, jnp.array([1e-9]), still, (before, before), USUAL, jnp.ones(1, bool)) == 0
+
+
+@pytest.mark.parametrize(
+    ("what", "volts"),
+    [
+        ({"attempts": [1], "failed_grasps": [1]}, 40.0),
+        ({"releases": [1], "is_delivered": [True]}, 55.0),
+        ({"releases": [1], "failed_releases": [1]}, 55.0),
+        ({"is_delivered": [True]}, 0.0),  # it fell
+        ({}, 0.0),
+    ],
+)
+def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(what, volts):
+    """Or to that of the capacitor, 30 V, if that is less; a large capacitance of the tool makes it visible."""
+    config = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8, message_energy=0.0))
+    before = lay((0.0, 60.0))
+    now = before._replace(**{name: jnp.array(values) for name, values in what.items()})
+    still = Command(*jnp.zeros((2, 1)))
+    for has in (60.0, 30.0):
+        energy = jnp.array([1e-6 * has**2 / 2])
+        left = power.after(config, energy, still, (before, now), USUAL, jnp.ones(1, bool))
+        np.testing.assert_allclose(energy - left, [1e-8 * min(volts, has) ** 2], rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("values", [{"largest_voltage": 10.0}, {"capacitance": 1e-8}])
+def test_a_capacitor_too_small_for_a_control_step_is_refused(values):
+    with pytest.raises(ConfigError, match=r"energy.capacitance must be so that a full capacitor, .* J, has what"):
+        SwarmConfig(energy=EnergyConfig(model="capacitor", **values))
+    SwarmConfig(energy=EnergyConfig(**values))  # of which nothing is taken
+    with pytest.raises(ConfigError, match=r"0.00308 J"):
+        SwarmConfig(drive=DriveConfig(control_period=10.0), energy=EnergyConfig(model="capacitor"))
 
 
 def moved(small, light_power):
@@ -53,6 +89,9 @@ def test_in_the_dark_a_swarm_comes_to_rest(small):
     _, energies, record = moved(small, 0.0)
     assert (np.diff(energies, axis=0) <= 0).all() and (energies[-1] < 0.38e-3).all()
     assert not np.any(record.command.forward) and not np.any(record.command.turn)
+    waited = np.asarray(record.swarm.starved[-1, 0])
+    assert waited.min() >= 1  # at the end each waits, and its energy stays as it is
+    np.testing.assert_array_equal(waited, (np.diff(energies, axis=0) == 0).sum(axis=0) + (energies[0] == FULL))
 
 
 def test_in_full_light_no_robot_waits(small):
@@ -61,4 +100,5 @@ def test_in_full_light_no_robot_waits(small):
         last = plain.advance().poses[-1, 0]
     _, energies, record = moved(small, 0.01)
     np.testing.assert_array_equal(record.poses[-1, 0], last)
+    assert not np.any(record.swarm.starved)
     np.testing.assert_allclose(energies[:, 0], FULL, rtol=0.3)

@@ -34,7 +34,7 @@ class Job:
 
 
 class Outcome(NamedTuple):
-    """Measures of a finished job; the first and the last five are those of `Measures`."""
+    """Measures of a finished job; all but steps and fitness are those of `Measures`."""
 
     delivered: int
     picked: int
@@ -49,15 +49,19 @@ class Outcome(NamedTuple):
     """This and the following as in `Measures`."""
     failed_grasps: int = 0
     failed_releases: int = 0
+    releases: int = 0
     postponed: int = 0
     work_time: float = 0.0
+    lost_time: float = 0.0
+    impact: float | None = None
+    starved: int = 0
 
 
 def is_outcome(values: Any) -> bool:
     """Whether a list of JSON's is an `Outcome`."""
     if not isinstance(values, list | tuple) or len(values) != len(Outcome._fields):
         return False
-    unknown = {"mean_carriage_steps", "finished_at"}
+    unknown = {"mean_carriage_steps", "finished_at", "impact"}
     numbers = zip(Outcome._fields, values, strict=True)
     return all(type(value) in (int, float) or (value is None and name in unknown) for name, value in numbers)
 
