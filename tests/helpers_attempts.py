@@ -3,7 +3,19 @@
 import numpy as np
 
 from iswarm_mj.gripper.attempts import Attempts
-from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.detachment import (
+    VARIATION_OBJECT_SUBSTRATE,
+    VARIATION_TOOL_OBJECT,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+    scattered_work,
+)
+from iswarm_mj.gripper.laws.humidity import humidity_factor
+
+HUMIDITIES = (10.0, 30.0, 50.0)
+"""[%]"""
 
 
 def random_attempts(count, seed, spread=0.3):
@@ -15,6 +27,26 @@ def random_attempts(count, seed, spread=0.3):
     threshold = np.where(lifts, grasp_voltage(radius, tool, floor), release_voltage(radius, tool))
     share = np.exp(random.uniform(-spread, spread, count))
     voltage = np.minimum(threshold * share, 69.0)
-    miss = np.where(lifts, np.abs(random.normal(0, 4e-6, count)), 0.0)
-    values = (np.asarray(values, np.float32) for values in (voltage, radius, tool, floor, miss))
-    return Attempts(lifts, ~lifts, *values), voltage / threshold - 1
+    return _attempts(random, lifts, voltage, radius, (tool, floor)), voltage / threshold - 1
+
+
+def any_attempts(count, seed):
+    """Lifts and releases at voltages and humidities of the whole range, with the calibrated spreads; as above."""
+    random = np.random.default_rng(seed)
+    radius, lifts = random.uniform(15e-6, 25e-6, count), random.random(count) < 0.5
+    factor = np.array([float(humidity_factor(rh)) for rh in HUMIDITIES])[random.integers(0, 3, count)]
+    tool, floor = (
+        factor * np.asarray(scattered_work(work, spread, random.normal(size=count)))
+        for work, spread in (
+            (WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT),
+            (WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE),
+        )
+    )
+    threshold = np.where(lifts, grasp_voltage(radius, tool, floor), release_voltage(radius, tool))
+    voltage = random.uniform(0.0, 69.0, count)
+    return _attempts(random, lifts, voltage, radius, (tool, floor)), voltage / threshold - 1
+
+
+def _attempts(random, lifts, voltage, radius, works):
+    miss = np.where(lifts, np.abs(random.normal(0, 4e-6, len(lifts))), 0.0)
+    return Attempts(lifts, ~lifts, *(np.asarray(values, np.float32) for values in (voltage, radius, *works, miss)))

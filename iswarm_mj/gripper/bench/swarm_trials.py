@@ -95,27 +95,27 @@ def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, 
     seen = _seen_to_leave(bench, gap, voltage, RELEASE_LIMIT - time)
     if seen is None:
         return False, RELEASE_LIMIT, 0.0
-    impact, volts = seen.landing_speed, voltage if p.after_release == "held" else 0.0
-    watch = bench.move("cut", p.cut_time, gap, volts)
+    impact = seen.landing_speed
+    watch = bench.move("cut", p.cut_time, gap, 0.0)
     start = time + (seen.last + 1) * bench.timestep + p.cut_time
     time, since, film = start, start, None
     landing, speed, above, finite = (
         float(values[0]) for values in (watch.landing_speed, watch.speed, watch.gap_plate, watch.finite)
     )
     impact = landing if np.isnan(impact) else impact
-    stays = volts == 0 and not np.isnan(impact) and bool(_reach(speed, above) < gap / 2)
+    stays = not np.isnan(impact) and bool(_reach(speed, above) < gap / 2)
     while not stays and finite and time < start + p.flight_limit - p.cut_time:
         time += fly(bench, "fall", start + p.flight_limit - p.cut_time - time)
-        film = bench.film("fall", _FALLS if np.isnan(impact) else _HITS, gap, volts)
+        film = bench.film("fall", _FALLS if np.isnan(impact) else _HITS, gap, 0.0)
         impact = Look(film, 0, len(film.finite) - 1).landing_speed if np.isnan(impact) else impact
         returns = np.flatnonzero(_reach(film.speed, film.gap_plate) >= gap / 2)
         since = time + (returns[-1] + 1 if len(returns) else 0) * bench.timestep
         time, finite = time + len(film.finite) * bench.timestep, bool(film.finite[-1])
-        stays = volts == 0 and not np.isnan(impact) and since < time
+        stays = not np.isnan(impact) and since < time
     until = start + math.ceil((since - start) / _LOOK - 1e-6) * _LOOK
     more = round((until - time) / bench.timestep)
     if film is not None and more < 0:
-        bench.rewind(film, more - 1)
+        bench.rewind(film, max(more - 1, -len(film.finite)))
     bench.elapse("fall", max(0, more))
     return stays, until, float(np.nan_to_num(impact))
 
