@@ -33,6 +33,7 @@ OTHER_TABLES = (
     "worlds | VMAS | environment",
     "file | contents |",
     "| delivered | picked up | collisions | clean worlds",
+    "type | light | balls delivered | picked up",
     "once | now | test",
     "impl | robots | worlds | iterations | GPUs | million robot-physics-steps/s",
     "field | values | outside",

@@ -193,8 +193,8 @@ that a ball loses while it is lifted, and 2 um of misalignment at the tool's edg
 
 
 EDGE = 3.1e6
-"""Voltage over radius beyond which a ball may fall while the voltage is switched off: its acceleration by the field
-goes with the square of that, and the lift leaves its charge half a relaxation time [V/m]."""
+"""Voltage over radius beyond which a ball may fall while the voltage is switched off, fitted to these trials: it has
+some half of the voltage by then, and its acceleration towards the plate goes with the square of this [V/m]."""
 
 
 def compared(attempts, decider=by_host):
@@ -297,6 +297,20 @@ def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     times = [np.asarray(found.duration)[landed].mean() for found in (theirs, ours)]
     assert times[0] == pytest.approx(times[1], rel=0.03)
     np.testing.assert_allclose(np.asarray(theirs.impact)[landed], np.asarray(ours.impact)[landed], rtol=0.3)
+
+
+@pytest.mark.slow
+def test_in_strong_fields_a_batch_in_mjx_lifts_as_many_as_c():
+    """Single balls that bounce may end otherwise."""
+    from iswarm_mj.gripper.bench.batch_trials import by_batch
+
+    attempts, _ = any_attempts(4000, 11)
+    strong = np.flatnonzero(attempts.lifts & (attempts.voltage > EDGE * attempts.radius))
+    mine = Attempts(*(np.asarray(values)[strong] for values in attempts))
+    gripper = replace(GRIPPER, bench_capacity=len(strong))
+    ours, theirs = (decide(gripper, Attempts(*map(jnp.asarray, mine))).lifted for decide in (by_host, by_batch))
+    print(int(ours.sum()), int(theirs.sum()), int((ours == theirs).sum()), "of", len(strong))
+    assert 0.8 < float(ours.mean()) < 0.95 and float((ours == theirs).mean()) > 0.95
 
 
 def test_the_bench_of_a_program_that_is_spread_over_devices_does_for_others():
