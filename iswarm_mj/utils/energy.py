@@ -44,9 +44,9 @@ class EnergyConfig:
 
     def check_step(self, period: float) -> None:
         """Raise a ConfigError if robots can never act in a control step of this period [s]."""
-        needed, own = (
-            self.of_step(period),
-            f"{self.capacitance:g} with `energy.largest_voltage` {self.largest_voltage:g}",
+        needed, volts = self.of_step(period), self.largest_voltage
+        least = 2 * needed / volts**2
+        limit = (
+            f"at least {least:.3g} F with `energy.largest_voltage` {volts:g}, for the {needed:g} J of a control step"
         )
-        limit = f"so that a full capacitor, {self.full:g} J, has what a control step takes, {needed:g} J"
-        check("energy.capacitance", own, limit, self.model == "none" or self.full >= needed)
+        check("energy.capacitance", self.capacitance, limit, self.model == "none" or self.capacitance >= least)
