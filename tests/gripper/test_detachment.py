@@ -25,7 +25,6 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     is_grasped,
     is_released,
-    melts,
     release_voltage,
     scattered_work,
 )
@@ -169,15 +168,3 @@ def test_bands_of_repeated_trials():
     release = np.percentile(release_voltage(20e-6, tool), [2.5, 97.5])
     np.testing.assert_allclose(grasp, [21.1, 30.1], rtol=0.02)
     np.testing.assert_allclose(release, [37.4, 47.9], rtol=0.02)
-
-
-def test_melting_needs_contact_and_seventy_volts():
-    voltage = np.array([69.9, 70.0, -80.0, 80.0])
-    assert melts(voltage).tolist() == [False, True, True, True]
-    assert not melts(voltage, in_contact=False).any()
-    assert jax.jit(melts)(jnp.asarray(voltage), jnp.array([True, True, False, True])).tolist() == [
-        False,
-        True,
-        False,
-        True,
-    ]

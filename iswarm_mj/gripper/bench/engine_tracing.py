@@ -13,7 +13,7 @@ from iswarm_mj.gripper.bench.leaps import Row, places, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.staircase import hang, rung, touch
+from iswarm_mj.gripper.bench.staircase import hang, rung, stays_up, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.units import MS, NN, UM
@@ -223,7 +223,7 @@ def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: fl
     highest = protocol.highest_rung * protocol.step_voltage
     touch(bench, protocol)
     watch = rung(bench, protocol, highest if voltage is None else voltage)
-    if watch.gap_plate[0] > protocol.away:
+    if stays_up(watch, protocol)[0]:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap, to_the_end=True)
     return bench.trace()
