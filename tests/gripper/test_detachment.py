@@ -1,6 +1,7 @@
 """Voltages and decisions of the gripper against the paper's numbers and each other."""
 
 import math
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -30,6 +31,7 @@ from iswarm_mj.gripper.laws.detachment import (
 )
 from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, asymptotic_force, pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.reference import PAPER_GRASP
 
 RADII = np.linspace(15e-6, 25e-6, 21)
 
@@ -168,3 +170,12 @@ def test_bands_of_repeated_trials():
     release = np.percentile(release_voltage(20e-6, tool), [2.5, 97.5])
     np.testing.assert_allclose(grasp, [21.1, 30.1], rtol=0.02)
     np.testing.assert_allclose(release, [37.4, 47.9], rtol=0.02)
+
+
+def test_the_gap_of_a_contact_is_not_a_nanometre():
+    """The paper's works of adhesion need less than its grasp voltages there, as the page on the gripper says."""
+    volts = detachment_voltage(np.array([0.01, 1.0, 1.0]), np.array([1e-9, 1e-9, 2.9e-9]))
+    low, high, wide = (f"{volt:.1f} V" for volt in volts)
+    assert volts[1] < PAPER_GRASP[0] < volts[2] < PAPER_GRASP[1]
+    page = " ".join((Path(__file__).parents[2] / "docs" / "gripper.md").read_text(encoding="utf-8").split())
+    assert f"need {low.removesuffix(' V')} to {high}; 1000 mJ/m² need {wide} across 2.9 nm" in page
