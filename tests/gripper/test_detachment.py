@@ -174,7 +174,7 @@ def test_bands_of_repeated_trials():
 
 def test_the_gap_of_a_contact_is_not_a_nanometre():
     """The paper's works of adhesion need less than its grasp voltages there, as the page on the gripper says."""
-    volts = detachment_voltage(np.array([0.01, 1.0, 1.0]), np.array([1e-9, 1e-9, 2.9e-9]))
+    volts = np.asarray(detachment_voltage(np.array([0.01, 1.0, 1.0]), np.array([1e-9, 1e-9, 2.9e-9])))
     low, high, wide = (f"{volt:.1f} V" for volt in volts)
     assert volts[1] < PAPER_GRASP[0] < volts[2] < PAPER_GRASP[1]
     page = " ".join((Path(__file__).parents[2] / "docs" / "gripper.md").read_text(encoding="utf-8").split())

@@ -68,8 +68,8 @@ def books(trace: Trace, trial: Trial) -> Books:
     """
     least = trial.contact_gap
     sizes = trial.radius, trial.probe_radius
-    above = capacitance("pick", trace.gap_tool, *sizes, least)
-    below = capacitance("release", trace.gap_plate, *sizes, least)
+    above = np.asarray(capacitance("pick", trace.gap_tool, *sizes, least))
+    below = np.asarray(capacitance("release", trace.gap_plate, *sizes, least))
     across, mine = trace.voltage - trace.ball_voltage, trace.ball_voltage
     flown, joule = _conducted(trace, trial, above + below)
     voltage = _middle(trace.voltage)
