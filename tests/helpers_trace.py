@@ -73,7 +73,11 @@ def bench_trace() -> Trace:
         ball_voltage=np.where(table[:, 18] < 0.5, 0.0, table[:, 2]),
         contact_tool=table[:, 19] * 1e-9,
         contact_plate=table[:, 20] * 1e-9,
+        broken=np.zeros(len(table), bool),
+        drive=np.zeros(len(table)),
+        impact_loss=np.zeros(len(table)),
         radius=RADIUS,
         probe_radius=PROBE_RADIUS,
         weight=model.body("ball").mass[0] * 9.81 * 1e-9,
+        probe_weight=model.body("probe").mass[0] * 9.81 * 1e-9,
     )

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from iswarm_mj.gripper.bench.run_trials import Outcomes
-from iswarm_mj.gripper.laws.detachment import grasp_voltage, melts, release_voltage
+from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.gripper.laws.humidity import humid_work
+from iswarm_mj.gripper.laws.melting import melts
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings
 
 
@@ -42,7 +43,8 @@ class TrialRow(NamedTuple):
     step_voltage: float
     """Resolution of `voltage` [V]."""
     melted: bool
-    """Whether the voltage in contact reached the melting voltage."""
+    """Whether a current through tool, ball and plate melted it, see `melts`; none flows without contact, or once a ball
+    hangs, so that only a grasp melts."""
     quasi_static_voltage: float
     """What the force laws give without dynamics [V]."""
     flight_time: float | None = None
@@ -56,7 +58,7 @@ class TrialRow(NamedTuple):
 
 
 def trial_rows(settings: GraspSettings, cases: Sequence[Case], outcomes: Outcomes) -> list[TrialRow]:
-    """Rows of the table, case by case; a ball that was not lifted has no release."""
+    """Rows of the table, case by case; a ball that was not lifted, or fell before the ramp, has no release."""
     return [row for i, case in enumerate(cases) for row in _rows(settings, case, outcomes, i)]
 
 
@@ -87,7 +89,7 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
             voltage=_number(attempt.voltage[i]),
             limit_voltage=limit,
             step_voltage=ramp_step,
-            melted=_melted(attempt.voltage[i], limit, in_contact=not np.isnan(attempt.voltage[i])),
+            melted=False,
             quasi_static_voltage=float(grasp_voltage(trial.radius, 0.0, substrate, gap)),
             faulty=bool(attempt.faulty[i]),
         )
@@ -98,20 +100,20 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
         voltage=_number(grasp.voltage[i]),
         limit_voltage=limit,
         step_voltage=protocol.step_voltage,
-        melted=_melted(grasp.voltage[i], limit),
+        melted=_melted(settings, case, limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i]),
         quasi_static_voltage=float(grasp_voltage(trial.radius, tool, substrate)),
         faulty=bool(grasp.faulty[i]),
     )
-    if np.isnan(grasp.voltage[i]):
-        return
     for gap, release in outcomes.release.items():
+        if not release.hung[i]:
+            continue
         yield row(
             experiment="release",
             gap=gap,
             voltage=_number(release.voltage[i]),
             limit_voltage=protocol.release_limit,
             step_voltage=ramp_step,
-            melted=_melted(release.voltage[i], protocol.release_limit),
+            melted=False,
             quasi_static_voltage=float(release_voltage(trial.radius, tool, gap)),
             flight_time=_number(release.flight_time[i]),
             landing_speed=_number(release.landing_speed[i]),
@@ -120,9 +122,11 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
         )
 
 
-def _melted(voltage: float, limit: float, in_contact: bool = True) -> bool:
-    """Whether the ball melted at the highest voltage that was applied: `voltage`, or the limit if that is nan."""
-    return bool(melts(limit if np.isnan(voltage) else voltage, in_contact))
+def _melted(settings: GraspSettings, case: Case, voltage: float) -> bool:
+    """Whether a ball melts between plate and tool at the highest voltage that is applied [V]."""
+    contacts = settings.contacts
+    time = settings.protocol.contact_time
+    return bool(melts(voltage, case.trial.radius, contacts.breaks_at, contacts.supply, time))
 
 
 def _number(value: float) -> float | None:
@@ -139,8 +143,16 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
             here = [row for row in found if row.gap == gap]
             where = "" if experiment == "grasp" else f" at {gap * 1e6:g} um"
             lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
+    fell = _fallen(settings, rows)
+    lines += [("fell", f"{fell} lifted balls before a release")] if fell else []
     faulty = sum(row.faulty for row in rows)
     return [*lines, ("faulty", f"{faulty} rows, whose state was not finite")] if faulty else lines
+
+
+def _fallen(settings: GraspSettings, rows: Sequence[TrialRow]) -> int:
+    """Releases that did not come about since the ball, although it was lifted, no longer hung."""
+    lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
+    return lifted * len(settings.release_gaps) - sum(row.experiment == "release" for row in rows)
 
 
 def _voltage_text(rows: Sequence[TrialRow]) -> str:

@@ -7,12 +7,13 @@ of the bands. Not fitted: that a landed ball stays where the voltage is cut. Tha
 import numpy as np
 import pytest
 
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import Gaps, run_trials
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
-from iswarm_mj.workflows.grasp_table import trial_rows
+from iswarm_mj.workflows.grasp_table import summary, trial_rows
 
 RADII = np.linspace(15e-6, 25e-6, 5)
 SETTINGS = GraspSettings(tuple(RADII.tolist()), (10.0, 30.0, 50.0), repeats=5, seed=0)
@@ -79,14 +80,36 @@ def test_released_balls_land_and_stay(rows):
     assert all(0.03 < row.landing_speed < 0.5 for row in release)
 
 
-def test_seventy_volts_in_contact_are_flagged_as_melting(rows):
-    assert not any(row.melted for row in rows if row.experiment != "release" and row.voltage != 70)
-    sticky = Trial(20e-6, WORK_TOOL_OBJECT, 20 * WORK_OBJECT_SUBSTRATE)
-    for limit, melted in ((69.75, False), (70.0, True)):
-        settings = GraspSettings((20e-6,), (10.0,), 1, 0, protocol=Protocol(grasp_limit=limit))
-        listed = [cases(settings)[0]._replace(trial=sticky)]
-        (row,) = trial_rows(settings, listed, run_trials([sticky], settings.protocol))
-        assert (row.experiment, row.voltage, row.melted) == ("grasp", None, melted)
+def melted(limit, radius=15e-6, **contacts):
+    """Whether the row of a ball that cannot be lifted says that it melted, up to a voltage."""
+    settings = GraspSettings(
+        (radius,), (10.0,), 1, 0, protocol=Protocol(grasp_limit=limit), contacts=Contacts(**contacts)
+    )
+    case = cases(settings)[0]
+    listed = [case._replace(trial=case.trial._replace(work_object_substrate=20 * WORK_OBJECT_SUBSTRATE))]
+    row, *more = trial_rows(settings, listed, run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps))[1:]
+    assert (row.experiment, row.voltage, more) == ("grasp", None, [])
+    return row.melted
+
+
+def test_a_ball_melts_where_the_oxide_breaks_and_the_heat_suffices_in_the_time_of_contact(rows):
+    """15 um: at 70 V of the default oxide; at 40 V of a thinner one the heat takes 1 ms; a larger ball takes longer."""
+    assert not any(row.melted for row in rows)
+    assert [melted(limit) for limit in (69.75, 70.0)] == [False, True]
+    assert [melted(limit, oxide=30e-9) for limit in (40.0, 69.75)] == [False, True]
+    assert not melted(70.0, radius=20e-6) and not melted(80.0, leak=0.0) and not melted(80.0, contact=10.0)
+
+
+def test_a_ball_that_fell_before_its_release_has_none_and_did_not_melt():
+    """Its charge leaves it while it hangs: it is lifted, but falls before the ramp begins, whose end is 120 V."""
+    settings = GraspSettings((20e-6,), (10.0,), 1, 0, release_gaps=(5e-6, 6e-6))
+    listed = cases(settings)
+    listed = [listed[0]._replace(trial=listed[0].trial._replace(work_tool_object=1e-6))]
+    outcomes = run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps)
+    rows = trial_rows(settings, listed, outcomes)
+    assert [row.experiment for row in rows] == ["no_contact", "grasp"]
+    assert rows[1].voltage is not None and not rows[1].melted
+    assert ("fell", "2 lifted balls before a release") in summary(settings, rows)
 
 
 def test_nothing_is_faulty(rows):

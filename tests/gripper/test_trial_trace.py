@@ -11,8 +11,8 @@ def straight(count):
     zero = np.zeros(count)
     arrays = {name: zero for name in Trace._fields} | {"time": np.arange(count) * 1e-6, "phase": zero.astype(int)}
     arrays |= {"probe": np.zeros((count, 3)), "ball": np.zeros((count, 3)), "ball_quaternion": np.zeros((count, 4))}
-    numbers = {"phases": ("rest",), "radius": 20e-6, "probe_radius": 13e-6, "weight": 2.4e-9}
-    return Trace(**arrays | numbers | {"on_plate_potential": zero.astype(bool)})
+    numbers = {"phases": ("rest",), "radius": 20e-6, "probe_radius": 13e-6, "weight": 2.4e-9, "probe_weight": 1e-6}
+    return Trace(**arrays | numbers | {name: zero.astype(bool) for name in ("on_plate_potential", "broken")})
 
 
 def test_short_traces_stay():

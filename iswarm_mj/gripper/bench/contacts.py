@@ -1,7 +1,9 @@
 """What happens in the contacts of a trial beside adhesion: conduction, breakdown, impacts."""
 
+import math
 from typing import Annotated, NamedTuple
 
+from iswarm_mj.gripper.laws.melting import Supply
 from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, MODULUS_PROBE, YIELD_PRESSURE
 from iswarm_mj.gripper.units import PRESSURE, UM
 from iswarm_mj.utils.constraints import Above, Within
@@ -39,6 +41,17 @@ class Contacts(NamedTuple):
     """Reduced modulus of ball and plate [Pa]."""
     probe_modulus: Annotated[float, Above(0, 1e13, "Pa")] = MODULUS_PROBE
     """Reduced modulus of ball and tool [Pa]."""
+
+    @property
+    def breaks_at(self) -> float:
+        """Voltage at which the oxide of a tool on a ball on the plate breaks down [V]; infinite without a circuit."""
+        return self.oxide * self.breakdown if self.leak > 0 else math.inf
+
+    @property
+    def supply(self) -> Supply:
+        """What heats a ball on the plate through a broken oxide; the plate's contact is in series, like the supply."""
+        usual = Supply()
+        return usual._replace(resistance=usual.resistance + self.plate_contact, contact=self.contact)
 
     def electrostatic(self) -> dict[str, float]:
         """Attributes of the electrostatic plugin, in the units of the bench."""

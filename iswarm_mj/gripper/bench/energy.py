@@ -1,40 +1,66 @@
-"""The energy of a trial, by its trace: what the electrodes and the tool's drive put in, and where it went."""
+"""The energy of a trial, by its trace: what source, drive and weight put in, and where it went."""
 
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws.capacitance import capacitance
+from iswarm_mj.gripper.laws.detachment import GRAVITY
 from iswarm_mj.gripper.laws.electrostatics import pick_force
+
+Steps = Float[np.ndarray, "T-1"]
 
 
 class Books(NamedTuple):
-    """Energies of a trial, summed over its samples [J]."""
+    """Energies of a trial, summed over its samples [J]. Each is found by itself, none from another's balance."""
 
     supply: float
     """Work of the voltage source, V times the charge that it moved."""
+    drive: float
+    """Work of the tool's drive."""
+    adhesion: float
+    """Work of adhesion on ball and tool, negative where they are torn apart."""
     field: float
     """Change of the field's energy, C_t (V - u)^2 / 2 + C_p u^2 / 2."""
     joule: float
-    """Heat in the contacts with tool and plate."""
+    """Heat in the contacts with tool and plate, I^2 R, by the resistances of the circuit."""
     on_ball: float
     """Work of the field's forces on the ball."""
     on_tool: float
     """Work of the field's forces on the tool."""
+    kinetic: float
+    """Change of the motion's energy, of ball and tool."""
+    potential: float
+    """Change of the height's energy, of ball and tool."""
+    contact: float
+    """What the contacts take, pressing and damping, a ball that is caught, too."""
+    impact: float
+    """Lost in impacts from which the ball rebounds, m v^2 (1 - e^2) / 2."""
     turnover: float
     """Work of the source without its sign: what errors are compared with."""
 
     @property
+    def electrical(self) -> float:
+        """What is missing between the source's work and its uses, over the turnover."""
+        return (self.supply - self.field - self.joule - self.on_ball - self.on_tool) / self.turnover
+
+    @property
+    def mechanical(self) -> float:
+        """What is missing between the work on ball and tool and its uses, over the turnover."""
+        work = self.on_ball + self.on_tool + self.drive + self.adhesion
+        return (work - self.kinetic - self.potential - self.contact - self.impact) / self.turnover
+
+    @property
     def error(self) -> float:
-        """What is missing between the supply's work and its uses, over the turnover."""
-        uses = self.field + self.joule + self.on_ball + self.on_tool
-        return (self.supply - uses) / self.turnover
+        """What is missing in the whole trial, over the turnover."""
+        return self.electrical + self.mechanical
 
 
 def books(trace: Trace, trial: Trial) -> Books:
-    """Electrical energy of a trial; the sums go over the physics steps, forces and voltages are means of neighbours.
+    """Energy of a trial; the sums go over the physics steps, forces and voltages are means of neighbours.
 
     Args:
         trace: every physics step of the trial.
@@ -42,30 +68,63 @@ def books(trace: Trace, trial: Trial) -> Books:
     """
     least = trial.contact_gap
     sizes = trial.radius, trial.probe_radius
-    above = capacitance("pick", trace.gap_tool, *sizes, least)
-    below = capacitance("release", trace.gap_plate, *sizes, least)
+    above = np.asarray(capacitance("pick", trace.gap_tool, *sizes, least))
+    below = np.asarray(capacitance("release", trace.gap_plate, *sizes, least))
     across, mine = trace.voltage - trace.ball_voltage, trace.ball_voltage
-    charge = below * mine - above * across
-    leak = np.where(trace.gap_tool <= 0, across / max(trial.contacts.leak, 1e-3), 0.0)
-    step = np.diff(trace.time)
-    gained = np.diff(charge)
-    on_plate = trace.gap_plate[:-1] <= 0
-    # What does not flow from the plate flows from the tool.
-    from_tool = np.where(on_plate, leak[:-1] * step, np.where(trace.gap_tool[:-1] <= 0, gained, 0.0))
-    to_plate = from_tool - gained
+    flown, joule = _conducted(trace, trial, above + below)
     voltage = _middle(trace.voltage)
-    moved = np.diff(above * across) + from_tool
+    moved = np.diff(above * across) + flown
     energy = above * across**2 / 2 + below * mine**2 / 2
-    up = pick_force(across, np.maximum(trace.gap_tool, least), *sizes)
+    up = np.asarray(pick_force(across, np.maximum(trace.gap_tool, least), *sizes))
     ball, tool = np.diff(trace.ball[:, 2]), np.diff(trace.probe[:, 2])
+    adhesion = -_middle(trace.adhesion_tool) * (tool - ball) - _middle(trace.adhesion_plate) * ball
+    contact = _during(trace.contact_tool, ball - tool) - _during(trace.contact_plate, ball)
+    masses = (trace.weight / GRAVITY, ball), (trace.probe_weight / GRAVITY, tool)
+    step = trace.time[1] - trace.time[0]
     return Books(
         supply=float((voltage * moved).sum()),
+        drive=float((_middle(trace.drive) * tool).sum()),
+        adhesion=float(adhesion.sum()),
         field=float(energy[-1] - energy[0]),
-        joule=float((_middle(across) * from_tool + _middle(mine) * to_plate).sum()),
+        joule=float(joule.sum()),
         on_ball=float((_middle(trace.electrostatic) * ball).sum()),
-        on_tool=float((-_middle(np.asarray(up)) * tool).sum()),
+        on_tool=float((-_middle(up) * tool).sum()),
+        kinetic=float(sum(mass / 2 * (way[-1] ** 2 - way[0] ** 2) / step**2 for mass, way in masses)),
+        potential=float(trace.weight * ball.sum() + trace.probe_weight * tool.sum()),
+        contact=contact,
+        impact=float(trace.impact_loss.sum()),
         turnover=float(np.abs(voltage * moved).sum()),
     )
+
+
+def _conducted(trace: Trace, trial: Trial, total: np.ndarray) -> tuple[Steps, Steps]:
+    """Charge that flows from the tool to the ball in each step [C], and heat of the contacts [J].
+
+    The voltage u of the ball relaxes with R C to that of the divider, from which it is d away: the integrals of V - u,
+    its square and that of u over a step are taken in closed form, since the plate's R C is some ps.
+    """
+    contacts = trial.contacts
+    resistance = np.where(trace.broken, contacts.contact, contacts.leak)
+    tool = np.where(trace.gap_tool <= 0, 1 / resistance, 0.0)[:-1]
+    plate = np.where(trace.gap_plate <= 0, 1 / contacts.plate_contact, 0.0)[:-1]
+    step, voltage = np.diff(trace.time), trace.voltage[:-1]
+    conducts = tool + plate > 0
+    both = np.where(conducts, tool + plate, 1.0)
+    end = np.where(conducts, voltage * tool / both, 0.0)
+    away = trace.ball_voltage[:-1] - end
+    relaxation = total[:-1] / both
+    once, twice = (relaxation / k * -np.expm1(-k * step / relaxation) for k in (1, 2))
+    across = voltage - end
+
+    def square(at: np.ndarray, d: np.ndarray) -> np.ndarray:
+        return at**2 * step + 2 * at * d * once + d**2 * twice
+
+    return tool * (across * step - away * once), tool * square(across, -away) + plate * square(end, away)
+
+
+def _during(force: np.ndarray, way: Steps) -> float:
+    """What contacts of these forces (T,) take; their impulses act at the mean of the speeds before and after a step."""
+    return float((force[1:-1] * _middle(way)).sum())
 
 
 def _middle(values: np.ndarray) -> np.ndarray:

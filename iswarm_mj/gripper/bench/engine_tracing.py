@@ -13,12 +13,14 @@ from iswarm_mj.gripper.bench.leaps import Row, places, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_values, sized, start
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.staircase import hang, rung, touch
+from iswarm_mj.gripper.bench.staircase import hang, rung, stays_up, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.units import MS, NN, UM
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_IMPACT_FIELDS = ("before", "gap", "rebound", "impact_speed", "impulse")
+"""Fields of adhesion that tell about an impact."""
 _PLUGIN_FIELDS = (
     ("electrostatic", "probe_gap"),
     ("electrostatic", "plate_gap"),
@@ -27,6 +29,7 @@ _PLUGIN_FIELDS = (
     ("electrostatic", "force"),
     ("electrostatic", "potential"),
     ("electrostatic", "ball_voltage"),
+    ("electrostatic", "broken"),
 )
 """Instances of plugins and fields of their states that a sample holds."""
 
@@ -46,9 +49,13 @@ class _Samples(NamedTuple):
     fall: Any
     """Downward speed of the ball."""
     plugins: Any
-    """(7,) the `_PLUGIN_FIELDS`."""
+    """(8,) the `_PLUGIN_FIELDS`."""
     contacts: Any
     """(2,) normal forces of the contacts with tool and plate."""
+    drive: Any
+    """Force of the tool's drive."""
+    lost: Any
+    """Energy lost in an impact [fJ]."""
 
 
 class TraceBench:
@@ -68,6 +75,10 @@ class TraceBench:
         self._data.ctrl[self._where.tip] = self._data.qpos[self._where.slide]
         self._data.ctrl[self._where.aside_servo] = self._data.qpos[self._where.aside]
         self._fields = [plugin.state_index(self.model, *names) for names in _PLUGIN_FIELDS]
+        self._impacts = [
+            [plugin.state_index(self.model, name, field) for field in _IMPACT_FIELDS]
+            for name in ("adhesion_probe", "adhesion_plate")
+        ]
         self._ball, self._plate = self.model.geom("ball").id, self.model.geom("plate").id
         self.places = places(self.model)
         self.row = Row(self._data.qpos, self._data.qvel, self._data.plugin_state, self._data.qacc_warmstart)
@@ -127,6 +138,7 @@ class TraceBench:
         """Take a physics step; its sample is the state before, with the forces that acted in it."""
         data, where = self._data, self._where
         time, qpos, fall = data.time, data.qpos.copy(), -data.qvel[where.ball + 2]
+        before = [data.plugin_state[at[0]] for at in self._impacts]
         mujoco.mj_step(self.model, data)
         contacts, force = np.zeros(2), np.zeros(6)
         for i, geoms in enumerate(data.contact.geom):
@@ -142,7 +154,16 @@ class TraceBench:
             fall=fall,
             plugins=data.plugin_state[self._fields],
             contacts=contacts,
+            drive=data.actuator_force[where.tip],
+            lost=sum(map(self._lost, before, self._impacts)),
         )
+
+    def _lost(self, before: float, at: list[int]) -> float:
+        """Energy that a rebound in the last step cost [fJ], for the gap before it: m v^2 (1 - e^2) / 2."""
+        _, gap, rebound, speed, impulse = self._data.plugin_state[at]
+        if not (before > 0 >= gap and rebound > 0):
+            return 0.0
+        return impulse * (speed - impulse / self.model.body("ball").mass[0] / 2)
 
     def _watch(self, samples: _Samples) -> Watch:
         gaps, dt = samples.plugins[:, :2], self.timestep
@@ -200,9 +221,13 @@ class TraceBench:
             ball_voltage=samples.plugins[:, 6],
             contact_tool=samples.contacts[:, 0] * NN,
             contact_plate=samples.contacts[:, 1] * NN,
+            broken=samples.plugins[:, 7] > 0.5,
+            drive=samples.drive * NN,
+            impact_loss=samples.lost * NN * UM,
             radius=float(self.model.geom_size[self._ball, 0]) * UM,
             probe_radius=float(self.model.geom("probe").size[0]) * UM,
             weight=float(-self.model.opt.gravity[2] * self.model.body("ball").mass[0]) * NN,
+            probe_weight=float(-self.model.opt.gravity[2] * self.model.body("probe").mass[0]) * NN,
         )
 
 
@@ -210,7 +235,9 @@ def _stacked(samples: list[_Samples]) -> _Samples:
     return _Samples(*(np.array(values) for values in zip(*samples, strict=True)))
 
 
-def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: float) -> Trace:
+def trace_trial(
+    trial: Trial, protocol: Protocol, voltage: float | None, gap: float, timestep: float | None = None
+) -> Trace:
     """Trace of a trial from the approach to a ball that rests again.
 
     Args:
@@ -218,12 +245,13 @@ def trace_trial(trial: Trial, protocol: Protocol, voltage: float | None, gap: fl
         protocol: what the tool does.
         voltage: at which it lifts [V]; None: the highest rung is tried, and the ball is released only if that lifts it.
         gap: to the plate at which the ball is released [m].
+        timestep: instead of that of the model [s].
     """
-    bench = TraceBench(trial, protocol.start_gap)
+    bench = TraceBench(trial, protocol.start_gap, timestep=timestep)
     highest = protocol.highest_rung * protocol.step_voltage
     touch(bench, protocol)
     watch = rung(bench, protocol, highest if voltage is None else voltage)
-    if watch.gap_plate[0] > protocol.away:
+    if stays_up(watch, protocol)[0]:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap, to_the_end=True)
     return bench.trace()

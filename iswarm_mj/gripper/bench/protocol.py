@@ -79,6 +79,11 @@ class Protocol:
         """Index of the last rung of the staircase; rung 0 is without voltage."""
         return math.floor(self.grasp_limit / self.step_voltage + 1e-9)
 
+    @property
+    def contact_time(self) -> float:
+        """Time for which the tool keeps a ball on the plate under a rung's voltage, at most [s]."""
+        return self.rise_time + self.peel_time
+
     def carry_time(self, distance: float) -> float:
         """Time to move by a distance [m] with the protocol's acceleration, along `minimum_jerk` [s]."""
         return (_PEAK * abs(distance) / self.acceleration) ** 0.5

@@ -1,14 +1,16 @@
-"""Staircase of grasps: the least voltage that lifts a ball, on a bench of any engine.
+"""Staircase of grasps: the first voltage that lifts when the voltage is raised, on a bench of any engine.
 
-Source: section 3.2.3, protocol. On each rung the tool touches the ball, the voltage rises and the tool retracts; the
-ball came along or it did not. A ramp alone would decide nothing here, since a ball held between tool and plate cannot
-move. Whether a rung lifts rises monotonically with the voltage, so the lowest rung that lifts is found by bisection.
+Source: section 3.2.3, protocol. On each rung the tool touches the ball, the voltage rises, the tool retracts and its
+voltage is switched off; the ball came along or it did not. A ramp alone would decide nothing here, since a ball held
+between tool and plate cannot move. What lifts at a voltage need not lift above it: oxide breaks down, and charge flies
+with a ball that bounces. Hence the rungs are tried upwards, in steps of `STRIDE` first; the first step that ends with a
+lifted ball is bisected. A ball that only a range narrower than `STRIDE` lifts can be missed.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.gripper.bench.base import Bench, Mask, Move, Voltages, Watch
 from iswarm_mj.gripper.bench.protocol import Protocol
@@ -18,7 +20,7 @@ class Grasp(NamedTuple):
     """Outcome of a staircase on each of B benches."""
 
     voltage: Float[np.ndarray, "B"]
-    """Lowest rung that lifted, nan: none [V]."""
+    """First rung that lifted, nan: none [V]."""
     faulty: Bool[np.ndarray, "B"]
     """Whether the state became infinite or nan."""
 
@@ -32,11 +34,12 @@ def touching(protocol: Protocol) -> list[Move]:
 
 
 def lifting(protocol: Protocol, voltage: Voltages) -> list[Move]:
-    """Moves that raise the voltage on a touching tool, then retract it."""
+    """Moves that raise the voltage on a touching tool, retract it and switch the voltage off."""
     return [
         Move("voltage", protocol.rise_time, -protocol.press, voltage),
         Move("retract", protocol.peel_time, protocol.peel, voltage),
         Move("lift", protocol.carry_time(protocol.lift - protocol.peel), protocol.lift, voltage),
+        Move("off", protocol.off_time, protocol.lift, 0.0),
     ]
 
 
@@ -47,7 +50,7 @@ def touch(bench: Bench, protocol: Protocol) -> None:
 
 
 def rung(bench: Bench, protocol: Protocol, voltage: Voltages, active: Mask | None = None) -> Watch:
-    """Raise the voltage on a touching tool, then retract it."""
+    """Try to lift a ball that the tool touches; what happened in the last of the moves."""
     *first, last = lifting(protocol, voltage)
     for move in first:
         bench.move(*move, active)
@@ -55,20 +58,26 @@ def rung(bench: Bench, protocol: Protocol, voltage: Voltages, active: Mask | Non
 
 
 def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
-    """Find the least voltage that lifts, on `count` new benches; in the end the balls that can be lifted are lifted."""
+    """Find the first voltage that lifts, on `count` new benches; in the end the balls that can be lifted are lifted."""
     touch(bench, protocol)
     start = bench.save()
-    top = protocol.highest_rung
+    top, stride = protocol.highest_rung, max(1, round(STRIDE / protocol.step_voltage))
     low, high = np.full(count, -1), np.full(count, top + 1)
     faulty = np.zeros(count, bool)
-    while (high - low > 1).any():
-        is_open = high - low > 1
-        middle = (low + high) // 2
+
+    def attempt(number: Int[np.ndarray, "B"], is_open: Mask) -> None:
+        nonlocal low, high, faulty
         bench.restore(start)
-        watch = rung(bench, protocol, middle * protocol.step_voltage, is_open)
-        lifted = hangs(watch, protocol)
+        watch = rung(bench, protocol, number * protocol.step_voltage, is_open)
+        lifted = stays_up(watch, protocol)
         faulty |= is_open & ~watch.finite
-        high, low = np.where(is_open & lifted, middle, high), np.where(is_open & ~lifted, middle, low)
+        high, low = np.where(is_open & lifted, number, high), np.where(is_open & ~lifted, number, low)
+
+    for number in (*range(0, top, stride), top):
+        if (high > top).any():
+            attempt(np.full(count, number), high > top)
+    while (is_open := (high <= top) & (high - low > 1)).any():
+        attempt((low + high) // 2, is_open)
     bench.restore(start)
     voltage = np.minimum(high, top) * protocol.step_voltage
     rung(bench, protocol, voltage)
@@ -76,21 +85,27 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
 
 
 def hangs(watch: Watch, protocol: Protocol) -> Mask:
-    """(B,) whether the ball hangs at the tool, off the plate; a ball that flies to and fro between them does not."""
+    """(B,) whether the ball hangs at the tool, off the plate, at the end of a move."""
     return (watch.gap_plate > protocol.away) & (watch.gap_tool < TOUCH)
 
 
+def stays_up(watch: Watch, protocol: Protocol) -> Mask:
+    """(B,) whether the ball hangs at the end and was off the plate all the time; one that flies to and fro was not."""
+    return hangs(watch, protocol) & np.isnan(watch.first_plate)
+
+
+STRIDE = 1.0
+"""Step in which the voltage rises until a ball is lifted [V]."""
 TOUCH = 5e-9
 """Gap up to which a ball counts as hanging; it hangs at a depth of less than a nanometre [m]."""
 
 
 def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:
-    """Switch off the voltage on a lifted ball and bring it to a gap above the plate [m].
+    """Bring a lifted ball to a gap above the plate [m] and wait.
 
     Returns:
         (B,) whether it still hangs; its charge may have left it meanwhile, and with it what held it.
     """
-    bench.move("off", protocol.off_time, protocol.lift, 0.0, active)
     bench.move("carry", protocol.carry_time(gap - protocol.lift), gap, 0.0, active)
     watch = bench.move("hold", protocol.hold_time, gap, 0.0, active)
     return hangs(watch, protocol)

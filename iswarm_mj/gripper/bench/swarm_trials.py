@@ -73,8 +73,7 @@ def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
 def lift_on(bench: FilmBench, voltage: float) -> tuple[bool, float]:
     """Whether a ball on a new bench hangs in the end, and how long that took [s]."""
     p = PROTOCOL
-    moves = [*touching(p), *lifting(p, voltage), Move("off", p.off_time, p.lift, 0.0)]
-    watch = bench.moves(moves, round(PRESSED / bench.timestep) if is_below(bench) else 0)
+    watch = bench.moves([*touching(p), *lifting(p, voltage)], round(PRESSED / bench.timestep) if is_below(bench) else 0)
     return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep
 
 

@@ -41,12 +41,20 @@ class Trace(NamedTuple):
     """Whether the ball has the plate's potential; otherwise it has the probe's."""
     ball_voltage: Float[np.ndarray, "T"]
     """Of the ball against the plate [V]."""
+    broken: Bool[np.ndarray, "T"]
+    """Whether the oxide of the tool's contact is broken down."""
+    drive: Float[np.ndarray, "T"]
+    """Force of the drive on the tool, upwards [N]."""
+    impact_loss: Float[np.ndarray, "T"]
+    """Energy lost in an impact from which the ball rebounds [J]; 0 where there is none."""
     radius: float
     """Of the ball [m]."""
     probe_radius: float
     """[m]"""
     weight: float
     """Of the ball [N]."""
+    probe_weight: float
+    """Of the probe and what carries it [N]."""
 
 
 def thinned(trace: Trace, limit: int) -> Trace:

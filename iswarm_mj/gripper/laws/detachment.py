@@ -1,4 +1,4 @@
-"""Voltages that lift, release or melt a ball, and the outcome of a grasp or a release at a voltage.
+"""Voltages that lift or release a ball, and the outcome of a grasp or a release at a voltage.
 
 The default constants are a calibration, not measurements. Fitted to the paper's experiments at 10 % RH:
 W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without contact
@@ -221,25 +221,6 @@ def release_voltage(
     """
     deficit = release_deficit(radius, work_tool_object)
     return _least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
-
-
-def melts(
-    voltage: Quantity, in_contact: bool | Bool[Array, "..."] = True, threshold: Quantity = MELTING_VOLTAGE
-) -> Bool[Array, "..."]:
-    """Whether a ball melts to the tool: in contact, at the threshold or above.
-
-    Source: the one observation of Fig. 10 (radius 15 um, 70 V); a threshold, not a heat balance.
-
-    Args:
-        voltage: of the tool [V].
-        in_contact: whether tool and ball touch.
-        threshold: [V].
-
-    Returns:
-        Booleans.
-    """
-    xp = array_module(voltage, in_contact, threshold)
-    return xp.logical_and(xp.abs(voltage) >= threshold, in_contact)
 
 
 def _least_voltage(deficit: Quantity, force_per_volt2: Quantity) -> Quantity:

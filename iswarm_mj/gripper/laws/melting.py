@@ -3,8 +3,10 @@
 import math
 from typing import NamedTuple
 
+from jaxtyping import Bool
+
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY
-from iswarm_mj.utils.arrays import Quantity, array_module
+from iswarm_mj.utils.arrays import Array, Quantity, array_module
 
 HEAT_CAPACITY = 230.0
 """Of SnAg solder [J/(kg K)]."""
@@ -40,6 +42,27 @@ def melting_energy(radius: Quantity, density: Quantity = BALL_DENSITY) -> Quanti
 def contact_power(voltage: Quantity, supply: Supply) -> Quantity:
     """Heat in a broken-down contact while the supply holds its voltage, V^2 R_c / (R_s + R_c)^2 [W]."""
     return voltage**2 * supply.contact / (supply.resistance + supply.contact) ** 2
+
+
+def melts(
+    voltage: Quantity, radius: Quantity, breaks_at: Quantity, supply: Supply, time: Quantity
+) -> Bool[Array, "..."]:
+    """Whether a ball that touches plate and tool melts: its oxide breaks down, and the current has the time to melt it.
+
+    Of a ball that hangs or flies no current flows to the plate, and the field's energy, some pJ, does not melt it.
+
+    Args:
+        voltage: of the tool against the plate [V].
+        radius: of the ball [m].
+        breaks_at: voltage at which the tool's oxide breaks down [V].
+        supply: resistances, capacitor, loss.
+        time: for which ball, plate and tool touch under the voltage [s].
+
+    Returns:
+        Booleans.
+    """
+    xp = array_module(voltage, radius, breaks_at, time)
+    return xp.logical_and(xp.abs(voltage) >= breaks_at, melting_time(voltage, radius, supply) <= time)
 
 
 def melting_time(voltage: Quantity, radius: Quantity, supply: Supply) -> Quantity:
