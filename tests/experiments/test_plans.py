@@ -7,6 +7,7 @@ import pytest
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.runner.experiment import Plan, run_seed
 from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
+from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
@@ -73,8 +74,9 @@ class TestPlans:
         """Another seed, another experiment's seed: other runs; the quick version is smaller."""
         one, other = (EXPERIMENTS[name].entries(replace(PLAN, seed=seed)) for seed in (0, 1))
         jobs = [entry.job for entry in [*one, *other]]
-        alike = 2 if name == "resolved-grasps" else 1  # runs of a seed, which differ in their settings
-        assert len(set(jobs)) == len(jobs) == alike * len({job.seed for job in jobs})
+        again = {"resolved-grasps": len(jobs) // 2, "infer": 2 * len(ALONE) * NAMED_REPEATS * len(SETTINGS)}
+        assert len(set(jobs)) == len(jobs)  # runs of a seed differ in their settings
+        assert len({job.seed for job in jobs}) == len(jobs) - again.get(name, 0)
         quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
         assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in one)
 
