@@ -49,6 +49,7 @@ OTHER_NUMBERS = (
     "a tool of 13 µm radius misses with a probability of exp(-(13 µm)² / 2σ²), less than 1 % up to σ = 4 µm. The study "
     "below takes 4 µm",
     "55 V is beyond 3.1 V/µm for balls below 17.7 µm",
+    "At 40 V and 10 % RH the balance lifts",
     "the first 30 attempts beside the arena",
     "Attempt 12 of",
     "0.6 ms after it began",
