@@ -111,11 +111,17 @@ class Core:
         refused = (refused | is_bad) & ~done
         energy = swarm.energy
         if energy is not None:
-            energy = power.after(self.config, energy, command, (data.before, swarm.balls), self.params.conditions, acts)
+            balls, conditions = (data.before, swarm.balls), self.params.conditions
+            energy = power.after(self.config, energy, command, balls, conditions, swarm.is_alive)
         start_key, key, next_key = jax.random.split(data.next_key, 3)
         index = jax.random.randint(start_key, (), 0, len(self.beginnings.poses))
         poses, swarm = jax.tree.map(lambda a: a[index], self.beginnings)
         return Plan(command, said, refused, ~done & ~refused.any(), energy, poses, swarm, key, next_key)
+
+    def talks(self, done: Bool[Array, "*B"], plan: Plan) -> Bool[Array, "*B N"]:
+        """Robots that light their LEDs after a step, or as the next episode begins."""
+        energy = plan.energy if plan.energy is None else jnp.where(done[..., None], plan.swarm.energy, plan.energy)
+        return power.talks(self.config, plan.swarm.is_alive, energy)
 
     def finish(
         self,

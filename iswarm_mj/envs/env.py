@@ -160,7 +160,7 @@ class CompiledEnv(Env):
             motion = Motion(bodies, data.world.touching, data.step, data.step)
         placed = engine.place(plan.poses, jnp.ones(plan.poses.shape[:-1], bool))
         bodies = jax.tree.map(lambda new, old: jnp.where(_over(done, new), new, old), placed, motion.bodies)
-        sight = engine.sense(bodies, plan.swarm.is_alive, jnp.ones_like(done))
+        sight = engine.sense(bodies, self.core.talks(done, plan), jnp.ones_like(done))
         motion = motion._replace(bodies=None)
         state = self._each(self.core.finish)(data, done, plan, motion, engine.poses(bodies), sight)
         return state._replace(data=state.data._replace(world=state.data.world._replace(bodies=bodies)))
@@ -217,7 +217,7 @@ class HostEnv(Env):
 
     def _perceive(self, data: Episode, done: jax.Array, plan: Any, motion: Motion) -> State:
         bodies, engine = motion.bodies, self._engine
-        sight = engine.sense(bodies, np.asarray(plan.swarm.is_alive), np.ones(self._axes, bool))
+        sight = engine.sense(bodies, np.asarray(self.core.talks(done, plan)), np.ones(self._axes, bool))
         poses = engine.poses(bodies).astype(np.float32)
         state = self._finish(data, done, plan, motion._replace(bodies=None), poses, sight)
         self._latest = bodies

@@ -44,6 +44,8 @@ class Balls(NamedTuple):
     """Of `releases`, in vain."""
     releases: Int[Array, "K"]
     """Attempts to release it, so far."""
+    broken_off: Int[Array, "K"]
+    """Of the attempts in vain, those without a trial, since neighbours pushed the robot out of reach."""
     postponed: Int[Array, "K"]
     """Attempts that had to be made again, since too many were made at once."""
     wait: Int[Array, "K"]
@@ -153,6 +155,7 @@ def handle(
     is_held = (balls.is_held & ~found.released & ~dropped) | lifts
     made = ends & ~found.postponed
     failed = made & ~lifts & ~found.released
+    not_lifted = failed & balls.is_lying
     lost = jnp.where(failed, lasts * rules.control_period + found.duration, found.postponed * rules.control_period)
     balls = balls._replace(
         is_held=is_held,
@@ -161,9 +164,10 @@ def handle(
         was_picked=balls.was_picked | lifts,
         carried_steps=balls.carried_steps + is_held,
         attempts=balls.attempts + (made & balls.is_lying),
-        failed_grasps=balls.failed_grasps + (failed & balls.is_lying),
+        failed_grasps=balls.failed_grasps + not_lifted,
         failed_releases=balls.failed_releases + (failed & balls.is_held),
         releases=balls.releases + (made & balls.is_held),
+        broken_off=balls.broken_off + broken,
         postponed=balls.postponed + found.postponed,
         wait=jnp.where(dropped, 0, jnp.where(found.postponed, 1, wait)),
         worker=worker,
@@ -172,7 +176,7 @@ def handle(
         impact=jnp.where(found.impact > 0, found.impact, balls.impact),
     )
     in_vain = tries & ~loaded(balls, n_robots) & ~working(balls, n_robots)
-    return balls, in_vain.at[worker].max(failed & balls.is_lying)
+    return balls, in_vain.at[worker].max(not_lifted)
 
 
 def _attempts(

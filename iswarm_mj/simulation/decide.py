@@ -106,7 +106,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     command = jax.tree.map(lambda a: jnp.where(acts, a, 0.0), command)
     energy = seen.energy
     if energy is not None:
-        energy = power.after(config, energy, command, (swarm.balls, seen.things.balls), params.conditions, acts)
+        energy = power.after(config, energy, command, (swarm.balls, seen.things.balls), params.conditions, is_alive)
     decided = SwarmState(memory, seen.things.balls, is_alive, seen.things.own, energy, seen.starved)
     kept = jax.tree.map(lambda new, old: jnp.where(situation.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive

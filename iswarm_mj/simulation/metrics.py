@@ -32,6 +32,8 @@ class Measures(NamedTuple):
     """Attempts to release a ball in vain."""
     releases: int = 0
     """Attempts to release a ball."""
+    broken_off: int = 0
+    """Of the attempts in vain, those without a trial, since neighbours pushed the robot out of reach."""
     postponed: int = 0
     """Attempts for which there was no room among the trials of a control step, and which were made in a later one."""
     work_time: float = 0.0
@@ -71,7 +73,7 @@ def measure(balls: Balls, world: int, collisions: int, finished_at: int | None, 
     )
 
 
-COUNTED = ("attempts", "failed_grasps", "failed_releases", "releases", "postponed")
+COUNTED = ("attempts", "failed_grasps", "failed_releases", "releases", "broken_off", "postponed")
 """Counts of each ball."""
 
 

@@ -1,5 +1,7 @@
 """What robots draw from their capacitors, and what light puts in."""
 
+from typing import Any
+
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
@@ -28,13 +30,24 @@ def can_act(config: SwarmConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
     return energy >= config.energy.of_step(config.drive.control_period)
 
 
+def talks(config: SwarmConfig, is_alive: Bool[Array, "*B N"], energy: Any) -> Bool[Array, "*B N"]:
+    """Robots that light their LEDs in a control step: all that live and do not wait for energy.
+
+    Args:
+        config: costs, and the light.
+        is_alive: the others are dark.
+        energy: as the step before ended [J]; None where robots have no capacitors.
+    """
+    return is_alive if energy is None else is_alive & can_act(config, charged(config, energy))
+
+
 def after(
     config: SwarmConfig,
     energy: Float[Array, "N"],
     command: Command,
     balls: tuple[Balls, Balls],
     conditions: Conditions,
-    acts: Bool[Array, "N"],
+    is_alive: Bool[Array, "N"],
 ) -> Float[Array, "N"]:
     """Energies of N robots after a control step: without motion, messages, and a tool's charge C V^2 in each attempt.
 
@@ -46,7 +59,7 @@ def after(
         command: motion.
         balls: before and after the step; their counts tell of attempts.
         conditions: voltages of grasp and release.
-        acts: robots that do not wait; they light their LEDs.
+        is_alive: the others draw nothing; nor do those that wait for energy, while robots that work send messages.
     """
     costs, drive, (before, now) = config.energy, config.drive, balls
     turned = jnp.abs(command.turn) / jnp.deg2rad(drive.max_turn) * drive.turn_substeps
@@ -60,4 +73,5 @@ def after(
     squares = lifts * jnp.minimum(conditions.grasp_voltage, left) ** 2
     squares += releases * jnp.minimum(conditions.release_voltage, left) ** 2
     tools = jnp.zeros_like(energy).at[now.worker].add(squares) * costs.tool_capacitance
-    return jnp.maximum(energy - moving - jnp.where(acts, costs.message_energy, 0.0) - tools, 0.0)
+    messages = jnp.where(is_alive & can_act(config, energy), costs.message_energy, 0.0)
+    return jnp.maximum(energy - moving - messages - tools, 0.0)

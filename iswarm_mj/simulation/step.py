@@ -10,6 +10,7 @@ from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.decide import Decision, Situation
+from iswarm_mj.simulation.power import talks
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
@@ -48,7 +49,7 @@ def control_step(
     """
     engine, config = stepper.engine, stepper.config
     is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
-    sight = engine.sense(state.bodies, state.swarm.is_alive, is_running)
+    sight = engine.sense(state.bodies, talks(config, state.swarm.is_alive, state.swarm.energy), is_running)
     situation = Situation(engine.poses(state.bodies), sight, step, is_running)
     decision = stepper.decide(params, state.swarm, situation)
     command, refused = limited(config, decision.command)

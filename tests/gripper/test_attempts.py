@@ -25,13 +25,13 @@ PROBE = jnp.array([0.9, 0.0])
 GRIPPER = GripperConfig()
 
 
-def step(gripper, balls, poses, **kwargs):
-    """One step of the hands of robots at rows of x, y, heading [deg]."""
+def step(gripper, balls, poses, falls=False, **kwargs):
+    """One step of the hands of robots at rows of x, y, heading [deg]; whether all balls that are held fall."""
     poses = jnp.asarray(place(*poses), jnp.float32)
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, 5 * RD, 0.75 * RD)
-    picks, falls = jnp.ones(len(poses), bool), jnp.zeros(len(balls.radius), bool)
+    picks, falls = jnp.ones(len(poses), bool), jnp.full(len(balls.radius), falls)
     return handle(gripper, conditions_of(SwarmConfig(gripper=gripper)), balls, tips, view, picks, falls, **kwargs)
 
 
@@ -119,7 +119,7 @@ def test_a_lift_out_of_reach_when_it_ends_is_broken_off():
         for x in places:
             balls, failed = step(gripper, balls, [(x, 0, 0)])
         assert balls.attempts.tolist() == [1] and bool(balls.is_held[0]) is holds and bool(failed[0]) is not holds
-        assert balls.failed_grasps.tolist() == [int(not holds)] and not working(balls, 1).any()
+        assert balls.failed_grasps.tolist() == balls.broken_off.tolist() == [int(not holds)] and not working(balls, 1).any()
         assert balls.position[0, 0] == pytest.approx(40.9) and balls.lost_time.tolist() == [0.0 if holds else 2.0]
 
 
@@ -132,7 +132,7 @@ def test_no_trial_is_made_of_an_attempt_that_is_broken_off():
     for balls, places in ((lay((40.9, 0)), (40, 60)), (lay((1.0, 0.0), holders=[0]), (0, 30))):
         for x in places:
             balls, _ = step(gripper, balls, [(x, 0, 0)], rules=rules)
-        assert (balls.failed_grasps + balls.failed_releases).tolist() == [1]
+        assert (balls.failed_grasps + balls.failed_releases).tolist() == balls.broken_off.tolist() == [1]
 
 
 def test_a_robot_pushed_off_the_dump_keeps_the_ball_that_it_releases():
@@ -144,6 +144,13 @@ def test_a_robot_pushed_off_the_dump_keeps_the_ball_that_it_releases():
     for _ in range(3):
         balls, _ = step(gripper, balls, [(0, 0, 0)])
     assert balls.is_delivered.tolist() == [True] and balls.releases.tolist() == [2]
+
+
+def test_a_ball_that_falls_during_its_release_is_no_failed_grasp():
+    gripper, balls = replace(GRIPPER, release_time=2.0), lay((1.0, 0.0), holders=[0])
+    for x, falls in ((0, False), (30, False), (60, True)):
+        balls, failed = step(gripper, balls, [(x, 0, 0)], falls=falls)
+    assert balls.is_lying.all() and balls.failed_releases.tolist() == [1] and not failed.any()
 
 
 def once_full(calls):

@@ -47,6 +47,7 @@ def batch():
         failed_grasps=np.array([[0, 1, 2, 0, 1], [0, 3, 0, 0, 0]]),
         failed_releases=np.array([[0, 0, 5, 0, 0], [0, 0, 0, 0, 0]]),
         releases=np.array([[1, 1, 5, 0, 0], [0] * 5]),
+        broken_off=np.array([[0, 1, 2, 0, 0], [0] * 5]),
         work_time=np.array([[0.5, 0.25, 0, 0, 0], [0] * 5]),
         lost_time=np.array([[0, 1.5, 2, 0, 0], [0] * 5]),
         impact=np.array([[0.1, 0.2, 0, 0, 0], [0] * 5]),
@@ -56,8 +57,8 @@ def batch():
 def test_measures_of_a_world():
     """Only delivered balls count for the carriage time."""
     mean = pytest.approx(0.15)
-    assert measure(batch(), 0, 17, 33, 9) == Measures(2, 4, 17, 12.5, 33, 8, 4, 5, 7, 0, 0.75, 3.5, mean, 9)
+    assert measure(batch(), 0, 17, 33, 9) == Measures(2, 4, 17, 12.5, 33, 8, 4, 5, 7, 3, 0, 0.75, 3.5, mean, 9)
 
 
 def test_no_carriage_time_before_the_first_delivery():
-    assert measure(batch(), 1, 0, None) == Measures(0, 1, 0, None, None, 4, 3, 0, 0, 0, 0.0, 0.0, None, 0)
+    assert measure(batch(), 1, 0, None) == Measures(0, 1, 0, None, None, 4, 3, 0, 0, 0, 0, 0.0, 0.0, None, 0)

@@ -29,16 +29,18 @@ def test_light_fills_a_capacitor_and_no_more():
 
 
 def test_what_robots_draw():
-    """One stands and sends, one walks at full speed, one waits, one tries to lift a ball."""
-    command = Command(jnp.zeros(4), jnp.array([0.0, 0.5 * RD, 0.0, 0.0]))
+    """One stands and sends, one walks at full speed, one waits for energy, one tries to lift a ball, one is dead."""
+    command = Command(jnp.zeros(5), jnp.array([0.0, 0.5 * RD, 0.0, 0.0, 0.0]))
     before = lay((0.0, 60.0))
     now = before._replace(attempts=jnp.array([1]), worker=jnp.array([3]))
-    acts = jnp.array([True, True, False, True])
-    left = power.after(CONFIG, jnp.full(4, 1e-3), command, (before, now), USUAL, acts)
+    energy, alive = jnp.full(5, 1e-3).at[2].set(0.3e-3), jnp.array([True, True, True, True, False])
+    left = power.after(CONFIG, energy, command, (before, now), USUAL, alive)
     tool = 10e-12 * 40**2
-    np.testing.assert_allclose(1e-3 - left, [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool], rtol=1e-5, atol=1e-9)
-    still = Command(*jnp.zeros((2, 1)))
-    assert power.after(CONFIG, jnp.array([1e-9]), still, (before, before), USUAL, jnp.ones(1, bool)) == 0
+    expected = [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool, 0.0]
+    np.testing.assert_allclose(energy - left, expected, rtol=1e-5, atol=1e-9)
+    large = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8))
+    many = before._replace(attempts=jnp.array([1000]), worker=jnp.array([3]))
+    assert power.after(large, energy, command, (before, many), USUAL, alive)[3] == 0
 
 
 @pytest.mark.parametrize(
@@ -94,6 +96,18 @@ def test_in_the_dark_a_swarm_comes_to_rest(small):
     waited = np.asarray(record.swarm.starved[-1, 0])
     assert waited.min() >= 1  # at the end each waits, and its energy stays as it is
     np.testing.assert_array_equal(waited, (np.diff(energies, axis=0) == 0).sum(axis=0) + (energies[0] == FULL))
+
+
+def test_robots_that_wait_for_energy_are_dark(small):
+    """And are heard again when there is light: the same poses, with robots whose capacitors are empty."""
+    alive = np.ones((1, 3), bool)
+    np.testing.assert_array_equal(power.talks(CONFIG, alive, None), alive)
+    dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
+    energy = jnp.array([[0.37e-3, 0.39e-3, 0.0]])
+    np.testing.assert_array_equal(power.talks(dark, alive, energy), [[False, True, False]])
+    np.testing.assert_array_equal(power.talks(CONFIG, alive, energy), alive)
+    lights = [np.asarray(moved(small, power)[-1].links.valid[-1, 0]) for power in (0.0, 0.01)]
+    assert not lights[0].any() and lights[1].any()
 
 
 def test_in_full_light_no_robot_waits(small):

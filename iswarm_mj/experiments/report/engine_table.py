@@ -15,21 +15,23 @@ PARTS = ("hop-count", "density")
 def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:
     """Table of the finishing times in two directories, and whether they are equal, group by group and together.
 
-    Swarms without hop counts are left out, since none of their runs need end before the limit.
+    Swarms without hop counts are left out, since none of their runs need end before the limit, and those that only one
+    directory has.
 
     Args:
         found: rows by directory and part.
     """
     (one, first), (other, second) = ((place, _groups(parts)) for place, parts in found.items())
+    both = [name for name in first if name in second]
     lines = [
         [
             name,
             *(f"{number(float(median(group[name])))}" for group in (first, second)),
             *_judged([first[name]], [second[name]]),
         ]
-        for name in first
+        for name in both
     ]
-    lines.append(["all", "", "", *_judged([*first.values()], [second[name] for name in first])])
+    lines.append(["all", "", "", *_judged([first[name] for name in both], [second[name] for name in both])])
     head = ["swarm", f"`{one}`: median time [steps]", f"`{other}`", "ratio of the times (95 % interval)"]
     return markdown([*head, f"equal within {100 * EQUAL:.0f} %"], lines)
 

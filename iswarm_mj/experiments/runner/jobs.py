@@ -50,6 +50,7 @@ class Outcome(NamedTuple):
     failed_grasps: int = 0
     failed_releases: int = 0
     releases: int = 0
+    broken_off: int = 0
     postponed: int = 0
     work_time: float = 0.0
     lost_time: float = 0.0
