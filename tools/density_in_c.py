@@ -7,6 +7,8 @@ denser ones, whose robots press upon each other, would take hours.
 from dataclasses import replace
 from pathlib import Path
 
+from iswarm_mj.experiments.report.results import collect
+from iswarm_mj.experiments.report.statements import topics_of, write_findings
 from iswarm_mj.experiments.runner.experiment import Entry, Plan, run_experiment
 from iswarm_mj.experiments.studies.density import EXPERIMENT
 
@@ -24,3 +26,4 @@ if __name__ == "__main__":
     run_experiment(replace(EXPERIMENT, entries=sparse), Plan(), OUT)
     KEPT.mkdir(parents=True, exist_ok=True)
     (KEPT / EXPERIMENT.table).write_bytes((OUT / EXPERIMENT.table).read_bytes())
+    write_findings(topics_of(collect([KEPT.parent])))

@@ -119,7 +119,10 @@ def test_a_lift_out_of_reach_when_it_ends_is_broken_off():
         for x in places:
             balls, failed = step(gripper, balls, [(x, 0, 0)])
         assert balls.attempts.tolist() == [1] and bool(balls.is_held[0]) is holds and bool(failed[0]) is not holds
-        assert balls.failed_grasps.tolist() == balls.broken_off.tolist() == [int(not holds)] and not working(balls, 1).any()
+        assert (
+            balls.failed_grasps.tolist() == balls.broken_off.tolist() == [int(not holds)]
+            and not working(balls, 1).any()
+        )
         assert balls.position[0, 0] == pytest.approx(40.9) and balls.lost_time.tolist() == [0.0 if holds else 2.0]
 
 
