@@ -134,6 +134,19 @@ VERDICTS = {
         ("from random search does not stand Holm's correction", "Selection moves the correlation", "not by Holm"),
         ("CMA-ES finds better swarms", "The evolution against CMA-ES", "less"),
     ),
+    ("docs/readings.md", "results/density"): (
+        ("the density's effect on times", "Swarms of density 0.1 to 0.15 finish in", "holds"),
+        ("times and carriage", "Swarms of density 0.1 to 0.15 have the shortest mean carriage", "holds"),
+        (
+            "undecided that both take the paper's time and that collisions",
+            "Swarms of density 0.1 to 0.15 have the fewest",
+            "undecided",
+        ),
+    ),
+    ("docs/readings.md", "results/types"): (
+        ("refute that both types take equally long", "Both types take equally long", "does not hold"),
+        ("undecided that both take the paper's time", "Both types take as long as the paper's", "undecided"),
+    ),
     ("docs/gripper.md", "results/grasp"): (
         ('"The radius does not influence the release voltage" holds', "The radius does not influence the", "holds"),
         ('"The release is highly reliable and repeatable" holds', "The release is highly reliable", "holds"),
