@@ -1,8 +1,12 @@
-"""Random attempts to lift and to release balls."""
+"""Random attempts to lift and to release balls, and steps of robots that make them."""
 
+import jax.numpy as jnp
 import numpy as np
+from helpers_sensing import place
 
+from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.gripper.attempts import Attempts
+from iswarm_mj.gripper.handling import carry, handle
 from iswarm_mj.gripper.laws.detachment import (
     VARIATION_OBJECT_SUBSTRATE,
     VARIATION_TOOL_OBJECT,
@@ -13,7 +17,12 @@ from iswarm_mj.gripper.laws.detachment import (
     scattered_work,
 )
 from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.sensors.conditions import conditions_of
+from iswarm_mj.sensors.floor import probe_tips, sense
+from iswarm_mj.utils.units import RD
 
+PROBE = jnp.array([0.9, 0.0])
+GRIPPER = GripperConfig()
 HUMIDITIES = (10.0, 30.0, 50.0)
 """[%]"""
 
@@ -50,3 +59,13 @@ def any_attempts(count, seed):
 def _attempts(random, lifts, voltage, radius, works):
     miss = np.where(lifts, np.abs(random.normal(0, 4e-6, len(lifts))), 0.0)
     return Attempts(lifts, ~lifts, *(np.asarray(values, np.float32) for values in (voltage, radius, *works, miss)))
+
+
+def step(gripper, balls, poses, falls=False, **kwargs):
+    """One step of the hands of robots at rows of x, y, heading [deg]; whether all balls that are held fall."""
+    poses = jnp.asarray(place(*poses), jnp.float32)
+    tips = probe_tips(poses, PROBE)
+    balls = carry(balls, tips)
+    view = sense(poses, tips, balls.position, balls.is_lying, 5 * RD, 0.75 * RD)
+    picks, falls = jnp.ones(len(poses), bool), jnp.full(len(balls.radius), falls)
+    return handle(gripper, conditions_of(SwarmConfig(gripper=gripper)), balls, tips, view, picks, falls, **kwargs)

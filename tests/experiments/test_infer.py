@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from iswarm_mj.commands.infer import Infer
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
 from iswarm_mj.experiments.analysis.statistics import Interval
@@ -24,10 +25,12 @@ from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.experiments.studies.infer import (
     ALONE,
+    COMBINATIONS,
     DEFAULTS,
     DENSITIES,
     FACTORS,
     NAMED_REPEATS,
+    REPEATS,
     SETTINGS,
     combinations_of,
     design,
@@ -120,6 +123,10 @@ class TestDesign:
             assert [e.job.seed for e in one] == [e.job.seed for e in plain]
             (told,) = [(name, one[0].labels[name]) for name in FACTORS if one[0].labels[name]]
             assert one[0].job.config == varied(READINGS["paper"], FACTORS[told[0]][told[1]])
+
+    def test_the_command_does_what_is_published(self):
+        """`iswarm infer` and `iswarm reproduce` make the same runs."""
+        assert (Infer().combinations, Infer().repeats) == (COMBINATIONS, REPEATS)
 
     @pytest.mark.parametrize(("numbers", "says"), [((19, 1), "combinations must be at least 20"), ((20, 0), "repeats")])
     def test_too_few_are_refused(self, numbers, says):

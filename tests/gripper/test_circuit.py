@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
 from iswarm_mj.gripper.bench.energy import books
 from iswarm_mj.gripper.bench.engine_tracing import TraceBench, trace_trial
 from iswarm_mj.gripper.bench.protocol import Protocol
@@ -114,6 +114,12 @@ def test_another_leak_in_the_books_than_in_the_trial_is_noticed():
     for leak in (0.1, 0.9, 1.1, 10.0):
         wrong = trial._replace(contacts=Contacts(leak=leak * 60e9))
         assert abs(books(trace, wrong).electrical) > 0.02
+
+
+def test_books_need_a_circuit():
+    trace, trial = traced(Contacts())
+    with pytest.raises(ValueError, match="books need a circuit"):
+        books(trace, trial._replace(contacts=IDEAL))
 
 
 def test_the_energys_error_is_of_the_order_of_the_time_step():

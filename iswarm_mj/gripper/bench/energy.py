@@ -65,7 +65,12 @@ def books(trace: Trace, trial: Trial) -> Books:
     Args:
         trace: every physics step of the trial.
         trial: its conduction and its effective gap.
+
+    Raises:
+        ValueError: the ball is no part of a circuit, `leak` is zero; then charge appears where it is needed.
     """
+    if trial.contacts.leak == 0:
+        raise ValueError(f"`leak` was {trial.contacts.leak:g} Ohm; books need a circuit: give more than 0.")
     least = trial.contact_gap
     sizes = trial.radius, trial.probe_radius
     above = np.asarray(capacitance("pick", trace.gap_tool, *sizes, least))
