@@ -22,7 +22,7 @@ def made_rows(time, failed, entries=ENTRIES):
     rows = []
     for entry in entries:
         k, at, vain = entry.labels["repeat"], time(entry.labels), failed(entry.labels)
-        made = Outcome(66, 66, 2800, 60.0, at + k, at + k, 0.0, 66 + vain, vain, 3, 69, lost_time=vain + 3.25)
+        made = Outcome(66, 66, 2800, 60.0, at + k, at + k, 0.0, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
         rows.append(row_of(entry, made))
     return rows
 
@@ -105,7 +105,7 @@ def test_table_and_figures(tmp_path):
     assert len(lines) == 2 + 2 * 3 * 3 * 2
     cells = [cell.strip() for cell in lines[3].split("|")[1:-1]]
     assert cells[:5] == ["type1", "10 %", "30 V", "trials", "24 of 24"] and cells[-1] == "0 (0 to 0)"
-    assert cells[6:10] == ["1.06 (1.06 to 1.06)", "4 (4 to 4)", "3 (3 to 3)", "7.25 (7.25 to 7.25)"]
+    assert cells[6:11] == ["1.06 (1.06 to 1.06)", "4 (4 to 4)", "3 (3 to 3)", "2 (2 to 2)", "7.25 (7.25 to 7.25)"]
     paths = resolved_grasps.draw(rows, tmp_path)
     assert [path.name for path in paths] == ["resolved_grasps_type1.png", "resolved_grasps_type2.png"]
     assert all(path.stat().st_size > 10_000 for path in paths)
@@ -113,5 +113,5 @@ def test_table_and_figures(tmp_path):
 
 @pytest.mark.parametrize("measure", resolved_grasps.COUNTS, ids=lambda m: m.name)
 def test_measures_have_values_where_nothing_was_picked(measure):
-    row = {"attempts": 0, "picked": 0, "failed_grasps": 0, "failed_releases": 0, "lost_time": 0.0}
+    row = {"attempts": 0, "picked": 0, "failed_grasps": 0, "failed_releases": 0, "broken_off": 0, "lost_time": 0.0}
     assert measure.value(row) == 0

@@ -134,7 +134,7 @@ def _resolved_grasps(rows: Rows) -> str:
                 [name, f"{humidity:g} %", f"{voltage:g} V", told, f"{finished(runs)} of {len(runs)}", *shown, apart]
             )
     head = ["type", "humidity", "voltage", "grasps by", f"runs that deliver {rows[0]['goal']}", "median time [steps]"]
-    means = ["attempts a ball", "failed grasps a run", "failed releases", "time lost [robot s]"]
+    means = ["attempts a ball", "failed grasps a run", "failed releases", "of both, broken off", "time lost [robot s]"]
     return markdown([*head, *means, "longer than by the balance, mean of pairs [steps]"], lines)
 
 

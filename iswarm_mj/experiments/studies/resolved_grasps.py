@@ -56,6 +56,8 @@ ATTEMPTS = Measure(
 )
 FAILED = Measure("failed", "failed grasps", "a run", lambda row: float(row["failed_grasps"]), False)
 STUCK = Measure("stuck", "failed releases", "a run", lambda row: float(row["failed_releases"]), False)
+BROKEN = Measure("broken", "attempts broken off", "a run", lambda row: float(row["broken_off"]), False)
+"""Among the failed ones."""
 LOST = Measure(
     "lost",
     "time lost by attempts in vain [robot s]",
@@ -64,7 +66,7 @@ LOST = Measure(
     False,
 )
 """Of all robots, at attempts to lift and to release: what they waited, and what the trials took."""
-COUNTS = (ATTEMPTS, FAILED, STUCK, LOST)
+COUNTS = (ATTEMPTS, FAILED, STUCK, BROKEN, LOST)
 
 
 def entries(plan: Plan) -> list[Entry]:
