@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from iswarm_mj.experiments.report import engine_table
 from iswarm_mj.experiments.report.blocks import filled, outside
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.statements import FINDINGS, findings_files, topics_of
@@ -13,6 +14,7 @@ from iswarm_mj.utils.tables import write_csv
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
+ENGINES = ("results", "results-mujoco")
 REMEDY = "run `iswarm reproduce --tables`"
 OTHER_TABLES = (
     "robots | steps | a step [ms] | memory at a fifth",
@@ -73,6 +75,15 @@ def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results):
     for path, findings in files.items():
         write_csv(tmp_path / FINDINGS, [finding._asdict() for finding in findings])
         assert path.read_text() == (tmp_path / FINDINGS).read_text(), REMEDY
+
+
+@pytest.mark.parametrize("part", engine_table.PARTS)
+def test_both_engines_give_each_statement_the_same_verdict(part):
+    planar, mujoco = (
+        {finding.claim: finding.verdict for finding in found}
+        for found in (findings_files(topics_of(collect([ROOT / at])))[ROOT / at / part / FINDINGS] for at in ENGINES)
+    )
+    assert planar == mujoco and len(planar) >= 4
 
 
 @pytest.mark.parametrize("page", PAGES)
