@@ -62,7 +62,6 @@ OTHER_NUMBERS = (
     "for the 17 readings",
     "dust at 12 rd instead of 16",
     "drops of 1 % a step",
-    "Drops of 1 % a step do not",
     "distance of 12 rd was chosen",
     "deliver all 72 balls within 800 steps",
     # Arrays, programs and publications.

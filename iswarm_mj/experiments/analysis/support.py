@@ -8,7 +8,9 @@ statements hold. Source: Pritchard et al. (1999), Mol. Biol. Evol. 16, 1791.
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from iswarm_mj.experiments.analysis.statistics import Interval, even, holm, share
+import numpy as np
+
+from iswarm_mj.experiments.analysis.statistics import Interval, even, holm, interval, share
 
 ACCEPTED = 0.05
 """Share of the combinations that is accepted."""
@@ -25,6 +27,8 @@ class Combination(NamedTuple):
     """Which statements it reproduces."""
     time_error: float
     """Decides between combinations that reproduce equally many; the smaller, the better."""
+    single: Sequence[int] = ()
+    """How many statements single runs of each setting reproduce, by layouts."""
 
     @property
     def is_named(self) -> bool:
@@ -55,11 +59,24 @@ def support(
 
 def counts_alone(every: Sequence[Combination], factor: str, default: str, reading: str = "paper") -> dict[str, int]:
     """Statements that a named reading reproduces by labels of one factor, while all others stay, its default first."""
-    counts = {default: 0}
-    for one in every:
-        if one.reading == reading and (label := default if one.is_named else one.labels[factor]):
-            counts[label] = sum(one.answers)
-    return counts
+    return {label: sum(one.answers) for label, one in _alone(every, factor, default, reading).items()}
+
+
+def more_alone(every: Sequence[Combination], factor: str, default: str, reading: str = "paper") -> dict[str, Interval]:
+    """By labels of one factor, how many statements more than with the default single runs reproduce.
+
+    Mean over layouts of the difference, with its bootstrap interval.
+    """
+    found = _alone(every, factor, default, reading)
+    usual = np.asarray(found.pop(default).single)
+    return {label: interval(np.asarray(one.single) - usual) for label, one in found.items()}
+
+
+def _alone(every: Sequence[Combination], factor: str, default: str, reading: str) -> dict[str, Combination]:
+    """A named reading by labels of one factor, while all others stay, its default first."""
+    mine = [one for one in every if one.reading == reading]
+    found = {default: next(one for one in mine if one.is_named)}
+    return found | {label: one for one in mine if (label := one.labels[factor])}
 
 
 def gives_way(default: str, shares: Mapping[str, Interval], counts: Mapping[str, int]) -> str | None:

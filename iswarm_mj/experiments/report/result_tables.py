@@ -20,7 +20,7 @@ from iswarm_mj.experiments.analysis.measures import (
 )
 from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, interval, median
-from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, support
+from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, more_alone, support
 from iswarm_mj.experiments.report.markdown import markdown
 from iswarm_mj.experiments.studies import infer, resolved_grasps, robustness, sensitivity
 from iswarm_mj.utils.arrays import Array
@@ -202,10 +202,13 @@ def _infer(rows: Rows) -> str:
         p = [number(value, 2) for value in by_factor[name]]
         alone = counts_alone(every, name, infer.DEFAULTS[name])
         said = "; ".join(f"{label}: {n}" for label, n in alone.items())
-        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told), *p, said])
+        more = more_alone(every, name, infer.DEFAULTS[name])
+        by_run = "; ".join(f"{label}: {_short(change)}" for label, change in more.items())
+        lines.append([name.replace("_", " "), f"{100 / len(levels):.0f} %", "; ".join(told), *p, said, by_run])
     head = ["reading", "share without support", f"share of the {len(kept)} accepted of {len(sample)} (95 % interval)"]
     last = ["p", "p by Holm", "statements that `paper` reproduces with this value, the default first"]
-    first = ["combinations", f"statements reproduced, of {len(sample[0].answers)}"]
+    last.append("more than with the default by single runs (95 % interval)")
+    first = ["combinations", f"statements reproduced, of {len(sample[0].answers)}", "mean by single runs (95 % interval)"]
     first += [f"runs of {name} that deliver all: median time [steps]" for name in PAPER_TIME]
     return markdown(first, counted) + "\n\n" + markdown([*head, *last], lines)
 
@@ -215,6 +218,7 @@ def _reproduced(label: str, group: Sequence[Combination], runs: Rows) -> list[ob
     counts = [sum(one.answers) for one in group]
     most = max(counts)
     told = [f"{np.median(counts):g}; at most {most}, by {counts.count(most)}" if len(group) > 1 else most]
+    told.append(_short(interval([count for one in group for count in one.single])))
     for name in PAPER_TIME:
         mine = select(runs, setting=name)
         times = [row["finished_at"] for row in mine if row["finished_at"] is not None]

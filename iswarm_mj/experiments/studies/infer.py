@@ -12,6 +12,7 @@ from scipy.stats import qmc
 
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, percent
+from iswarm_mj.experiments.analysis.measures import select
 from iswarm_mj.experiments.analysis.paper import STEPS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
 from iswarm_mj.experiments.analysis.support import (
@@ -157,10 +158,12 @@ def combinations_of(rows: Rows) -> list[Combination]:
     found: dict[int, list[Any]] = {}
     for row in rows:
         found.setdefault(row["combination"], []).append(row)
-    return [
-        Combination(runs[0]["reading"], {name: runs[0][name] for name in FACTORS}, answers(runs), time_error(runs))
-        for runs in found.values()
-    ]
+    listed = []
+    for runs in found.values():
+        labels, layouts = {name: runs[0][name] for name in FACTORS}, sorted({row["repeat"] for row in runs})
+        single = [sum(answers(select(runs, repeat=layout))) for layout in layouts]
+        listed.append(Combination(runs[0]["reading"], labels, answers(runs), time_error(runs), single))
+    return listed
 
 
 def findings(rows: Rows) -> list[Finding]:
