@@ -5,12 +5,22 @@ import pytest
 from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
 
 from iswarm_mj.experiments.analysis import paper
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, PREDICTED, SLIP, TOO_FEW, UNDECIDED, Claim
+from iswarm_mj.experiments.analysis.findings import (
+    FAILS,
+    HOLDS,
+    NOT_IN_PAPER,
+    NOT_RUN,
+    PREDICTED,
+    SLIP,
+    TOO_FEW,
+    UNDECIDED,
+    Claim,
+)
 from iswarm_mj.experiments.report.engine_table import engines
 from iswarm_mj.experiments.report.markdown import markdown
 from iswarm_mj.experiments.report.result_tables import TABLES, evolution
 from iswarm_mj.experiments.report.statements import TITLES
-from iswarm_mj.experiments.report.tables import Tables, check_name, summary, verdicts
+from iswarm_mj.experiments.report.tables import Tables, check_name, misses, summary, verdicts
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
@@ -158,15 +168,27 @@ FINDINGS = [
     Claim("B", "here", "2", PREDICTED).found("", "", FAILS),
     Claim("C", "here", "3", SLIP).found("", "", FAILS),
     Claim("D", "here", "4", SLIP).found("", "", ""),
+    Claim("E", NOT_IN_PAPER, "5", PREDICTED).found("", "", FAILS),
+    Claim("F", NOT_IN_PAPER, "6", PREDICTED).found("", "", UNDECIDED),
 ]
 
 
 def test_the_summary_counts_by_verdict_and_kind():
     assert cells(summary(FINDINGS)) == [
-        ["verdict", PREDICTED, SLIP, "all"],
-        [HOLDS, "1", "0", "1"],
-        [FAILS, "1", "1", "2"],
-        ["not judged", "0", "1", "1"],
+        ["verdict", PREDICTED, SLIP, "all of the paper's", "not in the paper"],
+        [HOLDS, "1", "0", "1", "0"],
+        [FAILS, "1", "1", "2", "1"],
+        ["not judged", "0", "1", "1", "0"],
+        [UNDECIDED, "0", "0", "0", "1"],
+    ]
+
+
+def test_misses_are_the_papers_statements_that_do_not_hold():
+    found = [*FINDINGS, Claim("G", "here", "7", PREDICTED).found("8", "", UNDECIDED)]
+    assert cells(misses(found))[1:] == [
+        ["B", "2", "", FAILS, PREDICTED],
+        ["C", "3", "", FAILS, SLIP],
+        ["G", "7", "8", UNDECIDED, PREDICTED],
     ]
 
 
@@ -174,7 +196,7 @@ def test_verdicts_of_two_directories_stand_side_by_side():
     other = [finding._replace(verdict=NOT_RUN) for finding in FINDINGS[:2]]
     table = verdicts({"results": FINDINGS, "results-initial": other})
     assert "1 \\| 2" in table
-    head, _, second, third, _ = cells(table)
+    head, _, second, third, *_ = cells(table)
     assert head[2:4] == ["verdict, `results`", "verdict, `results-initial`"]
     assert second == ["B", "2", FAILS, NOT_RUN, PREDICTED] and third == ["C", "3", FAILS, "", SLIP]
 

@@ -8,6 +8,8 @@ from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, smal
 
 HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
 TOO_FEW = "too few runs to judge"
+NOT_IN_PAPER = "not in the paper"
+"""Source of a statement that the paper does not make."""
 ALPHA = 0.01
 """Level below which a p-value is named; verdicts follow from intervals."""
 

@@ -208,7 +208,11 @@ def _infer(rows: Rows) -> str:
     head = ["reading", "share without support", f"share of the {len(kept)} accepted of {len(sample)} (95 % interval)"]
     last = ["p", "p by Holm", "statements that `paper` reproduces with this value, the default first"]
     last.append("more than with the default by single runs (95 % interval)")
-    first = ["combinations", f"statements reproduced, of {len(sample[0].answers)}", "mean by single runs (95 % interval)"]
+    first = [
+        "combinations",
+        f"statements reproduced, of {len(sample[0].answers)}",
+        "mean by single runs (95 % interval)",
+    ]
     first += [f"runs of {name} that deliver all: median time [steps]" for name in PAPER_TIME]
     return markdown(first, counted) + "\n\n" + markdown([*head, *last], lines)
 

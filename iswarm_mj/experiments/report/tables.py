@@ -1,10 +1,11 @@
 """Tables of results in Markdown, by the names of the blocks in which README and docs show them."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, Finding
+from iswarm_mj.experiments.analysis.findings import FAILS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
 from iswarm_mj.experiments.report.engine_table import PARTS, engines
 from iswarm_mj.experiments.report.markdown import markdown
 from iswarm_mj.experiments.report.result_tables import TABLES, evolution
@@ -13,7 +14,9 @@ from iswarm_mj.experiments.report.statements import EVOLUTION, LAWS, TITLES, Top
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 
-SUMMARY, STATEMENTS, ENGINES = "summary", "statements", "engines"
+SUMMARY, STATEMENTS, ENGINES, MISSES = "summary", "statements", "engines", "misses"
+OF_ALL = (SUMMARY, STATEMENTS, MISSES)
+"""Blocks on all topics."""
 
 
 def check_name(directory: str, name: str, beside: str | None = None) -> None:
@@ -24,9 +27,7 @@ def check_name(directory: str, name: str, beside: str | None = None) -> None:
     """
     if name == ENGINES and beside is None:
         raise UserError(f"The block {name!r} compares two directories; write `beside` and the other one.")
-    if name not in (
-        names := [*TITLES, *(each for each in EXPERIMENTS if each not in TITLES), SUMMARY, STATEMENTS, ENGINES]
-    ):
+    if name not in (names := [*TITLES, *(each for each in EXPERIMENTS if each not in TITLES), *OF_ALL, ENGINES]):
         raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
 
 
@@ -48,7 +49,7 @@ class Tables:
 
         Args:
             directory: of results.
-            name: a topic, `SUMMARY`, `STATEMENTS` or `ENGINES`.
+            name: a topic, `ENGINES` or one of `OF_ALL`.
             beside: another directory, whose results stand beside the first's.
 
         Raises:
@@ -65,8 +66,9 @@ class Tables:
         if name == ENGINES:
             rows = {place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()}
             return engines(rows)
-        if name == SUMMARY:
-            return _each(found, lambda topics: summary([f for topic in topics for f in topic.findings]))
+        if name in (SUMMARY, MISSES):
+            shown = summary if name == SUMMARY else misses
+            return _each(found, lambda topics: shown([f for topic in topics for f in topic.findings]))
         if name == STATEMENTS:
             same: dict[str, dict[str, Topic]] = {}
             for place, topics in found.items():
@@ -85,7 +87,7 @@ class Tables:
         if directory not in self._topics:
             self._topics[directory] = {topic.name: topic for topic in topics_of(collect([self._root / directory]))}
         topics = self._topics[directory]
-        if name in (SUMMARY, STATEMENTS):
+        if name in OF_ALL:
             return [topic for topic in topics.values() if topic.results or topic.name == LAWS]
         wanted = PARTS if name == ENGINES else (name,)
         if any(not topics[each].results and each != LAWS for each in wanted):
@@ -127,7 +129,19 @@ def statements(findings: Sequence[Finding]) -> str:
 
 
 def summary(findings: Sequence[Finding]) -> str:
-    """Numbers of the statements by verdict and kind."""
-    kinds, counts = tally(findings)
-    rows = [[verdict or "not judged", *row, sum(row)] for verdict, row in counts.items()]
-    return markdown(["verdict", *kinds, "all"], rows)
+    """Numbers of the paper's statements by verdict and kind, and of the others by verdict."""
+    own, others = ([f for f in findings if (f.source != NOT_IN_PAPER) == is_own] for is_own in (True, False))
+    kinds, counts = tally(own)
+    added = Counter(finding.verdict for finding in others)
+    rows = [
+        [verdict or "not judged", *(row := counts.get(verdict, [0] * len(kinds))), sum(row), added[verdict]]
+        for verdict in [*counts, *(each for each in added if each not in counts)]
+    ]
+    return markdown(["verdict", *kinds, "all of the paper's", NOT_IN_PAPER], rows)
+
+
+def misses(findings: Sequence[Finding]) -> str:
+    """The paper's statements that do not hold here, or are undecided, with what is found instead."""
+    own = [f for f in findings if f.source != NOT_IN_PAPER and f.verdict in (FAILS, UNDECIDED)]
+    head = ["statement", "the paper", "here", "verdict", "kind"]
+    return markdown(head, [[f.claim, f.paper, f.ours, f.verdict, f.kind] for f in own])
