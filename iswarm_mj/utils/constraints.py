@@ -71,11 +71,11 @@ def check(name: str, value: Any, constraint: str, ok: bool) -> None:
         raise ConfigError(name, value, constraint)
 
 
-def check_kind(name: str, value: Any, kind: type | tuple[type, ...], remedy: str | None = None) -> None:
+def check_kind(name: str, value: Any, kind: type | tuple[type, ...]) -> None:
     """Raise a `ConfigError` unless a value is an object of a class, or of one of several."""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
-        raise ConfigError(name, value, f"a {' or '.join(cls.__name__ for cls in kinds)}", remedy)
+        raise ConfigError(name, value, f"a {' or '.join(cls.__name__ for cls in kinds)}")
 
 
 def is_whole(value: Any) -> bool:

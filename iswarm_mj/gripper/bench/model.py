@@ -13,19 +13,13 @@ from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import NN, UM
 
 
-def bench_spec(visual: bool = False) -> mujoco.MjSpec:
-    """Specification of the bench.
-
-    Unless it is `visual`, materials, textures, camera and light are left out, and idle stages of the physics step are
-    switched off; the physics is the same.
-    """
+def bench_spec() -> mujoco.MjSpec:
+    """Specification of the bench, without materials, textures, camera, light and idle stages of the physics step."""
     text = (models_directory() / "bench.xml").read_text(encoding="utf-8")
-    if not visual:
-        text = re.sub(r"<asset>.*?</asset>", "", text, flags=re.S)
-        text = re.sub(r' material="\w+"|<light .*?/>|<camera .*?/>', "", text)
+    text = re.sub(r"<asset>.*?</asset>", "", text, flags=re.S)
+    text = re.sub(r' material="\w+"|<light .*?/>|<camera .*?/>', "", text)
     spec = mujoco.MjSpec.from_string(text)
-    if not visual:
-        spec.option.disableflags |= sum(int(flag) for flag in _IDLE)
+    spec.option.disableflags |= sum(int(flag) for flag in _IDLE)
     return spec
 
 
