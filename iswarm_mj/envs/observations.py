@@ -14,6 +14,7 @@ from iswarm_mj.simulation.decide import takes_time
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.geometry import wrapped
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD
 
@@ -81,9 +82,6 @@ def encode(table: list[Row], payload: Payload, seen: Observation) -> Float[Array
 
     def where_heard(values: Array) -> Array:
         return jnp.where(seen.is_heard, values, 0)
-
-    def wrapped(angle: Array) -> Array:
-        return angle - 2 * math.pi * jnp.round(angle / (2 * math.pi))
 
     heard = [part for name, field in payload.fields for part in _numbers(field, seen.payload[name])]
     parts = [

@@ -25,6 +25,7 @@ from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, believed_motion, heard
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.fusion import computed_once
+from iswarm_mj.utils.geometry import wrapped
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -235,7 +236,7 @@ def approach(
     ahead = _length(ball_vector)
     if aside or reach < 0:  # the ball is to be as far aside as the tip, and behind the robot if the tip is
         askew = jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0))
-        angle = _wrapped(angle - (askew if reach >= 0 else jnp.pi - askew))
+        angle = wrapped(angle - (askew if reach >= 0 else jnp.pi - askew))
         ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0)) * (1.0 if reach >= 0 else -1.0)
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.step_length)
@@ -246,11 +247,6 @@ def approach(
 def _length(vector: Array) -> Array:
     """Lengths (N,) of vectors (N, 2)."""
     return jnp.hypot(vector[:, 0], vector[:, 1])
-
-
-def _wrapped(angle: Array) -> Array:
-    """Angles (N,) between -pi and pi [rad]."""
-    return angle - 2 * math.pi * jnp.round(angle / (2 * math.pi))
 
 
 def _can_be_followed(config: SwarmConfig, length: Array) -> Array:

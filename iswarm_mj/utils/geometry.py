@@ -1,4 +1,6 @@
-"""Rotation in the plane."""
+"""Directions in the plane."""
+
+import math
 
 from jaxtyping import Float
 
@@ -12,3 +14,8 @@ def rotate(vector: Float[Array, "*#n 2"], angle: Float[Array, "*#n"]) -> Float[A
     x, y = vector[..., 0], vector[..., 1]
     # Processors that multiply and add at once round the second sum the same in all of XLA's loops in this order only.
     return xp.stack([c * x - s * y, c * y + s * x], axis=-1)
+
+
+def wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """The same directions between -pi and pi [rad]; NumPy or JAX."""
+    return angle - 2 * math.pi * array_module(angle).round(angle / (2 * math.pi))

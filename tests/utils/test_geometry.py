@@ -1,10 +1,10 @@
-"""Rotation in the plane, against hand-worked vectors."""
+"""Directions in the plane, against hand-worked vectors."""
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from iswarm_mj.utils.geometry import rotate
+from iswarm_mj.utils.geometry import rotate, wrapped
 
 
 @pytest.mark.parametrize("xp", [np, jnp])
@@ -18,3 +18,10 @@ def test_a_quarter_turn_takes_ahead_to_the_left(xp):
 def test_vectors_and_angles_broadcast():
     vectors, angles = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[0.0], [np.pi]])
     np.testing.assert_allclose(rotate(vectors, angles), [vectors, -vectors], atol=1e-12)
+
+
+@pytest.mark.parametrize("xp", [np, jnp])
+def test_a_direction_has_one_angle_within_half_a_turn(xp):
+    angles = wrapped(xp.array([3.5, -3.5, 1.0, 1.0 + 20 * xp.pi]))
+    assert isinstance(angles, type(xp.zeros(1)))
+    np.testing.assert_allclose(angles, [3.5 - 2 * np.pi, 2 * np.pi - 3.5, 1.0, 1.0], atol=1e-5)
