@@ -74,7 +74,7 @@ NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
     """Outcome of a job with these measures after `steps` control steps."""
     points = fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps)
-    return Outcome(*measures[:5], steps, points, *measures[5:])
+    return Outcome(**measures._asdict(), steps=steps, fitness=points)
 
 
 def fault_of(job: Job, fault: SimulationFault) -> SimulationFault:
