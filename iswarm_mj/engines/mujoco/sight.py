@@ -25,7 +25,7 @@ class Scene:
         self.config, self.robot, self._body, self._batch = config, arena.robot, arena.body, batch
         n = len(arena.hull)
         self.object_of = np.full(arena.model.ngeom + 1, 2 * n + 1)
-        """Robot that a geom is, or a number from N on for a wall; the last entry stands for no hit."""
+        """Robot that a geom is, or a number from N on for a wall or an obstacle; the last entry stands for no hit."""
         self.object_of[arena.hull] = np.arange(n)
         solid = np.concatenate([arena.walls, arena.obstacles])
         self.object_of[solid] = n + np.arange(len(solid))
@@ -49,7 +49,7 @@ class Scene:
 
         Returns:
             Share of the vector's length at the first hit, infinite for none; and what is hit: the index
-            of a robot, or a number from N on for a wall.
+            of a robot, or a number from N on for a wall or an obstacle.
         """
         count = np.bincount(world, minlength=self._batch.nsim)
         ids = np.flatnonzero(count)
