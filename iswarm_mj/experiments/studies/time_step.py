@@ -181,7 +181,7 @@ def _same(rows: Rows, measure: Measure, claim: Claim) -> Finding:
         if len(samples) < 2:
             continue
         middles = {rate: interval(sample, median) for rate, sample in samples.items()}
-        texts = [f"{rate}: {number(m.estimate)} ({number(m.low)} to {number(m.high)})" for rate, m in middles.items()]
+        texts = [f"{rate}: {_with_ends(middle)}" for rate, middle in middles.items()]
         reached = f"{finished(mine)} of {len(mine)} runs reached the goal"
         parts.append(f"{name} ({reached}), " + ", ".join(texts))
         *coarser, finest = samples
@@ -191,7 +191,7 @@ def _same(rows: Rows, measure: Measure, claim: Claim) -> Finding:
         return claim.not_run()
     adjusted = holm([pair.comparison.p for pair in pairs])
     told = ", ".join(
-        f"{pair.name} at {pair.rate}: {_signed(pair.comparison.difference)}, p = {number(pair.comparison.p, 2)} "
+        f"{pair.name} at {pair.rate}: {_with_ends(pair.comparison.difference)}, p = {number(pair.comparison.p, 2)} "
         f"({number(p, 2)})"
         for pair, p in zip(pairs, adjusted, strict=True)
     )
@@ -230,7 +230,7 @@ def _by_rate(rows: Rows, column: str, statistic: Any, unit: str) -> str:
     return f"{'; '.join(parts)} {unit}"
 
 
-def _signed(value: Interval) -> str:
+def _with_ends(value: Interval) -> str:
     return f"{number(value.estimate)} ({number(value.low)} to {number(value.high)})"
 
 
