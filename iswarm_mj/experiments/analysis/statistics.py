@@ -41,11 +41,6 @@ class Comparison(NamedTuple):
     difference: Interval
     """Of the medians, first minus second, by bootstrap."""
 
-    @property
-    def superiority(self) -> float:
-        """Share of the pairs in which the first group's value is larger; a tie counts one half."""
-        return self.u / (self.n_first * self.n_second)
-
 
 def median(values: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
     """Median along an axis."""
