@@ -233,7 +233,7 @@ class TestSupport:
 
     def test_the_times_decide_between_equals(self):
         sample = [Combination(None, {"a": str(k)}, [True, k % 2 == 0], abs(k - 10) / 10) for k in range(40)]
-        assert [c.labels["a"] for c in accepted(sample)] == ["10", "8"] or accepted(sample)[0].labels["a"] == "10"
+        assert [c.labels["a"] for c in accepted(sample)] == ["10", "8"]
         assert support(sample, accepted(sample), "a", ["10", "99"]).keys() == {"10"}
 
     def test_findings_name_both_readings(self, tmp_path):

@@ -34,7 +34,7 @@ def test_rays_enter_where_sampled_points_do():
             first = inside[0] if inside[0] else outside[0] if len(outside) else None
             assert share > 1 if first is None else share == pytest.approx(first / 4000, abs=3e-4)
         else:
-            assert share > 1 or share == pytest.approx(share)  # a corner between two samples
+            assert share > 1  # no ray of these cuts a corner between two samples
     assert hits > 50
 
 
