@@ -7,11 +7,11 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from helpers_cli import ARENA_FLAGS, CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, refused, result
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands.main import main
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from tests.helpers_cli import ARENA_FLAGS, CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, refused, result
 
 
 class TestClean:

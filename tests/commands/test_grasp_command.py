@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_cli import code_of
 from rerun.chunk import RrdReader
 
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import CURVES, TABLE
-from tests.helpers_cli import code_of
 
 FAST = ["--protocol.step-voltage=2", "--threads=1"]
 COLUMNS = """

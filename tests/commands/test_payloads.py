@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_cli import code_of
 from helpers_rrd import read
 
 import iswarm_mj
-from tests.helpers_cli import code_of
 
 GOSSIP = """
 import jax

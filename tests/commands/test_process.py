@@ -8,13 +8,13 @@ import sys
 
 import numpy as np
 import pytest
+from helpers_cli import CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, result
 from helpers_rrd import read
 
 from iswarm_mj.commands import swarm_options
 from iswarm_mj.commands.swarm_options import Swarm
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.simulation import worlds as simulation_worlds
-from tests.helpers_cli import CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, result
 
 
 class TestFaults:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_cli import code_of
 from helpers_rrd import read
 
 import iswarm_mj
 from iswarm_mj.commands import main as cli
 from iswarm_mj.strategy.genome import PRESETS
-from tests.helpers_cli import code_of
 
 WALK = '''
 from dataclasses import dataclass

@@ -9,8 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-
-from tests.helpers_models import MODELS, OUTWARD, RD, SPEED, load
+from helpers_models import MODELS, OUTWARD, RD, SPEED, load
 
 
 def compose(robots: list[tuple[float, float, float]], balls: int = 0, visual: bool = True) -> mujoco.MjModel:

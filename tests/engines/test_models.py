@@ -6,8 +6,7 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-
-from tests.helpers_models import MODELS, OUTWARD, forwarded, load
+from helpers_models import MODELS, OUTWARD, forwarded, load
 
 
 @pytest.mark.parametrize("name", ["robot.xml", "ball.xml", "arena.xml"])

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import jax
 import pytest
+from helpers_jobs import jobs_of, outcomes_of
 
 from iswarm_mj.experiments.runner import batches, pool
 from iswarm_mj.experiments.runner.jobs import Job, run_job
@@ -16,7 +17,6 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
-from tests.helpers_jobs import jobs_of, outcomes_of
 
 MJX = Execution("mjx")
 

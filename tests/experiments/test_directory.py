@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from helpers_outcomes import PLAN, done
 
 from iswarm_mj.config import READINGS
 from iswarm_mj.experiments.analysis.findings import TOO_FEW
@@ -20,7 +21,6 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import read_table
-from tests.helpers_outcomes import PLAN, done
 
 
 class TestDirectory:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_outcomes import PLAN, done, rows_of, type_rows
 
 from iswarm_mj.experiments.analysis import paper
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED, number, verdict_of
@@ -12,7 +13,6 @@ from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.simulation.metrics import Measures, fitness
-from tests.helpers_outcomes import PLAN, done, rows_of, type_rows
 
 
 class TestFindings:

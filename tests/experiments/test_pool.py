@@ -12,13 +12,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from helpers_jobs import TWO, jobs_of, outcomes_of
 from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import run_job
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from tests.helpers_jobs import TWO, jobs_of, outcomes_of
 
 LIMIT = 600
 """Longest time for something that has to happen [s]."""

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers_swarm_recording import PERIOD, make_scene
 from rerun.chunk import RrdReader
 
 from iswarm_mj.gripper.bench.attempt_log import Tried
 from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
 from iswarm_mj.output.rerun_attempts import AttemptView
 from iswarm_mj.output.rerun_swarm import Recording
-from tests.helpers_swarm_recording import PERIOD, make_scene
 
 GAP, STEP = 5e-6, 4
 LIFT = Tried(2, True, 40.0, 20e-6, 1.41e-3, 14.7e-3, 4e-6, True, 0.7e-3, 0.0)

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_rrd import read
+from helpers_swarm_recording import cut, make_frames, make_scene, write
 from rerun.chunk import RrdReader
 
 from iswarm_mj.output import rerun_swarm as record
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from tests.helpers_swarm_recording import cut, make_frames, make_scene, write
 
 
 def test_configuration_and_properties_keep_their_types(tmp_path):

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 from helpers_rrd import read
+from helpers_swarm_recording import make_frames, make_scene, write
 
 from iswarm_mj.output.rerun_names import NAMES
 from iswarm_mj.output.trajectory import AREA, METRIC
-from tests.helpers_swarm_recording import make_frames, make_scene, write
 
 
 def of_a_task(scene, frames):

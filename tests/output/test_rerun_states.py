@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from helpers_rrd import read
+from helpers_swarm_recording import make_frames, make_scene, write
 
 from iswarm_mj.output.remembered import hop_colours
 from iswarm_mj.output.rerun_states import names, shown_lanes, states_of
-from tests.helpers_swarm_recording import make_frames, make_scene, write
 
 LANES = tuple(range(0, 40, 2))
 

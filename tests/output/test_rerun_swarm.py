@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers_rrd import read
+from helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
 
 from iswarm_mj.output import rerun_lines
-from tests.helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers_swarm_recording import make_frames, make_scene
 from rerun.experimental import ViewerClient
 
 from iswarm_mj.commands.clean import Clean
@@ -12,7 +13,6 @@ from iswarm_mj.commands.main import main
 from iswarm_mj.output.rerun_live import LiveRecording
 from iswarm_mj.output.viewer import open_viewer
 from iswarm_mj.utils.errors import UserError
-from tests.helpers_swarm_recording import make_frames, make_scene
 
 SMALL = "clean --engine planar --impl numba --arena.size 15 --arena.dump-size 3 --arena.dust-area-size 3 "
 SMALL += "--arena.dust-area-offset 5 --arena.n-dust 24 --robots 20 --steps 12"

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from helpers_attack import seconds
+from helpers_swarm_recording import make_frames, make_scene
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.rerun_swarm import Recording
@@ -24,7 +25,6 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import mm_from_m, mm_from_rd
 from iswarm_mj.workflows.recorder import Recorder
-from tests.helpers_swarm_recording import make_frames, make_scene
 
 OUTSIDE_MM = 0.4
 """A corner of a robot that others press against a wall stands beyond it by at most this."""

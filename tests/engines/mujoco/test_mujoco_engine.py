@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, crowd, far_apart, separation
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.units import RD
-from tests.helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, crowd, far_apart, separation
 
 
 class TestServo:

@@ -2,10 +2,10 @@
 
 import jax
 import numpy as np
+from helpers_mujoco import Worlds, crowd, far_apart
 
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.errors import FaultKind
-from tests.helpers_mujoco import Worlds, crowd, far_apart
 
 
 def test_threads_do_not_matter(small):
