@@ -63,9 +63,9 @@ CHECKED = [
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
 install_import_hook(CHECKED, "helpers_types.check")
 
+from helpers_small import SMALL
 from hypothesis import settings
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.utils.jax_setup import configure_jax
 
 configure_jax()
@@ -104,4 +104,4 @@ def _programs_go():
 @pytest.fixture(scope="session")
 def small():
     """15 x 15 rd, a dump of 3 x 3 rd, 24 balls in two areas of 3 x 3 rd."""
-    return SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+    return SMALL

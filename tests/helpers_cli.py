@@ -5,12 +5,13 @@ import re
 from dataclasses import fields
 from typing import get_type_hints
 
+from helpers_small import FLAGS
+
 from iswarm_mj.commands import main as cli
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import Genome
 
-ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
-ARENA_FLAGS = ["--threads=1", *(f"--arena.{name}={value}" for name, value in ARENA.items())]
+ARENA_FLAGS = ["--threads=1", *FLAGS]
 SMALL = [*ARENA_FLAGS, "--robots=30"]
 CONFIG_FLOATS = [
     f"{group.name}.{name}"

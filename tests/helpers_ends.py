@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
-from helpers_signals import ARENA, ENDLESS, SMALL, start
+from helpers_signals import ENDLESS, SMALL, start
+from helpers_small import FLAGS
 from PIL import Image
 
 from iswarm_mj import load
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
 
-FLAGS = [f"--arena.{name}={value}" for name, value in ARENA.items()]
 FEW = ["--generations=2", "--population=3", "--steps=5", "--workers=1", "--engine=planar", *FLAGS]
 ROOT = Path(__file__).parent.parent
 

@@ -5,13 +5,12 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
+from helpers_small import SMALL
 
 from iswarm_mj import make_env
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings
 
-SMALL = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 FIELDS = {"number": Integer(bits=3)}
 ENGINES = (PlanarSettings(1), MujocoSettings(1), pytest.param(MjxSettings(), marks=pytest.mark.slow))
 

@@ -6,8 +6,9 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
-ARENA = {"size": 15, "dump-size": 3, "dust-area-size": 3, "dust-area-offset": 5, "n-dust": 24}
-SMALL = [*(f"--arena.{name}={value}" for name, value in ARENA.items()), "--robots=30", "--threads=1"]
+from helpers_small import FLAGS
+
+SMALL = [*FLAGS, "--robots=30", "--threads=1"]
 ENDLESS = [*SMALL, "--steps=100000", "--gripper.release-voltage=3"]  # at which no ball is ever released
 
 

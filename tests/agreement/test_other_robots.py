@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from helpers_robots import HALF, ROBOTS, robot_file
 from helpers_sensing import all_links, crowd, squares_in_the_way
+from helpers_small import SMALL
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
@@ -17,7 +18,6 @@ from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import find_links
 
-ARENA = ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24)
 EDGE = 7.5 * 2 * np.sqrt(2)
 
 
@@ -70,7 +70,7 @@ def senses(file, config, poses, inside, emits):
 
 @pytest.mark.parametrize(("mode", "baud_rate"), [("sector", 0), ("power", 2000)])
 def test_every_engine_senses_the_same(file, mode, baud_rate):
-    config = SwarmConfig(arena=ARENA, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
+    config = SwarmConfig(arena=SMALL.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
     poses, inside = crowds(4, 0.5)
     emits = np.random.default_rng(5).random(inside.shape) < 0.9
     sights = senses(file, config, poses, inside, emits)

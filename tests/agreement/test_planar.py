@@ -6,8 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_sensing import crowd as bricks
+from helpers_small import SMALL
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
@@ -20,7 +21,6 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 
-CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 EDGE = 7.5 * 2 * np.sqrt(2)
 
 
@@ -30,7 +30,7 @@ ROUNDING = 1e-3
 
 
 @cache
-def engines(n_worlds, n_robots, config=CONFIG, impl="numba"):
+def engines(n_worlds, n_robots, config=SMALL, impl="numba"):
     """MuJoCo in C and the planar engine."""
     arena = compile_arena(config, n_robots, np.zeros(0))
     planar = PlanarEngine(config, arena, 1) if impl == "numba" else read_engine(arena, config, "cpu")
@@ -96,10 +96,10 @@ def commands(rng, shape):
 def test_crowds_end_their_control_steps_where_mujoco_ends(impl):
     """States that MuJoCo reaches in eight control steps, and one more by both engines, from rest."""
     rng = np.random.default_rng(1)
-    poses = np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(6)])
+    poses = np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(6)])
     n_touching = 0
     for _ in range(9):
-        phases = drive_phases(CONFIG.drive, commands(rng, poses.shape[:2]))
+        phases = drive_phases(SMALL.drive, commands(rng, poses.shape[:2]))
         in_c, here = both_move(both_placed(poses, impl), phases)
         assert not in_c.fault.any() and not np.any(here.fault)
         assert_same_ends(here, in_c, 2e-5, impl)
@@ -112,9 +112,9 @@ def test_crowds_end_their_control_steps_where_mujoco_ends(impl):
 def test_crowds_stay_together_over_control_steps():
     """Without placing the robots anew: velocities pass from one control step to the next."""
     rng = np.random.default_rng(2)
-    pairs = both_placed(np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(4)]))
+    pairs = both_placed(np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(4)]))
     for _ in range(5):
-        motions = both_move(pairs, drive_phases(CONFIG.drive, commands(rng, (4, 60))))
+        motions = both_move(pairs, drive_phases(SMALL.drive, commands(rng, (4, 60))))
         pairs = [(engine, motion.bodies) for (engine, _), motion in zip(pairs, motions, strict=True)]
     np.testing.assert_allclose(motions[1].bodies.poses, motions[0].bodies.poses, atol=1e-3)
     np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
@@ -124,7 +124,7 @@ def test_crowds_stay_together_over_control_steps():
 def test_jams_end_where_mujoco_ends(impl):
     """All robots walk to the centre and press upon each other there."""
     rng = np.random.default_rng(3)
-    poses = place_robots(CONFIG.arena, 60, rng)[None]
+    poses = place_robots(SMALL.arena, 60, rng)[None]
     inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
     for step in range(25):
         in_c, here = both_move(both_placed(poses, impl), [inward])
@@ -154,7 +154,7 @@ def test_runs_begin_alike(small):
 def test_links_and_walls_are_those_of_mujoco(mode, baud_rate, density, impl):
     """The nearest sender of each side, or where messages take time several."""
     rng = np.random.default_rng(4)
-    config = SwarmConfig(arena=CONFIG.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
+    config = SwarmConfig(arena=SMALL.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
     poses = np.stack([bricks(rng, density) for _ in range(4)])
     poses[..., :2] += rng.uniform(-0.2, 0.2, poses[..., :2].shape) + np.array([13, -11])  # some touch, some see walls
     inside = np.abs(poses[..., :2]).max(axis=-1) < EDGE - 1

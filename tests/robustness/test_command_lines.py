@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from helpers_command_lines import COMMANDS, WALK, command_line, flags_of
 from helpers_recorded import write_run
-from helpers_signals import ARENA
+from helpers_small import FLAGS
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.engines.robot_file import models_directory
@@ -112,14 +112,11 @@ def test_there_are_lines_with_every_flag():
         assert {option for flag in flags for option in flag.names if option != "--help"} <= given
 
 
-SMALL = [f"--arena.{name}={value}" for name, value in ARENA.items()]
-
-
 def for_real(rng):
     """A run of two steps in a small arena, with some flags of any value."""
     name = ["clean", "bench"][rng.integers(4) // 3]
     more = command_line(rng, name)[1:]
-    few = ["--steps=2", "--robots=9", f"--engine={['mujoco', 'planar'][rng.integers(2)]}", "--threads=1", *SMALL]
+    few = ["--steps=2", "--robots=9", f"--engine={['mujoco', 'planar'][rng.integers(2)]}", "--threads=1", *FLAGS]
     given = {word.partition("=")[0] for word in more}
     return [name, *(word for word in few if word.partition("=")[0] not in given), *more]
 

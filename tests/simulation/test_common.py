@@ -9,12 +9,10 @@ from helpers_runs import N, records, run_of
 
 from iswarm_mj.config import (
     READINGS,
-    ArenaConfig,
     DriveConfig,
     GripperConfig,
     OpticsConfig,
     StrategyConfig,
-    SwarmConfig,
 )
 from iswarm_mj.simulation.common import DIFFERENT, common
 from iswarm_mj.simulation.run import Run
@@ -55,9 +53,8 @@ OTHERS = {
 
 
 @pytest.fixture(scope="module")
-def mixed():
+def mixed(small):
     """Configurations of four worlds: small arenas, all parts different, an arena of other places, one reading."""
-    small = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
     other = replace(small, **OTHERS)
     places = replace(small, arena=replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2))
     return [small, other, places, replace(small, strategy=READINGS["initial"].strategy)]

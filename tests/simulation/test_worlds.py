@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from helpers_mjx import compilations
 from helpers_runs import N, poses_of, records, run_of
+from helpers_small import SMALL
 
-from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
@@ -24,8 +25,6 @@ CROWD = 100
 """Robots in the densest swarm, and the capacity of another one, which shares its program."""
 
 
-SMALL = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
-"""As the fixture `small`."""
 DAMP = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3, spread_object_substrate=0.3)
 HUMID = replace(SMALL, gripper=DAMP)
 QUIET = replace(SMALL, optics=OpticsConfig(error_distance_measure=0.0))

@@ -10,7 +10,6 @@ import pytest
 from helpers_rrd import read
 from helpers_tasks import Eastward
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
@@ -181,8 +180,7 @@ class TestFiles:
 
     @pytest.fixture(scope="class")
     @staticmethod
-    def saved(tmp_path_factory):
-        small = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
+    def saved(small, tmp_path_factory):
         out = tmp_path_factory.mktemp("run")
         run = run_of(small, PlanarSettings(1), record_worlds=(0, 1))
         clean(run, run.settings, out)

@@ -4,14 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from helpers_small import SMALL
 from rerun.chunk import RrdReader
 
 from iswarm_mj.commands.clean import Clean
-from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.config import GripperConfig
 from iswarm_mj.utils.errors import UserError
 
 DYNAMIC = GripperConfig(resolution="dynamic", grasp_voltage=30.0, relative_humidity=50.0)
-SMALL = ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24)
 
 
 @pytest.mark.parametrize(
@@ -24,14 +24,14 @@ SMALL = ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, 
     ],
 )
 def test_grasps_that_cannot_be_recorded_are_refused(tmp_path, changed, why):
-    options = {"gripper": DYNAMIC, "arena": SMALL, "out": tmp_path, "record_grasps": 5} | changed
+    options = {"gripper": DYNAMIC, "arena": SMALL.arena, "out": tmp_path, "record_grasps": 5} | changed
     with pytest.raises(UserError, match=why):
         Clean(**options).run()
 
 
 @pytest.mark.slow
 def test_balls_that_were_lifted_are_held_from_the_step_on(tmp_path, capsys):
-    Clean(engine="planar", gripper=DYNAMIC, arena=SMALL, steps=40, out=tmp_path, record_grasps=25).run()
+    Clean(engine="planar", gripper=DYNAMIC, arena=SMALL.arena, steps=40, out=tmp_path, record_grasps=25).run()
     states = np.load(tmp_path / "trajectory.npz")["ball_state"]
     chunks = RrdReader(tmp_path / "clean.rrd").stream().to_chunks()
     log = [row for c in chunks if c.entity_path == "/grasp/log" for row in c.to_record_batch().to_pylist()]

@@ -5,17 +5,16 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_planar import both_engines, moved, placed, rounded
+from helpers_small import SMALL
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.utils.errors import FaultKind
 
-CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
 @cache
 def engines(**changes):
-    return both_engines(CONFIG, **changes)
+    return both_engines(SMALL, **changes)
 
 
 def test_poses_that_are_lost():

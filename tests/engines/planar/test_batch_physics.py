@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_planar import both_engines, crowd, moved, placed, rounded, same_bits
+from helpers_small import SMALL
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.simulation.step import drive_phases
@@ -14,7 +14,6 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
-CONFIG = SwarmConfig(arena=ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24))
 EDGE = 7.5 * RD
 CLOSE = 0.02
 """Of positions at the end of a control step: how far MJX's may be from those of MuJoCo in C."""
@@ -28,7 +27,7 @@ def long_hulls(spec):
 
 @cache
 def engines(refinement=1, tune=None):
-    return both_engines(CONFIG, refinement, tune)
+    return both_engines(SMALL, refinement, tune)
 
 
 def both_move(poses, velocity, *, refinement=1, tune=None, present=None, n_substeps=10, running=None):
@@ -73,7 +72,7 @@ class TestCrowds:
 
     def test_a_jam(self):
         """All robots walk to the centre and press upon each other there; each control step from the same poses."""
-        poses = place_robots(CONFIG.arena, 60, np.random.default_rng(3))[None]
+        poses = place_robots(SMALL.arena, 60, np.random.default_rng(3))[None]
         inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
         off = []
         for step in range(25):
@@ -142,11 +141,11 @@ class TestPairsInContact:
 
     def test_in_whole_control_steps(self):
         rng = np.random.default_rng(8)  # a crowd in which rounding decides at no contact
-        poses = np.stack([place_robots(CONFIG.arena, 60, rng) for _ in range(2)])
+        poses = np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(2)])
         total = 0
         for _ in range(4):
             command = Command(rng.uniform(-0.6, 0.6, (2, 60)), rng.uniform(0.0, np.sqrt(2), (2, 60)))
-            phases = drive_phases(CONFIG.drive, Command(*map(rounded, command)))
+            phases = drive_phases(SMALL.drive, Command(*map(rounded, command)))
             plain, batch = (
                 engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool)) for engine in engines(FINE)
             )

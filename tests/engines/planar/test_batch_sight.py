@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from helpers_planar import both_engines, placed, rounded, same_bits
 from helpers_sensing import SHIFTED, crowd, place
+from helpers_small import SMALL
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.reception import read_light
 
-ARENA = ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=24)
 ROBOT = read_robot()
 
 
 @cache
 def engines(optics, robot=ROBOT):
-    plain, batch = both_engines(SwarmConfig(arena=ARENA, optics=optics))
+    plain, batch = both_engines(SwarmConfig(arena=SMALL.arena, optics=optics))
     plain._light = read_light(robot, optics)
     return plain, replace(batch, light=read_light(robot, optics))
 
