@@ -1,4 +1,4 @@
-"""Disks that are full, and memory that ends, by the system's limits."""
+"""Disks that are full, and memory that ends, by the system's limits; memory that is taken."""
 
 import resource
 from contextlib import contextmanager
@@ -26,3 +26,8 @@ def little_memory(n_bytes):
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def memory_mb():
+    """Resident memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6

@@ -61,13 +61,6 @@ def far_apart(n_worlds, rng):
     return np.dstack([np.tile(grid, (n_worlds, 1, 1)), rng.uniform(-3, 3, (n_worlds, 9))])
 
 
-def crowd(n_worlds, rng, n_robots=25):
-    """Robots on distinct cells, so near that they meet as soon as they move."""
-    cells = np.stack(np.meshgrid(*[(np.arange(7) - 3) * RD] * 2), -1).reshape(-1, 2)
-    xy = np.stack([cells[rng.permutation(49)[:n_robots]] for _ in range(n_worlds)])
-    return np.dstack([xy, rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))])
-
-
 def corners(pose):
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return pose[:2] + np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ [[c, s], [-s, c]]

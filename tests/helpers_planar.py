@@ -8,14 +8,6 @@ import numpy as np
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.utils.units import RD
-
-
-def crowd(n_worlds, rng, n_robots=25):
-    """Robots on distinct cells, so near that they meet as soon as they move."""
-    cells = np.stack(np.meshgrid(*[(np.arange(7) - 3) * RD] * 2), -1).reshape(-1, 2)
-    xy = np.stack([cells[rng.permutation(49)[:n_robots]] for _ in range(n_worlds)])
-    return np.dstack([xy, rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))])
 
 
 def placed(engine, poses, present=None):

@@ -1,9 +1,10 @@
-"""A small recorded run, made by hand."""
+"""A small recorded run, made by hand; what was recorded of one world."""
 
 import json
 from dataclasses import asdict
 
 import numpy as np
+import pyarrow.compute as pc
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
@@ -28,3 +29,8 @@ def write_run(out, config=None, **changed):
     (out / RESULT).write_text(json.dumps({"config": asdict(config or SwarmConfig())}))
     np.savez(out / TRAJECTORY, **{**arrays(), **changed})
     return out
+
+
+def of_world(table, world):
+    """Rows of a table of Arrow."""
+    return table.filter(pc.field("world") == world)

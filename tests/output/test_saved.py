@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-import pyarrow.compute as pc
 import pytest
 from helpers_mjx import TINY, N, mjx, poses, settings
+from helpers_recorded import of_world
 
 import iswarm_mj
 from iswarm_mj import PRESETS, MujocoSettings, PlanarSettings, Run
@@ -37,10 +37,6 @@ def cleaned(run, out):
 def array(table, name, shape):
     """A column as (T, N), not a number where it is null."""
     return np.array(table[name].to_pylist(), float).reshape(shape)
-
-
-def of_world(table, world):
-    return table.filter(pc.field("world") == world)
 
 
 @pytest.fixture(scope="module", params=ENGINES)

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
+from helpers_recorded import of_world
 from helpers_runs import run_of
 
 import iswarm_mj
@@ -13,10 +14,6 @@ from iswarm_mj.output.tables import TABLES
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
-
-
-def of_world(table, world):
-    return table.filter(pc.field("world") == world)
 
 
 @pytest.fixture(scope="module")

@@ -3,16 +3,15 @@
 `pytest -m slow tests/robustness/test_soak.py --budget 12h` takes all steps; a smaller budget ends the runs earlier.
 """
 
-import resource
 import time
 from dataclasses import replace
 from functools import partialmethod
-from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
 from helpers_attack import seconds
+from helpers_files import memory_mb
 from helpers_swarm_recording import make_frames, make_scene
 
 from iswarm_mj.config import SwarmConfig
@@ -79,11 +78,6 @@ def check(run, before, record):
     x = now[:, 0, None] + cos * corners[:, 0] - sin * corners[:, 1]
     y = now[:, 1, None] + sin * corners[:, 0] + cos * corners[:, 1]
     assert max(np.abs(x).max(), np.abs(y).max()) <= mm_from_rd(config.arena.size) / 2 + OUTSIDE_MM
-
-
-def memory_mb():
-    """Resident memory of this process."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
 def soak(n_robots, steps, budget_s, out, tell=print, refinement=FINE):

@@ -1,11 +1,10 @@
 """Memory that is left, by what the system says."""
 
 import platform
-import resource
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_files import memory_mb
 
 from iswarm_mj.utils import memory
 
@@ -47,15 +46,11 @@ def test_a_refusal_names_both_numbers(system):
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
 def test_what_was_freed_is_given_back():
     """Pieces of 100 kB lie in the heap, which a later piece keeps from shrinking by itself."""
-
-    def resident_mb():
-        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
-
     pieces = [np.ones(100_000, np.uint8) for _ in range(1000)]
     later = np.ones(100_000, np.uint8)
-    full = resident_mb()
+    full = memory_mb()
     del pieces
-    kept = resident_mb()
+    kept = memory_mb()
     memory.give_back()
-    assert full - kept < 50 and full - resident_mb() > 80
+    assert full - kept < 50 and full - memory_mb() > 80
     assert later.all()

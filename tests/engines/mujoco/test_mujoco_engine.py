@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, crowd, far_apart, separation
+from helpers_crowds import crowd
+from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco import engine as mujoco_engine

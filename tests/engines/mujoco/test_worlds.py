@@ -2,7 +2,8 @@
 
 import jax
 import numpy as np
-from helpers_mujoco import Worlds, crowd, far_apart
+from helpers_crowds import crowd
+from helpers_mujoco import Worlds, far_apart
 
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.errors import FaultKind

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers_planar import both_engines, crowd, moved, placed, rounded
+from helpers_crowds import crowd
+from helpers_planar import both_engines, moved, placed, rounded
 
 from iswarm_mj.engines.planar.batch_engine import _numbers
 from iswarm_mj.engines.planar.contact_law import ContactLaw

@@ -4,7 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_planar import both_engines, crowd, moved, placed, rounded, same_bits
+from helpers_crowds import crowd, partly_absent
+from helpers_planar import both_engines, moved, placed, rounded, same_bits
 from helpers_small import SMALL
 
 from iswarm_mj.engines.base import Phase
@@ -89,16 +90,9 @@ class TestCrowds:
 
 
 class TestWhoMoves:
-    PRESENT = np.arange(30) < 25
-
-    def start(self):
-        """A crowd of 25 robots, and five that are absent, in the midst of it."""
-        poses = crowd(2, np.random.default_rng(4))
-        return np.concatenate([poses, poses[:, :5] + 0.5], axis=1), np.tile(self.PRESENT, (2, 1))
-
     def test_absent_robots_leave_no_trace(self):
         rng = np.random.default_rng(5)
-        start, present = self.start()
+        start, present = partly_absent()
         velocity = rng.uniform(-2, 2, start.shape)
         plain, batch = both_move(start, velocity, present=present)
         np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=1e-4)

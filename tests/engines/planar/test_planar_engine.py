@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_planar import crowd, moved, placed
+from helpers_crowds import crowd, partly_absent
+from helpers_planar import moved, placed
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
@@ -150,16 +151,9 @@ class TestContacts:
 
 
 class TestAbsentRobots:
-    PRESENT = np.arange(30) < 25
-
-    def start(self):
-        """A crowd of 25 robots, and five that are absent, in the midst of it."""
-        poses = crowd(2, np.random.default_rng(4))
-        return np.concatenate([poses, poses[:, :5] + 0.5], axis=1), np.tile(self.PRESENT, (2, 1))
-
     def test_leave_no_trace(self, small):
         engine, rng = engine_of(small), np.random.default_rng(5)
-        start, present = self.start()
+        start, present = partly_absent()
         velocity = rng.uniform(-2, 2, start.shape)
         with_absent = moved(engine, placed(engine, start, present), velocity)
         without = moved(engine, placed(engine, start[:, :25]), velocity[:, :25])
@@ -170,7 +164,7 @@ class TestAbsentRobots:
 
     def test_neither_send_nor_hide_nor_see(self, small):
         engine = engine_of(small)
-        start, present = self.start()
+        start, present = partly_absent()
         everybody, running = np.ones(start.shape[:2], bool), np.ones(2, bool)
         sight = engine.sense(placed(engine, start, present), everybody, running)
         alone = engine.sense(placed(engine, start[:, :25]), everybody[:, :25], running)
