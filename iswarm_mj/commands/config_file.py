@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from iswarm_mj.simulation.settings import IDENTITY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
 
@@ -15,7 +16,6 @@ LARGEST_FILE = 2**28
 """Size up to which a file is read [bytes]; that of a result.json."""
 _SETTINGS = {"n_robots": "robots", "n_worlds": "worlds", "steps": "steps", "seed": "seed", "stop_at": "stop_at"}
 """Settings of a run in result.json, and their flags."""
-_ENGINE = ("engine", "impl", "refinement", "solver_iterations")
 _EXCLUSIVE = ({"robots", "density"},)
 """Flags that exclude each other: those that are given replace those of the file."""
 
@@ -133,7 +133,7 @@ def _of_result(path: Path, content: Any, named: set[str]) -> dict[str, Any]:
     if not (isinstance(content, dict) and isinstance(content.get("settings"), dict) and "config" in content):
         raise UserError(f"--config {path} is not the result.json of `iswarm clean` of this version; name one that is")
     values = {flag: content["settings"].get(name) for name, flag in _SETTINGS.items()}
-    values |= {name: content.get(name) for name in _ENGINE}
+    values |= {name: content.get(name) for name in IDENTITY}
     values["robot"] = content.get("robot", {}).get("file")
     values |= dict(_flat(content["config"]))
     if "genome" in content:

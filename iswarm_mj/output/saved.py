@@ -17,7 +17,7 @@ from iswarm_mj.output.said import payload_of, stored
 from iswarm_mj.output.tables import TABLES, missing, table_of
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.metrics import Measures
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.settings import IDENTITY, RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check_kind
@@ -179,7 +179,7 @@ def load(path: str | Path) -> SavedRun:
         strategy=strategy,
         task=task,
         settings=settings,
-        engine={name: about[name] for name in ENGINE if name in about},
+        engine={name: about[name] for name in IDENTITY if name in about},
         measures=measures,
         metrics=metrics,
         result=about if "wall_s" in about else {},
@@ -187,10 +187,6 @@ def load(path: str | Path) -> SavedRun:
         missing=lacking,
         _arrays=worlds,
     )
-
-
-ENGINE = ("engine", "impl", "refinement", "solver_iterations")
-"""Keys of an engine's identity."""
 
 
 def _nothing(path: Path) -> Any:

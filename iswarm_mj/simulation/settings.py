@@ -9,6 +9,9 @@ EXACT, FAST = 100, 20
 """Iterations of MJX's contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo
 in C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
 
+IDENTITY = ("engine", "impl", "refinement", "solver_iterations")
+"""Keys of the `identity` of an engine; each has some of them."""
+
 FINE = 10
 """Refinement of the planar engine's physics steps, with which 283 robots that clean overlap by at most 0.1 mm."""
 
