@@ -102,6 +102,7 @@ def press(bench: LeapBench, control: np.ndarray) -> None:
     before: contacts and servos alone hold it.
 
     Args:
+        bench: of one ball.
         control: setpoints (nu,), the tip's below its first touch of the ball.
     """
     model, row, (where, geom, *_) = bench.model, bench.row, bench.places
@@ -120,6 +121,7 @@ def hang(bench: LeapBench, phase: str, voltage: float, limit: float) -> float:
     adhesion + a (V - u)^2 - b u^2 - weight, falls; the depth of the contact follows this balance.
 
     Args:
+        bench: of one ball.
         phase: name of the phase, for recordings.
         voltage: of the tool, constant [V].
         limit: at most so long [s].
@@ -165,6 +167,7 @@ def fly(bench: LeapBench, phase: str, limit: float) -> float:
     at 1 mm/s.
 
     Args:
+        bench: of one ball.
         phase: name of the phase, for recordings.
         limit: at most so long [s].
 
