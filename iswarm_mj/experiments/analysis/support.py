@@ -57,24 +57,24 @@ def support(
     return {label: share(sum(c.labels[factor] == label for c in kept), len(kept)) for label in labels if label in tried}
 
 
-def counts_alone(every: Sequence[Combination], factor: str, default: str, reading: str = "paper") -> dict[str, int]:
-    """Statements that a named reading reproduces by labels of one factor, while all others stay, its default first."""
-    return {label: sum(one.answers) for label, one in _alone(every, factor, default, reading).items()}
+def counts_alone(every: Sequence[Combination], factor: str, default: str) -> dict[str, int]:
+    """Statements that the paper's reading reproduces by labels of one factor, while all others stay, its default first."""
+    return {label: sum(one.answers) for label, one in _alone(every, factor, default).items()}
 
 
-def more_alone(every: Sequence[Combination], factor: str, default: str, reading: str = "paper") -> dict[str, Interval]:
+def more_alone(every: Sequence[Combination], factor: str, default: str) -> dict[str, Interval]:
     """By labels of one factor, how many statements more than with the default single runs reproduce.
 
     Mean over layouts of the difference, with its bootstrap interval.
     """
-    found = _alone(every, factor, default, reading)
+    found = _alone(every, factor, default)
     usual = np.asarray(found.pop(default).single)
     return {label: interval(np.asarray(one.single) - usual) for label, one in found.items()}
 
 
-def _alone(every: Sequence[Combination], factor: str, default: str, reading: str) -> dict[str, Combination]:
-    """A named reading by labels of one factor, while all others stay, its default first."""
-    mine = [one for one in every if one.reading == reading]
+def _alone(every: Sequence[Combination], factor: str, default: str) -> dict[str, Combination]:
+    """The paper's reading by labels of one factor, while all others stay, its default first."""
+    mine = [one for one in every if one.reading == "paper"]
     found = {default: next(one for one in mine if one.is_named)}
     return found | {label: one for one in mine if (label := one.labels[factor])}
 
