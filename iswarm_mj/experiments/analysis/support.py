@@ -58,7 +58,7 @@ def support(
 
 
 def counts_alone(every: Sequence[Combination], factor: str, default: str) -> dict[str, int]:
-    """Statements that the paper's reading reproduces by labels of one factor, while all others stay, its default first."""
+    """Statements that the reading `paper` reproduces by labels of one factor, all others unchanged, default first."""
     return {label: sum(one.answers) for label, one in _alone(every, factor, default).items()}
 
 
