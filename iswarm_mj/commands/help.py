@@ -43,13 +43,10 @@ def described(command: type, everything: bool = True) -> type:
     main = getattr(command, "MAIN", known if len(known) <= _MANY else ())
     all_of_it = everything or set(known) <= set(main)
     chosen = known if all_of_it else [*main, "own", "own_task"]
-    made = [_described(command, f, all_of_it) for f in fields(command) if f.name in chosen]
-    hidden = [(f.name, Annotated[Any, tyro.conf.Suppress], _default(f)) for f in fields(command)]
-    own = {name: (name, kind, default) for name, kind, default in made}
+    listed = [_described(command, f, all_of_it) for f in fields(command) if f.name in chosen]
     common = [(f.name, _annotated(Common, f, True), _default(f)) for f in fields(Common)]
     if all_of_it:
         common = common[:1] if not everything else []
-    listed = [own.get(name, spec) for name, *_ in hidden for spec in hidden if spec[0] == name]
     # The order of the flags is that of MAIN where not all are shown.
     place = {name: k for k, name in enumerate(main)}
     listed.sort(key=lambda spec: 0 if all_of_it else place.get(spec[0], len(place)))

@@ -2,11 +2,12 @@
 
 import re
 from dataclasses import fields, is_dataclass
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
 from iswarm_mj.commands.arguments import flag_kinds
+from iswarm_mj.commands.help import described
 from iswarm_mj.commands.main import COMMANDS, main, parse
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.utils.constraints import constraint_of
@@ -28,6 +29,12 @@ def test_the_short_help_fits_on_a_screen_and_names_the_long_one(capfd, command):
     assert lines <= SCREEN and "--config FILE" in text
     is_all = all(f"--{name.replace('_', '-')}" in text for name, _ in flag_kinds(COMMANDS[command]))
     assert ("--help-all" in text) is not is_all
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_the_short_help_leaves_out_is_not_parsed(command):
+    """Flags that are hidden would have no type but that of their defaults, of which tyro's cache takes 0 for False."""
+    assert Any not in get_type_hints(described(COMMANDS[command], everything=False)).values()
 
 
 @pytest.mark.parametrize("command", COMMANDS)
