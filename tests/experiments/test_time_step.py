@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, UNDECIDED
+from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, NOT_RUN, PREDICTED, UNDECIDED
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome, run_job
 from iswarm_mj.experiments.studies import time_step
@@ -42,6 +42,8 @@ def test_runs_are_those_that_the_drive_allows():
 def test_nothing_that_changes():
     *same, overlap, cost, refused = time_step.findings(made_rows(lambda rate: 6 / rate))
     assert [finding.verdict for finding in same] == [HOLDS] * 4 and overlap.verdict == HOLDS
+    # Runs that reach the goal have delivered as many balls as it asks for, at any time step.
+    assert [finding.kind for finding in same] == [PREDICTED, CONSTRUCTED, PREDICTED, PREDICTED]
     assert "type1, 10: 0.6, 20: 0.3, 50: 0.12, 100: 0.06" in overlap.ours
     assert "100: 3 ms" in cost.ours and "2: drive.walk_substeps must be at least 6" in refused.ours
     assert "6 comparisons, n = 24 + 24: type1 at 10: 0 (" in same[0].statistics and ", p = 1 (1)" in same[0].statistics
