@@ -1,5 +1,6 @@
 """The study of messages that take time: which runs it is made of, and what it finds in made-up rows."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -38,6 +39,8 @@ def test_slower_rates_are_told_from_those_that_are_not():
     fast, middle, slow, _, *hops = message_time.findings(rows)
     assert (fast.verdict, middle.verdict, slow.verdict) == (UNDECIDED, FAILS, HOLDS)
     assert slow.ours.startswith("median 256 ") and "12 of 12 and 12 of 12 runs" in slow.ours
+    found = [re.search(r"two-sided p = (\S+), .* p = (\S+) by Holm for 4 tests", f.statistics) for f in (fast, slow)]
+    assert found[0][2] == "1" and float(found[1][2]) == pytest.approx(4 * float(found[1][1]), rel=0.02)
     times = [finding for finding in hops if "more quickly" in finding.claim]
     assert [finding.verdict for finding in times] == [HOLDS] * 4 and times[2].claim.endswith("messages at 1000 bit/s")
 
