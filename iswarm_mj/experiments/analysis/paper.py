@@ -4,6 +4,8 @@ import math
 
 STEPS = 800
 """Control steps of a run of the evolution."""
+SHORTEST = 250
+"""Control steps in which a swarm can deliver all balls at best, by the paper."""
 PAPER_FITNESS = {"type1": 7771, "type2": 7766}
 """Of the fittest swarm of each type in Table 2, which is the best of the runs of the evolution."""
 

@@ -12,20 +12,22 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.findings import (
     FITTED,
+    NOT_COMPARABLE,
     PREDICTED,
     Claim,
     Finding,
     Rows,
     in_words,
     number,
+    percent,
     rule_of,
     span,
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
-from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME, STEPS
+from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME, SHORTEST, STEPS
 from iswarm_mj.experiments.analysis.plots import draw_samples
-from iswarm_mj.experiments.analysis.statistics import compare, difference, interval, median
+from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, interval, mean, median, share
 from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, mostly, within
 from iswarm_mj.experiments.runner.experiment import Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
@@ -47,6 +49,8 @@ NEAR = 3.5
 """A robot is at a dust area if it is in it or within this distance of it, the sensory radius [rd]."""
 NEARLY = 0.05
 """Fitness within this share of the paper's is the same: 39 steps of the finishing time."""
+RARE = 0.05
+"""A share of the runs that counts as none."""
 
 CLEAN = Claim(
     "Both types clean the whole arena within 800 steps", "Table 2, section 4.6", "fitness above 2860: yes", PREDICTED
@@ -55,13 +59,17 @@ TIMES = Claim(
     "Both types take as long as the paper's to clean the arena",
     "Table 2, section 4.6",
     f"{PAPER_TIME['type1']} and {PAPER_TIME['type2']} steps at most, by their fitness",
-    PREDICTED,
+    NOT_COMPARABLE,
 )
 ALIKE = Claim(
     "Both types take equally long to clean the arena", "Table 2, Fig. 16", "equivalent: 310 and 311 steps", PREDICTED
 )
 FITNESS = Claim(
-    "Both types have the paper's fitness", "Table 2, Fig. 16", "7771 (type 1) and 7766 (type 2) points", PREDICTED
+    "Both types have the paper's fitness", "Table 2, Fig. 16", "7771 (type 1) and 7766 (type 2) points", NOT_COMPARABLE
+)
+AS_FIT = Claim("Both types are equally fit", "section 4.6.1, Table 2", "equivalent: 7771 and 7766 points", PREDICTED)
+LEAST = Claim(
+    f"No run of both types finishes in less than {SHORTEST} steps", "section 4.6", "shortest in theory: 250", PREDICTED
 )
 GATHER = Claim(
     "Empty robots gather around the dust areas more in type 2 than in type 1",
@@ -87,8 +95,9 @@ def findings(rows: Rows) -> list[Finding]:
     """Cleanness, finishing times, fitness and aggregation of the paper's types, and other presets against them."""
     types = {name: select(rows, type=name) for name in PAPER_FITNESS}
     if not all(types.values()):
-        return [claim.not_run() for claim in (CLEAN, TIMES, ALIKE, FITNESS, GATHER)]
-    found = [_clean(types), _times(types), _alike(types), _fitness(types), _gathering(*types.values())]
+        return [claim.not_run() for claim in (CLEAN, TIMES, ALIKE, LEAST, FITNESS, AS_FIT, GATHER)]
+    found = [_clean(types), _times(types), _alike(types), _least(types), _fitness(types), _as_fit(types)]
+    found.append(_gathering(*types.values()))
     for name in PRESETS:
         runs = select(rows, type=name)
         if name not in types and runs:
@@ -161,15 +170,8 @@ def _times(types: Mapping[str, Rows]) -> Finding:
         f"{name}: median {span(time, 'steps')}, {100 * (time.estimate / PAPER_TIME[name] - 1):+.0f} %"
         for name, time in found.items()
     )
-    verdicts = [
-        enough(within(time, (1 - EQUAL) * PAPER_TIME[name], (1 + EQUAL) * PAPER_TIME[name]), len(types[name]))
-        for name, time in found.items()
-    ]
-    rule = (
-        f"n = {_sizes(types)}, runs that do not finish counted as {STEPS} steps; holds if both intervals lie within "
-        f"{100 * EQUAL:.0f} % of the paper's, does not if one lies outside; the paper's are those of its fittest runs"
-    )
-    return TIMES.found(ours, rule, all_of(verdicts))
+    rule, verdict = _as_the_papers(types, found, PAPER_TIME, EQUAL)
+    return TIMES.found(ours, f"runs that do not finish counted as {STEPS} steps; {rule}", verdict)
 
 
 def _alike(types: Mapping[str, Rows]) -> Finding:
@@ -181,11 +183,20 @@ def _alike(types: Mapping[str, Rows]) -> Finding:
         f"equivalence test: holds if the interval lies within ±{number(margin)} steps, {100 * EQUAL:.0f} % of the "
         "medians, does not if it lies outside"
     )
-    return ALIKE.found(
-        ours,
-        f"{in_words(compare(one, two), 'steps')}; {rule}",
-        enough(within(apart, -margin, margin), len(one), len(two)),
+    verdict = enough(within(apart, -margin, margin), len(one), len(two))
+    return ALIKE.found(ours, f"{in_words(compare(one, two), 'steps')}; {rule}", verdict)
+
+
+def _least(types: Mapping[str, Rows]) -> Finding:
+    """Whether runs of each type that finish before the paper's theoretical shortest time are rare."""
+    early = {name: sum((row["finished_at"] or STEPS) < SHORTEST for row in runs) for name, runs in types.items()}
+    shares = {name: share(count, len(types[name]), "exact") for name, count in early.items()}
+    ours = ", ".join(f"{count} of {len(types[name])} runs of {name} do" for name, count in early.items())
+    rule = (
+        f"{', '.join(f'{name}: {percent(found)}' for name, found in shares.items())}, exact; holds if both intervals "
+        f"lie below {100 * RARE:.0f} %, does not if one lies above"
     )
+    return LEAST.found(ours, rule, all_of(enough(within(shares[name], high=RARE), len(types[name])) for name in types))
 
 
 def _fitness(types: Mapping[str, Rows]) -> Finding:
@@ -196,15 +207,36 @@ def _fitness(types: Mapping[str, Rows]) -> Finding:
         f"{max(row['fitness'] for row in types[name]):.0f}"
         for name, points in found.items()
     )
+    return FITNESS.found(ours, *_as_the_papers(types, found, PAPER_FITNESS, NEARLY))
+
+
+def _as_the_papers(
+    types: Mapping[str, Rows], found: Mapping[str, Interval], paper: Mapping[str, float], margin: float
+) -> tuple[str, str]:
+    """Rule and verdict on whether both types have the paper's values within a share of them."""
     verdicts = [
-        enough(within(points, (1 - NEARLY) * PAPER_FITNESS[name], (1 + NEARLY) * PAPER_FITNESS[name]), len(types[name]))
-        for name, points in found.items()
+        enough(within(value, (1 - margin) * paper[name], (1 + margin) * paper[name]), len(types[name]))
+        for name, value in found.items()
     ]
     rule = (
-        f"n = {_sizes(types)}; holds if both intervals lie within {100 * NEARLY:.0f} % of the paper's, does not if one "
-        "lies outside; the paper's are those of its fittest runs"
+        f"n = {_sizes(types)}; holds if both intervals lie within {100 * margin:.0f} % of the paper's, does not if one "
+        "lies outside; the paper's are of the fittest run of each type among the 1200 of an evolution, ours are fresh "
+        "runs of its parameters"
     )
-    return FITNESS.found(ours, rule, all_of(verdicts))
+    return rule, all_of(verdicts)
+
+
+def _as_fit(types: Mapping[str, Rows]) -> Finding:
+    """Whether the mean fitness of both types is equivalent."""
+    one, two = ([row["fitness"] for row in runs] for runs in types.values())
+    apart, margin = difference(one, two, mean), NEARLY * PAPER_FITNESS["type1"]
+    rule = (
+        f"n = {_sizes(types)}; difference of the means {span(apart, 'points')}; equivalence test: holds if the "
+        f"interval lies within ±{margin:.0f} points, {100 * NEARLY:.0f} % of the paper's {PAPER_FITNESS['type1']}, "
+        "does not if it lies outside"
+    )
+    verdict = enough(within(apart, -margin, margin), len(one), len(two))
+    return AS_FIT.found(f"mean {np.mean(one):.0f} and {np.mean(two):.0f} points", rule, verdict)
 
 
 def _sizes(types: Mapping[str, Rows]) -> str:
