@@ -180,7 +180,7 @@ class GripperConfig:
     release_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 55.0
     """Voltage while releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts the ball."""
     relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
-    """Relative humidity of the air [%]."""
+    """Relative humidity of the air [%]: 10 % is "the optimal condition" (section 3.2.3)."""
     release_gap: Annotated[float, Within(1e-6, 2e-5, "m")] = 5e-6
     """Gap between ball and floor while releasing (section 3.2.3) [m]."""
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
@@ -190,9 +190,9 @@ class GripperConfig:
     work_object_substrate: Annotated[float, Above(0, 10, "J/m^2")] = 14.7e-3
     """Median work of adhesion between ball and floor at 10 % RH, calibrated [J/m^2]."""
     spread_tool_object: Annotated[float, Within(0, 2)] = 0.12
-    """Coefficient of variation of `work_tool_object` over the balls (log-normal)."""
+    """Coefficient of variation of `work_tool_object` over the balls (log-normal), calibrated."""
     spread_object_substrate: Annotated[float, Within(0, 2)] = 0.16
-    """Coefficient of variation of `work_object_substrate` over the balls (log-normal)."""
+    """Coefficient of variation of `work_object_substrate` over the balls (log-normal), calibrated."""
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
     """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
     without a rate; docs/readings.md says why it is 0 although more is supported."""

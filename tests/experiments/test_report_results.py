@@ -32,6 +32,48 @@ class TestChoices:
         assert found["strategy.update-order"].value == "synchronous"
         assert all(choice.meaning for choice in found.values()) and len(found) > 15
 
+    def test_each_value_is_the_papers_or_calibrated_or_on_the_list(self):
+        """The numbers of Table 1 and section 3.2; words without a number, as on the dump, give no value."""
+        every = {setting.name: setting for setting in assumptions.settings()}
+        assert {f"{part}.{name}".replace("_", "-") for part, own in asdict(SwarmConfig()).items() for name in own} == {
+            *every
+        }
+        papers = {
+            "arena.size": "49.0",
+            "arena.n-dust": "72",
+            "arena.ball-radius-min": "1.5e-05",
+            "arena.ball-radius-max": "2.5e-05",
+            "drive.step-length": "0.5",
+            "optics.communication-radius": "3.5",
+            "optics.led-beam-aperture": "60.0",
+            "optics.error-distance-measure": "0.1",
+            "optics.error-in-communication": "0.1",
+            "optics.p-communication-break": "0.1",
+            "gripper.relative-humidity": "10.0",
+            "gripper.release-gap": "5e-06",
+        }
+        assert {name: every[name].value for name in assumptions.GIVEN} == papers
+        assert all(place in every[name].meaning for name, place in assumptions.GIVEN.items())
+        calibrated = {name for name in every if name.startswith(("gripper.work-", "gripper.spread-"))}
+        assert {choice.name for choice in assumptions.assumed()} == {*every} - {*papers} - calibrated
+        assert calibrated == {name for name, setting in every.items() if "calibrated" in setting.meaning}
+        fitted = {setting.value for setting in assumptions.fitted()}
+        assert len(calibrated) == 4 and {every[name].value for name in calibrated} <= fitted
+
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "arena.dump-size",
+            "strategy.avoidance-course",
+            "optics.baud-rate",
+            "optics.slots",
+            "optics.photodiodes-while-emitting",
+        ],
+    )
+    def test_the_papers_words_do_not_make_a_value_the_papers(self, name):
+        (found,) = (choice for choice in assumptions.assumed() if choice.name == name)
+        assert "section" in found.meaning.lower()
+
     def test_what_was_fitted(self):
         assert {c.name for c in assumptions.fitted()} >= {"WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "CONTACT_GAP"}
         assert assumptions.fitting().startswith("The default constants are a calibration, not measurements.")

@@ -23,9 +23,28 @@ RULES = (
 )
 """Rules that are not configuration values."""
 
+GIVEN = {
+    "arena.size": "Table 1",
+    "arena.n-dust": "Table 1",
+    "arena.ball-radius-min": "section 3.2.2",
+    "arena.ball-radius-max": "section 3.2.2",
+    "drive.step-length": "Table 1",
+    "optics.communication-radius": "Table 1",
+    "optics.led-beam-aperture": "Table 1",
+    "optics.error-distance-measure": "Table 1",
+    "optics.error-in-communication": "Table 1",
+    "optics.p-communication-break": "Table 1",
+    "gripper.relative-humidity": "section 3.2.3",
+    "gripper.release-gap": "section 3.2.3",
+}
+"""Configuration values whose number the paper gives, and where; all others are choices, or calibrated.
+
+Words of the paper without a number, as on the dump, give no value.
+"""
+
 
 class Setting(NamedTuple):
-    """A configuration value that the paper does not give."""
+    """A configuration value or a constant."""
 
     name: str
     """As in the command line, such as strategy.dust-range."""
@@ -34,15 +53,19 @@ class Setting(NamedTuple):
 
 
 def assumed() -> list[Setting]:
-    """Configuration values whose description does not refer to the paper's tables or sections."""
+    """Configuration values that are neither `GIVEN` nor calibrated."""
+    return [found for found in settings() if found.name not in GIVEN and "calibrated" not in found.meaning]
+
+
+def settings() -> list[Setting]:
+    """All configuration values with their defaults."""
     parts = {f.name: type(getattr(config.SwarmConfig(), f.name)) for f in fields(config.SwarmConfig)}
     found = []
     for part, cls in parts.items():
         defaults, meanings = cls(), _descriptions(cls)
         for f in fields(cls):
-            meaning = meanings[f.name]
-            if not re.search(r"Table \d|section \d", meaning) and "calibrated" not in meaning:
-                found.append(Setting(f"{part}.{f.name}".replace("_", "-"), str(getattr(defaults, f.name)), meaning))
+            name = f"{part}.{f.name}".replace("_", "-")
+            found.append(Setting(name, str(getattr(defaults, f.name)), meanings[f.name]))
     return found
 
 
