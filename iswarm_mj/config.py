@@ -23,7 +23,7 @@ class ArenaConfig:
     dump_size: Annotated[float, Within(1, 75, "rd")] = 5.0
     """Edge of the square dump [rd], "in the centre of the arena" (section 4.2); no size is given or supported."""
     dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
-    """Edge of each of the two square dust areas [rd]. Section 4.2: "Two areas contain dust particles"."""
+    """Edge of each of the square dust areas [rd], "two areas" (section 4.2); no size is given or supported."""
     dust_area_offset: Annotated[float, Within(0, 75, "rd")] = 12.0
     """Distance of the dust areas' centres from the dump's [rd]. Not given; 12 rd is supported (docs/readings.md)."""
     n_dust: Annotated[int, Within(1, 2500)] = 72
@@ -72,9 +72,9 @@ class DriveConfig:
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]. The paper does not say; no value is supported (docs/readings.md)."""
     error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of the turn about the commanded one, where the robot moves [deg]. The paper does not say."""
+    """Standard deviation of the turn about the commanded one, where the robot moves [deg]. 0: the paper names none."""
     error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
-    """Relative standard deviation of the distance walked in a control step; no step is longer than `step_length`."""
+    """Relative standard deviation of the distance walked in a control step, never above `step_length`. 0 likewise."""
 
     def __post_init__(self):
         validate(self, "drive")
@@ -128,11 +128,12 @@ class OpticsConfig:
     error_in_communication: Annotated[float, Within(0, 0.9)] = 0.10
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
     independent_bit_errors: bool = False
-    """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most."""
+    """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most. The
+    paper does not say, and neither is supported (docs/readings.md): one is the simpler choice."""
     parity_check: bool = added_later(True)
     """Robots ignore messages whose parity, or another check that their strategy declares, is wrong, so that a single
-    wrong bit loses a message; otherwise they take what arrives. The paper names an error of 10 % and does not say
-    whether a robot notices it."""
+    wrong bit loses a message; otherwise they take what arrives. The paper does not say whether a robot notices an
+    error; that it does is supported (docs/readings.md)."""
     p_communication_break: Annotated[float, Within(0, 1)] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
@@ -140,7 +141,7 @@ class OpticsConfig:
     baud_rate: Annotated[float, Within(0, 1e6, "bit/s")] = added_later(0.0)
     """Rate at which an LED sends the 32 bits of a message [bit/s]; 0: messages take no time and do not interfere.
     Otherwise all robots stop in each control step for a window of `slots`, each as long as one message ("they
-    frequently stop in order to emit some light impulses", section 4.1)."""
+    frequently stop in order to emit some light impulses", section 4.1). No rate is given: 0 is a choice."""
     slots: Annotated[int, Within(4, 64)] = added_later(8)
     """Slots of the window in which messages are sent. A robot lights its LEDs in four consecutive ones ("the LEDs will
     be serially activated", section 4.1), from a slot on that it draws anew in each control step."""
@@ -255,13 +256,12 @@ class StrategyConfig:
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
     odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
-    """Standard deviation of what a robot believes that it turned, about the command [deg]. The paper does not say."""
+    """Standard deviation of what a robot believes that it turned, about the command [deg]. 0: the paper names none."""
     odometry_error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
-    """Relative standard deviation of the distance that a robot believes that it walked, likewise."""
+    """Relative standard deviation of the distance that a robot believes that it walked. 0 likewise."""
     update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
-    """`synchronous`: all robots receive the messages sent at the end of the previous control step. `sequential`: robots
-    receive, decide and send one after the other, in an order drawn anew in each step, so that they receive messages
-    sent in the same step. In either case all robots move at the same time."""
+    """Robots receive the messages of the previous control step (`synchronous`), or receive, decide and send one after
+    the other, in an order drawn anew in each step, so also messages of the same step. All move at the same time."""
 
     def __post_init__(self):
         validate(self, "strategy")
