@@ -3,9 +3,13 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from iswarm_mj.experiments.analysis import verdicts
+from iswarm_mj.experiments.analysis.measures import TIME, select, values
 from iswarm_mj.experiments.report import engine_table
+from iswarm_mj.experiments.report.assumptions import descriptions
 from iswarm_mj.experiments.report.blocks import filled, outside
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.statements import FINDINGS, findings_files, topics_of
@@ -84,6 +88,13 @@ def test_both_engines_give_each_statement_the_same_verdict(part):
         for found in (findings_files(topics_of(collect([ROOT / at])))[ROOT / at / part / FINDINGS] for at in ENGINES)
     )
     assert planar == mujoco and len(planar) >= 4
+
+
+def test_the_scatter_of_the_times_is_that_of_the_results():
+    rows = collect([ROOT / "results/types"]).experiments["types"].rows
+    times = [values(select(rows, type=name), TIME) for name in ("type1", "type2")]
+    one, two = (100 * np.std(sample, ddof=1) / np.mean(sample) for sample in times)
+    assert f"scatter by {one:.0f} and {two:.0f} %" in descriptions(verdicts)["EQUAL"]
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -71,7 +71,7 @@ def settings() -> list[Setting]:
 
 def fitted() -> list[Setting]:
     """Calibrated constants of the gripper."""
-    meanings = _module_descriptions(detachment)
+    meanings = descriptions(detachment)
     return [
         Setting(name, f"{getattr(detachment, name):g}", meaning)
         for name, meaning in meanings.items()
@@ -95,7 +95,7 @@ def _descriptions(cls: type[Any]) -> dict[str, str]:
     return _documented(ast.parse(inspect.getsource(cls)).body[0])
 
 
-def _module_descriptions(module: Any) -> dict[str, str]:
+def descriptions(module: Any) -> dict[str, str]:
     """Docstrings below the constants of a module."""
     return _documented(ast.parse(inspect.getsource(module)))
 

@@ -21,43 +21,48 @@ class Picture(NamedTuple):
 
 
 class Section(NamedTuple):
-    """A part of the report: statements, figures of ours, what the paper's figure shows, commands."""
+    """A part of the report: statements, figures of ours, what the paper says of its figure, commands."""
 
     title: str
     findings: Sequence[Finding]
     pictures: Sequence[Picture]
     paper: str
-    """What the paper's figure shows; empty without one."""
+    """What the paper says of its figure; empty without one."""
     commands: Sequence[str]
 
 
 PAPER_FIGURES = {
     "grasp": (
-        "Figs. 8 and 9 plot the means of five grasp voltages against the radius, 15 to 25 µm: between 20 and "
-        "30 V at 10 % RH, higher at 30 and 50 %, without a trend along the radius. Fig. 11 shows a release at "
-        "about 5 µm, which took 37 to 47 V; Fig. 10 a ball of 15 µm that melted to the tool at 70 V."
+        "Figs. 8 and 9 plot the averages of five grasp voltages against the radius, at 10 % RH and at 30 and 50 %. By "
+        "the text they range from 20 to 30 V at 10 %, which is optimal, and the radius does not really influence "
+        "them. Fig. 10 has a ball, of 15 µm by the text, that melted to the tool at 70 V; Fig. 11 a release from "
+        "about 5 µm, which by the text takes 37 to 47 V."
     ),
     "evolution": (
-        "Fig. 14(a) plots the fitness of 1200 swarms against 120 generations, with a dashed line at 2860, the "
-        "most without the last ball; the best rise until generation 35; the fittest two types have 7771 and "
-        "7766 points. Fig. 14(b) plots p(vector-forget) against the fraction of scouts for the 250 fittest "
-        "swarms of generations 35 to 100, along falling lines."
+        "Fig. 14(a) has the absolute fitness of 1200 runs in 120 generations, with a dashed line at the most that a "
+        "swarm achieves without removing all dust, 2860 points. By the text the best rise steadily between "
+        "generations 1 and 35; the fittest of the two types have 7771 and 7766 points (Table 2). Fig. 14(b) has "
+        "p(vector-forget) and the fraction of scouts of the 250 fittest swarms between generations 35 and 100, with "
+        "two dashed lines that indicate a negative correlation."
     ),
     "hop-count": (
-        "Fig. 15 has a pair of bars in each of four panels, with and without hop counts: time, dust removed, "
-        "collisions, length of carriage; medians and third quartiles of 12 runs. The text gives no numbers."
+        "Fig. 15 compares runs with and without hop counts: (a) how quickly the goal is achieved, (b) how much dust "
+        "is removed, (c) how many collisions happen, (d) on how short a way dust is carried; medians and third "
+        "quartiles, 12 runs a bar. The text gives no numbers."
     ),
     "types": (
-        "Fig. 16 is a pair of screenshots from above: robots as red boxes, loaded ones blue, two blue dust "
-        "areas, the yellow dump between them. In type 2, with more scouts, empty robots gather around the "
-        "dust areas; type 1 builds several sub-swarms that are narrowly connected."
+        "Fig. 16 has a screenshot of each type. By its caption type 2 shows a more intensive aggregation of empty "
+        "robots around the dust areas, and type 1 builds several sub-swarms that are narrowly connected. Colours by "
+        "the caption of Fig. 12: empty robots are red boxes, loaded ones blue; dust areas are blue, the dump is "
+        "yellow."
     ),
     "density": (
-        "Fig. 17 has a bar for each density from 0.05 to 0.4 in each of four panels: time, dust removed, "
-        "collisions per robot, mean carriage; medians and third quartiles of 6 runs. Lowest between 0.1 and "
-        "0.15."
+        "Fig. 17 has (a) the time, (b) the cleaning, (c) collisions per robot and (d) the mean carriage at densities "
+        "from 0.05 to 0.4; medians and third quartiles, 6 runs a bar. By its caption (a), (c) and (d) are lowest "
+        "between 0.1 and 0.15, and swarms between 0.1 and 0.2 cleaned the whole arena."
     ),
 }
+"""What the paper's text and captions say of its figures, which are not at hand themselves."""
 
 CAPTIONS = {
     "grasp_voltage": "Grasp voltages at 10 % RH",

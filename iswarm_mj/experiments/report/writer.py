@@ -21,7 +21,7 @@ INTRODUCTION = (
     "Every statement of sections 3.2 and 4.6 of P. Valdastri et al., Micromanipulation, communication and swarm "
     "intelligence issues in a swarm microrobotic platform, Robotics and Autonomous Systems 54 (2006) 789-804, with the "
     f"paper's value, ours by iswarm-mj {__version__}, the statistics, and whether it holds here by the rule that "
-    "stands beside it. The paper's figures are described, not shown.",
+    "stands beside it. Of the paper's figures there is what its text says.",
     "The swarm is simulated with rigid bodies; the paper's own simulator was another one. Intervals are at 95 %, and "
     "they decide: that two quantities are equal holds only if the interval of their difference lies within a margin. "
     "p-values are two-sided. A verdict tells whether the statement holds in this simulation, not whether the paper is "
