@@ -66,7 +66,7 @@ class ManyRunsOptions(ConfigOptions):
     seed: Seed = 0
     """Seed of all random numbers."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (many times faster; runs batched on an NVIDIA GPU if there is one) or mjx
+    """Physics: mujoco (C, on CPUs), planar (faster; many times so in batches on an NVIDIA GPU if there is one) or mjx
     (JAX, runs batched on a GPU)."""
     refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
     """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""

@@ -63,8 +63,8 @@ class Swarm(ConfigOptions):
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, many times faster, on CPUs
-    and NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
+    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, faster on CPUs and
+    many times so on NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
     impl: Literal["default", "numba", "jax", "warp"] = "default"
     """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
     (everywhere, the default) or warp (NVIDIA GPUs)."""

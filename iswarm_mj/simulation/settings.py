@@ -74,7 +74,7 @@ class MujocoSettings:
 
 @dataclass(frozen=True)
 class PlanarSettings:
-    """MuJoCo's contacts of upright boxes, solved in the plane: many times faster, for this scene alone."""
+    """MuJoCo's contacts of upright boxes, solved in the plane: faster, for this scene alone."""
 
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads of `numba`, 0 for one per core; the results do not depend on it."""

@@ -25,7 +25,7 @@ class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
     engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (many times faster), or mjx (JAX). Jobs of equal settings are one batch of
+    """Physics: mujoco (C, on CPUs), planar (faster), or mjx (JAX). Jobs of equal settings are one batch of
     worlds in this process with mjx, and with planar on an NVIDIA GPU."""
     workers: Workers = 0
     """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
