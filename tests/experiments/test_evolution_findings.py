@@ -79,6 +79,7 @@ class TestReplicates:
         )
         assert finding.ours.endswith(f"from {100 * min(shares):.1f} to {100 * max(shares):.1f}")
         assert "8 of 8 above 20, sign test p = 0.0078" in finding.statistics  # 2 / 2^8
+        assert finding.statistics.startswith("interval by order statistics over 8 evolutions; ")
 
     @pytest.mark.parametrize("n, verdict", [(2, HOLDS), (3, TOO_FEW)])
     def test_evolutions_without_a_value_do_not_count(self, paper, n, verdict):

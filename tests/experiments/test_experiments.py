@@ -145,7 +145,7 @@ class TestFindings:
         clean, times, alike, fitness, gather = swarm_types.findings(type_rows(310, 311))[:5]
         assert [f.verdict for f in (clean, times, alike, fitness, gather)] == [HOLDS] * 5
         assert clean.ours == "96 of 96 runs of type1, 96 of 96 runs of type2"
-        assert times.ours.startswith("type1: median 313 steps (95 % interval 304 to 321), +1 %; type2: ")
+        assert times.ours.startswith("type1: median 313 steps (95 % interval 303 to 321), +1 %; type2: ")
         assert "within ±31.2 steps, 10 % of the medians" in alike.statistics
 
     @pytest.mark.parametrize(

@@ -103,8 +103,8 @@ def _against(mine: Evolutions, theirs: Evolutions | None, claim: Claim, judged: 
 
 
 def _signs(item: Quantity, values: Sequence[float]) -> str:
-    """Bootstrap, and the sign test if there is one limit."""
-    told = f"bootstrap over {_times(len(values))}"
+    """How the interval was made, and the sign test if there is one limit."""
+    told = f"interval by order statistics over {_times(len(values))}"
     limit = item.low if math.isfinite(item.low) else item.high
     if math.isfinite(item.low) and math.isfinite(item.high):
         return told
