@@ -84,21 +84,24 @@ def _counted(item: Property, sample: Evolutions) -> Finding:
 
 
 def _against(mine: Evolutions, theirs: Evolutions | None, claim: Claim, judged: bool = True) -> Finding:
-    """The end of the evolutions against that of another method's searches."""
+    """The best runs of the evolutions against those of another method's searches.
+
+    Not the last generations, which are told beside them: those of random search are as its first.
+    """
     if theirs is None:
         return claim.not_run()
-    final = [[one.final for one in found] for found in (mine, theirs)]
-    best = [np.median([one.best_runs for one in found]) for found in (mine, theirs)]
+    best = [[one.best_runs for one in found] for found in (mine, theirs)]
+    final = [np.median([one.final for one in found]) for found in (mine, theirs)]
     ours = (
-        f"mean fitness of the last {LAST} generations {np.median(final[0]):z.0f} against {np.median(final[1]):z.0f} "
-        f"points, of the {BEST} best runs {best[0]:z.0f} against {best[1]:z.0f}; medians of {len(mine)} and "
+        f"mean fitness of the {BEST} best runs {np.median(best[0]):z.0f} against {np.median(best[1]):z.0f} points, of "
+        f"the last {LAST} generations {final[0]:z.0f} against {final[1]:z.0f}; medians of {len(mine)} and "
         f"{len(theirs)} searches"
     )
-    if (least := min(map(len, final))) < EVOLUTIONS:
+    if (least := min(map(len, best))) < EVOLUTIONS:
         return claim.found(ours, _too_few(least), TOO_FEW if judged else "")
-    result = compare(*final)
+    result = compare(*best)
     rule = f"; {rule_of(True)}" if judged else ""
-    told = f"of the searches, by their last generations: {in_words(result, 'points')}{rule}"
+    told = f"of the searches, by their {BEST} best runs: {in_words(result, 'points')}{rule}"
     return claim.found(ours, told, verdict_of(result, True) if judged else "")
 
 
