@@ -8,6 +8,7 @@ from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings, evolution_selection
 from iswarm_mj.experiments.analysis.evolution_best import by_replicate
 from iswarm_mj.experiments.analysis.evolution_sample import Evolution, evolutions, fittest
+from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.output.plot_style import blank
@@ -137,6 +138,16 @@ class TestReplicates:
             assert found[claim.text].verdict == FAILS, claim
         for claim in (claims.LEARNS, claims.TRADE):
             assert found[claim.text].verdict == UNDECIDED, claim
+
+    @pytest.mark.parametrize("below, verdict", [(3, HOLDS), (4, UNDECIDED), (12, UNDECIDED), (13, FAILS)])
+    def test_how_many_of_sixteen_evolutions_must_rise(self, below, verdict):
+        """The interval of the median of 16 goes from the fourth value to the thirteenth."""
+        (item,) = (item for item in STATEMENTS if item.claim is claims.RISES)
+        row = {"delivered": 72, "generation": 0, "fitness": 1.0}
+        sample = evolutions([{**row, "replicate": n} for n in range(16)], 72)
+        rise = {one: (0.4 if n < below else 0.7) + 0.001 * n for n, one in enumerate(sample)}
+        alone = item._replace(value=rise.__getitem__, told=lambda sample: "")
+        assert evolution_findings._judged(alone, sample).verdict == verdict
 
     def test_short_searches_decide_nothing_that_needs_more(self):
         found = found_in(replicated(6, generations=10))
