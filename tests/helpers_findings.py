@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from iswarm_mj.experiments.analysis import evolution_findings
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.strategy.genome import Genome
 
@@ -90,3 +91,14 @@ GRASP_SETTINGS = {
 
 def settings_of(method="paper", **changes):
     return asdict(replace(Search(method=method), **changes))
+
+
+def found_in(rows, **others):
+    """Findings by the texts of their claims."""
+    searches = {"paper": (rows, settings_of())} | {name: (other, settings_of(name)) for name, other in others.items()}
+    return {finding.claim: finding for finding in evolution_findings.findings(searches)}
+
+
+def changed(rows, change):
+    """Rows with columns that depend on the number of the replicate."""
+    return [row | change(row, row["replicate"]) for row in rows]

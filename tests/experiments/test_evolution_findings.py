@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers_findings import replicated, search_rows, settings_of
+from helpers_findings import changed, found_in, replicated, search_rows, settings_of
 
 from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings, evolution_selection
@@ -16,17 +16,6 @@ from iswarm_mj.output.plot_style import blank
 JUDGED = [claim for claim in claims.CLAIMS if claim is not claims.RIVAL]
 OF_THE_EVOLUTION = [claim for claim in JUDGED if claim is not claims.BEATS]
 TRAITS = {trait.label: trait.claim for trait in evolution_selection.TRAITS}
-
-
-def found_in(rows, **others):
-    """Findings by the texts of their claims."""
-    searches = {"paper": (rows, settings_of())} | {name: (other, settings_of(name)) for name, other in others.items()}
-    return {finding.claim: finding for finding in evolution_findings.findings(searches)}
-
-
-def changed(rows, change):
-    """Rows with columns that depend on the number of the replicate."""
-    return [row | change(row, row["replicate"]) for row in rows]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ from scipy import stats
 from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_selection
 from iswarm_mj.experiments.analysis.evolution_sample import BEST, EVOLUTIONS, LAST, evolutions
-from iswarm_mj.experiments.analysis.evolution_statements import NEAR, STATEMENTS, Evolutions, Property, Quantity
+from iswarm_mj.experiments.analysis.evolution_statements import NEAR, STATEMENTS, Property, Quantity
+from iswarm_mj.experiments.analysis.evolution_told import Evolutions
 from iswarm_mj.experiments.analysis.findings import (
     TOO_FEW,
     Claim,

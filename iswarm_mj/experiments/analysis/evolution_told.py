@@ -1,0 +1,55 @@
+"""What is told of all evolutions together beside the number that decides a statement."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from iswarm_mj.experiments.analysis.evolution_sample import Evolution
+from iswarm_mj.experiments.analysis.findings import Row, number
+
+Evolutions = Sequence[Evolution]
+Told = Callable[[Evolutions], str]
+
+
+def runs_of(sample: Evolutions, group: str) -> list[Row]:
+    """Runs of a group in all evolutions."""
+    return [row for one in sample for row in getattr(one, group)]
+
+
+def counted(group: str, flag: bool) -> Told:
+    """How many runs of a group have or lack hop counts."""
+
+    def told(sample: Evolutions) -> str:
+        rows = runs_of(sample, group)
+        return f"{sum(row['use_hop_count'] is flag for row in rows)} of {len(rows)} runs"
+
+    return told
+
+
+def groups(name: str) -> Told:
+    """Mean and standard deviation of a parameter in both groups, the paper's form."""
+
+    def told(sample: Evolutions) -> str:
+        both = [np.array([row[name] for row in runs_of(sample, group)]) for group in ("good", "poor")]
+        clean, others = (f"{values.mean():.2f} ± {values.std(ddof=1):.2f}" for values in both)
+        return f"runs that clean {clean}, others {others}; difference of the means"
+
+    return told
+
+
+def best(*names: str) -> Told:
+    """Medians of parameters of the best genomes, of a Boolean the number of genomes in which it is true."""
+
+    def told(sample: Evolutions) -> str:
+        found = [(name, [getattr(one.best, name) for one in sample]) for name in names]
+        return "best genomes " + ", ".join(
+            f"{name} in {sum(v)} of {len(v)}" if isinstance(v[0], bool) else f"{name} {number(float(np.median(v)))}"
+            for name, v in ((name.replace("_", "-"), v) for name, v in found)
+        )
+
+    return told
+
+
+def medians(text: str, *values: Callable[[Evolution], float]) -> Told:
+    """A text with the medians over evolutions of these values in its places."""
+    return lambda sample: text.format(*(f"{np.median([value(one) for one in sample]):z.0f}" for value in values))
