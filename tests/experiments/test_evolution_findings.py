@@ -65,9 +65,9 @@ class TestReplicates:
         finding = found[claims.MANY_FAIL.text]
         total = sum(row["delivered"] != 72 for row in paper)
         assert finding.ours.startswith(
-            f"{total} of 9600 runs; median over 8 evolutions {100 * np.median(shares):.1f} %"
+            f"{total} of 9600 runs; median over 8 evolutions {100 * np.median(shares):.3g} %"
         )
-        assert finding.ours.endswith(f"from {100 * min(shares):.1f} to {100 * max(shares):.1f}")
+        assert finding.ours.endswith(f"from {100 * min(shares):.3g} to {100 * max(shares):.3g}")
         assert "8 of 8 above 20, sign test p = 0.0078" in finding.statistics  # 2 / 2^8
         assert finding.statistics.startswith("interval by order statistics over 8 evolutions; ")
 

@@ -98,6 +98,11 @@ class Evolution:
         return float(np.mean(sorted(row["fitness"] for row in self.rows)[-BEST:]))
 
     @property
+    def best_run(self) -> float:
+        """Fitness of the fittest run."""
+        return float(self.bests.max())
+
+    @property
     def trade(self) -> float | None:
         """Pearson's correlation of forgetting with scouts among the fittest of the plateau."""
         x, y = ([row[name] for row in self.top] for name in ("p_vector_forget", "fraction_scouts"))

@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_told as told
 from iswarm_mj.experiments.analysis.evolution_sample import (
@@ -16,6 +18,7 @@ from iswarm_mj.experiments.analysis.evolution_sample import (
     share_with,
 )
 from iswarm_mj.experiments.analysis.findings import Claim
+from iswarm_mj.experiments.analysis.paper import NEARLY, PAPER_FITNESS
 from iswarm_mj.strategy.genome import Genome
 
 NEAR = 0.05
@@ -23,6 +26,8 @@ NEAR = 0.05
 that differ by less are within one mutation of each other, so that no evolution of this kind tells them apart."""
 DENSITIES = (0.1, 0.15)
 """Margin of the density to which evolutions converge: the range that section 4.6.2 calls optimal as a whole."""
+FITNESS = max(PAPER_FITNESS.values())
+"""Points of the paper's fittest swarm."""
 
 
 class Quantity(NamedTuple):
@@ -75,6 +80,17 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
         ),
         f"{FIRST + LAST} generations",
         low=0.0,
+        unit="points",
+    ),
+    Quantity(
+        claims.AS_FIT,
+        lambda one: one.best_run,
+        lambda sample: (
+            f"{100 * np.median([one.best_run for one in sample]) / FITNESS - 100:+.1f} % against the paper's"
+        ),
+        "",
+        low=(1 - NEARLY) * FITNESS,
+        high=(1 + NEARLY) * FITNESS,
         unit="points",
     ),
     Quantity(

@@ -23,7 +23,7 @@ from iswarm_mj.experiments.analysis.findings import (
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
-from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME, STEPS
+from iswarm_mj.experiments.analysis.paper import NEARLY, PAPER_FITNESS, PAPER_TIME, STEPS
 from iswarm_mj.experiments.analysis.plots import draw_samples
 from iswarm_mj.experiments.analysis.statistics import compare, difference, interval, median
 from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, mostly, within
@@ -45,8 +45,6 @@ RECORDED = 6
 """Runs of each type whose trajectories are looked at."""
 NEAR = 3.5
 """A robot is at a dust area if it is in it or within this distance of it, the sensory radius [rd]."""
-NEARLY = 0.05
-"""Fitness within this share of the paper's is the same: 39 steps of the finishing time."""
 
 CLEAN = Claim(
     "Both types clean the whole arena within 800 steps", "Table 2, section 4.6", "fitness above 2860: yes", PREDICTED

@@ -1,0 +1,35 @@
+"""Statements on the paper's numbers of section 4.6.1, by made-up evolutions: a fitness, times, means and shares."""
+
+import numpy as np
+import pytest
+from helpers_findings import changed, found_in, replicated
+
+from iswarm_mj.experiments.analysis import evolution_claims as claims
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, PREDICTED, UNDECIDED
+
+
+@pytest.fixture(scope="module")
+def paper():
+    """Eight made-up evolutions that go as the paper's."""
+    return replicated(8)
+
+
+@pytest.mark.parametrize(
+    "best, verdict",
+    [
+        (lambda n: 7771 + 10 * n, HOLDS),
+        (lambda n: 7382 + n, UNDECIDED),  # 0.95 * 7771 = 7382.45
+        (lambda n: 8153 + n, UNDECIDED),  # 1.05 * 7771 = 8159.55
+        (lambda n: 8160 + n, FAILS),
+        (lambda n: 7375 + n, FAILS),
+    ],
+)
+def test_the_fittest_swarm_of_an_evolution_is_as_fit_as_the_papers(paper, best, verdict):
+    """By its fittest run, not by its fittest genome, however many fitter evolutions some are."""
+    rows = changed(paper, lambda row, n: {"fitness": best(n) if row["generation"] == 60 else 2000.0})
+    finding = found_in(rows)[claims.AS_FIT.text]
+    assert (finding.verdict, finding.kind, finding.paper[:11]) == (verdict, PREDICTED, "7771 points")
+    middle = np.median([best(n) for n in range(8)])
+    assert finding.ours.startswith(f"{100 * (middle / 7771 - 1):+.1f} % against the paper's; median over 8 evolutions ")
+    assert f"{middle:.0f} points (95 % interval {best(0)} to {best(7)})" in finding.ours
+    assert "within 7382 points to 8160 points, does not if it lies outside" in finding.statistics
