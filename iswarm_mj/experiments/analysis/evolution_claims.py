@@ -21,6 +21,12 @@ AS_FIT = Claim(
     "7771 points, the fittest of 1200",
     PREDICTED,
 )
+SLOW = Claim(
+    "No swarm cleans the whole arena in less than 250 steps",
+    "section 4.6",
+    "theoretical shortest finishing time of approximately 250 steps",
+    PREDICTED,
+)
 MANY_FAIL = Claim("A high fraction of the swarms does not clean the whole arena", _WHERE, "525 of 1200, 43.8 %", FITTED)
 COUNTED = Claim(
     "Swarms that clean the whole arena use hop counts, at least 90 % of them", _WHERE, "655 of 675, 97.0 %", PREDICTED
@@ -69,6 +75,7 @@ CLAIMS = (
     BEATS,
     RIVAL,
     AS_FIT,
+    SLOW,
     MANY_FAIL,
     COUNTED,
     UNCOUNTED,

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate
 from iswarm_mj.experiments.analysis.findings import Row, Rows
+from iswarm_mj.experiments.analysis.paper import SHORTEST_TIME
 from iswarm_mj.experiments.analysis.statistics import correlation, rank_correlation
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.arrays import Array
@@ -101,6 +102,15 @@ class Evolution:
     def best_run(self) -> float:
         """Fitness of the fittest run."""
         return float(self.bests.max())
+
+    @property
+    def early(self) -> float | None:
+        """Share of the runs that clean the arena which do so before `SHORTEST_TIME`."""
+        return (
+            float(np.mean([row["finished_at"] < SHORTEST_TIME for row in self.good]))
+            if len(self.good) >= GROUP
+            else None
+        )
 
     @property
     def trade(self) -> float | None:
