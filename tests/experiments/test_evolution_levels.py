@@ -53,3 +53,45 @@ def test_swarms_that_clean_faster_than_the_paper_takes_for_possible(paper, early
     assert (finding.verdict, finding.kind) == (verdict, PREDICTED)
     assert finding.ours.startswith(f"the earliest at step {249 if early(7) else 250}; median over 8 evolutions ")
     assert "holds if the interval lies below 5 %, does not if it lies above" in finding.statistics
+
+
+@pytest.mark.parametrize(
+    "claim, name, level",
+    [(claims.SCOUTS_LEVEL, "fraction_scouts", 0.16), (claims.FORGET_LEVEL, "p_vector_forget", 0.28)],
+)
+@pytest.mark.parametrize(
+    "shift, verdict",
+    [(lambda n: 0.006 * n, HOLDS), (lambda n: 0.02 * n - 0.07, UNDECIDED), (lambda n: -0.06 - 0.001 * n, FAILS)],
+    ids=["there", "spread", "elsewhere"],
+)
+def test_levels_in_swarms_that_clean(paper, claim, name, level, shift, verdict):
+    """Whatever the others have; the paper's levels are judged within one mutation, as equality is."""
+    rows = changed(paper, lambda row, n: {name: level + shift(n) if row["delivered"] == 72 else 0.9})
+    finding = found_in(rows)[claim.text]
+    assert (finding.verdict, finding.kind) == (verdict, PREDICTED) and finding.paper.startswith(f"{level} ± 0.1")
+    middle = level + np.median([shift(n) for n in range(8)])
+    assert f"median over 8 evolutions {middle:.3g} (95 % interval " in finding.ours
+    assert f"within {level - 0.05:.2g} to {level + 0.05:.2g}, does not if it lies outside" in finding.statistics
+
+
+@pytest.mark.parametrize(
+    "cleaning, verdict",
+    [(lambda n: 3 + n % 2, HOLDS), (lambda n: 0, FAILS), (lambda n: 9, FAILS), (lambda n: n, UNDECIDED)],
+)
+def test_few_swarms_without_hop_counts_clean(paper, cleaning, verdict):
+    """Of each 100 without hop counts so many clean; 2 to 8 are as few as the paper's 4."""
+    place = {n: 0 for n in range(8)}
+
+    def clean(row, n):
+        if row["use_hop_count"]:
+            return {}
+        place[n] += 1
+        cleans = (place[n] - 1) % 100 < cleaning(n)
+        return {"delivered": 72, "finished_at": 320} if cleans else {"delivered": 40, "finished_at": None}
+
+    rows = changed(paper, clean)
+    finding = found_in(rows)[claims.EXCEPTIONS.text]
+    without = [row for row in rows if not row["use_hop_count"]]
+    assert (finding.verdict, finding.kind) == (verdict, PREDICTED)
+    assert finding.ours.startswith(f"{sum(row['delivered'] == 72 for row in without)} of {len(without)} runs; median ")
+    assert "within 2 % to 8 %, does not if it lies outside" in finding.statistics

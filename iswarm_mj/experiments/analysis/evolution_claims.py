@@ -32,6 +32,14 @@ COUNTED = Claim(
     "Swarms that clean the whole arena use hop counts, at least 90 % of them", _WHERE, "655 of 675, 97.0 %", PREDICTED
 )
 UNCOUNTED = Claim("Most swarms that do not clean it do not use them", _WHERE, "464 of 525, 88.4 %", PREDICTED)
+EXCEPTIONS = Claim(
+    "Few swarms without hop counts clean the whole arena",
+    _WHERE,
+    "20 of 484, 4.1 %: 675 - 655 of 464 + 20",
+    PREDICTED,
+)
+SCOUTS_LEVEL = Claim("The fraction of scouts is 0.16 in swarms that clean the arena", _WHERE, "0.16 ± 0.12", PREDICTED)
+FORGET_LEVEL = Claim("p(vector-forget) is 0.28 in swarms that clean the arena", _WHERE, "0.28 ± 0.13", PREDICTED)
 SCOUTS = Claim(
     "The fraction of scouts is equal in swarms that clean the arena and in others",
     _WHERE,
@@ -79,6 +87,9 @@ CLAIMS = (
     MANY_FAIL,
     COUNTED,
     UNCOUNTED,
+    EXCEPTIONS,
+    SCOUTS_LEVEL,
+    FORGET_LEVEL,
     SCOUTS,
     FORGET,
     TRADE,

@@ -103,6 +103,17 @@ class Evolution:
         """Fitness of the fittest run."""
         return float(self.bests.max())
 
+    @cached_property
+    def without(self) -> Sequence[Row]:
+        """Runs without hop counts."""
+        return [row for row in self.rows if not row["use_hop_count"]]
+
+    @property
+    def exceptions(self) -> float | None:
+        """Share of the runs without hop counts that clean the arena."""
+        clean = sum(not row["use_hop_count"] for row in self.good)
+        return clean / len(self.without) if len(self.without) >= GROUP else None
+
     @property
     def early(self) -> float | None:
         """Share of the runs that clean the arena which do so before `SHORTEST_TIME`."""
@@ -122,6 +133,10 @@ class Evolution:
     def density(self) -> float | None:
         """Median density of the last generations."""
         return float(np.median([row["density_of_robots"] for row in self.last])) if self.last else None
+
+    def level(self, name: str) -> float | None:
+        """Mean of a parameter in runs that clean the arena."""
+        return float(np.mean([row[name] for row in self.good])) if len(self.good) >= GROUP else None
 
     def apart(self, name: str) -> float | None:
         """Mean of a parameter in runs that clean the arena minus that in the others."""

@@ -26,6 +26,8 @@ NEAR = 0.05
 that differ by less are within one mutation of each other, so that no evolution of this kind tells them apart."""
 DENSITIES = (0.1, 0.15)
 """Margin of the density to which evolutions converge: the range that section 4.6.2 calls optimal as a whole."""
+FEW = (0.02, 0.08)
+"""Margin of the share of the swarms without hop counts that clean the arena: half and twice the paper's 4 %."""
 RARE = 0.05
 """Share of the runs up to which something counts as an exception."""
 FITNESS = max(PAPER_FITNESS.values())
@@ -55,6 +57,18 @@ class Property(NamedTuple):
     claim: Claim
     has: Callable[[Genome], bool]
     told: told.Told
+
+
+def _level(claim: Claim, name: str, paper: float) -> Quantity:
+    """A parameter is the paper's in runs that clean the arena."""
+    return Quantity(
+        claim,
+        lambda one: one.level(name),
+        told.level(name),
+        f"{GROUP} such runs",
+        low=paper - NEAR,
+        high=paper + NEAR,
+    )
 
 
 _BOTH = f"{GROUP} runs of both groups"
@@ -131,6 +145,17 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
         scale=100,
         unit="%",
     ),
+    Quantity(
+        claims.EXCEPTIONS,
+        lambda one: one.exceptions,
+        told.exceptions,
+        f"{GROUP} such runs",
+        *FEW,
+        scale=100,
+        unit="%",
+    ),
+    _level(claims.SCOUTS_LEVEL, "fraction_scouts", 0.16),
+    _level(claims.FORGET_LEVEL, "p_vector_forget", 0.28),
     Quantity(
         claims.SCOUTS,
         lambda one: one.apart("fraction_scouts"),

@@ -26,12 +26,22 @@ def counted(group: str, flag: bool) -> Told:
     return told
 
 
+def exceptions(sample: Evolutions) -> str:
+    """How many runs without hop counts clean the arena."""
+    clean = sum(not row["use_hop_count"] for row in runs_of(sample, "good"))
+    return f"{clean} of {len(runs_of(sample, 'without'))} runs"
+
+
+def level(name: str) -> Told:
+    """Mean and standard deviation of a parameter in runs that clean the arena, the paper's form."""
+    return lambda sample: f"{_spread(sample, 'good', name)}; mean"
+
+
 def groups(name: str) -> Told:
     """Mean and standard deviation of a parameter in both groups, the paper's form."""
 
     def told(sample: Evolutions) -> str:
-        both = [np.array([row[name] for row in runs_of(sample, group)]) for group in ("good", "poor")]
-        clean, others = (f"{values.mean():.2f} ± {values.std(ddof=1):.2f}" for values in both)
+        clean, others = (_spread(sample, group, name) for group in ("good", "poor"))
         return f"runs that clean {clean}, others {others}; difference of the means"
 
     return told
@@ -53,3 +63,8 @@ def best(*names: str) -> Told:
 def medians(text: str, *values: Callable[[Evolution], float]) -> Told:
     """A text with the medians over evolutions of these values in its places."""
     return lambda sample: text.format(*(f"{np.median([value(one) for one in sample]):z.0f}" for value in values))
+
+
+def _spread(sample: Evolutions, group: str, name: str) -> str:
+    values = np.array([row[name] for row in runs_of(sample, group)])
+    return f"{values.mean():.2f} ± {values.std(ddof=1):.2f}"
