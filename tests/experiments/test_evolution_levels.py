@@ -5,7 +5,7 @@ import pytest
 from helpers_findings import changed, found_in, replicated
 
 from iswarm_mj.experiments.analysis import evolution_claims as claims
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, PREDICTED, UNDECIDED
+from iswarm_mj.experiments.analysis.findings import FAILS, FITTED, HOLDS, PREDICTED, UNDECIDED
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +95,33 @@ def test_few_swarms_without_hop_counts_clean(paper, cleaning, verdict):
     assert (finding.verdict, finding.kind) == (verdict, PREDICTED)
     assert finding.ours.startswith(f"{sum(row['delivered'] == 72 for row in without)} of {len(without)} runs; median ")
     assert "within 2 % to 8 %, does not if it lies outside" in finding.statistics
+
+
+@pytest.mark.parametrize("claim, name", [(claims.SCOUTS, "fraction_scouts"), (claims.FORGET, "p_vector_forget")])
+@pytest.mark.parametrize(
+    "n, told",
+    [
+        (8, "0.435 (95 % interval 0.4 to 0.47), median of 8 evolutions"),
+        (2, "0.405, median of 2 evolutions"),
+        (1, "0.4 in one evolution"),
+    ],
+)
+def test_equality_is_told_among_swarms_with_hop_counts_too(paper, claim, name, n, told):
+    """Most that fail lost hop counts by chance, which makes them equal to the others and hides what else differs."""
+    paper = [row for row in paper if row["replicate"] < n]
+    rows = changed(
+        paper,
+        lambda row, k: {name: 0.5 - (0.4 + 0.01 * k) * (row["use_hop_count"] and row["delivered"] < 72)},
+    )
+    finding = found_in(rows)[claim.text]
+    assert finding.kind == FITTED
+    among = f"difference of the means with hop counts alone {told} with 10 such runs of both groups"
+    assert f"; {among}; difference of the means; " in finding.ours
+
+
+def test_without_failures_among_swarms_with_hop_counts_that_is_said(paper):
+    finding = found_in([row for row in paper if row["delivered"] == 72 or not row["use_hop_count"]])[claims.SCOUTS.text]
+    assert (
+        "hop counts alone: no evolution with 10 such runs of both groups; difference of the means; median over"
+        in finding.ours
+    )

@@ -15,7 +15,7 @@ from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_selection
 from iswarm_mj.experiments.analysis.evolution_sample import BEST, EVOLUTIONS, LAST, evolutions
 from iswarm_mj.experiments.analysis.evolution_statements import NEAR, STATEMENTS, Property, Quantity
-from iswarm_mj.experiments.analysis.evolution_told import Evolutions
+from iswarm_mj.experiments.analysis.evolution_told import Evolutions, of
 from iswarm_mj.experiments.analysis.findings import (
     TOO_FEW,
     Claim,
@@ -67,7 +67,7 @@ def _judged(item: Quantity, sample: Evolutions) -> Finding:
     shown = Interval(*(item.scale * value for value in over))
     if len(values) < EVOLUTIONS:
         ours = f"{told}; {number(shown.estimate)} {item.unit}".rstrip()
-        return item.claim.found(f"{ours}{_of(len(values), 'median')}{without}", _too_few(len(values)), TOO_FEW)
+        return item.claim.found(f"{ours}{of(len(values))}{without}", _too_few(len(values)), TOO_FEW)
     ends = " to ".join(number(item.scale * value) for value in (min(values), max(values)))
     ours = f"{told}; median over {_times(len(values))} {span(shown, item.unit)}, from {ends}{without}"
     return item.claim.found(ours, f"{_signs(item, values)}; {_rule(item)}", within(over, item.low, item.high))
@@ -127,10 +127,6 @@ def _rule(item: Quantity) -> str:
 
 def _times(n: int) -> str:
     return "one evolution" if n == 1 else f"{n} evolutions"
-
-
-def _of(n: int, what: str) -> str:
-    return " in one evolution" if n == 1 else f", {what} of {n} evolutions"
 
 
 def _too_few(n: int) -> str:

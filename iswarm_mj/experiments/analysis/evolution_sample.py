@@ -33,6 +33,9 @@ is an interval of the median at 95 %, as 2 / 2^5 = 6 %."""
 GROUP = 30
 """Least runs of a group of which a share or a mean is taken."""
 
+SOME = 10
+"""Least runs of a group of which a mean is told without a verdict."""
+
 
 class Evolution:
     """One search, of any method. Its quantities are None where it is too short, or a group has too few runs.
@@ -138,11 +141,18 @@ class Evolution:
         """Mean of a parameter in runs that clean the arena."""
         return float(np.mean([row[name] for row in self.good])) if len(self.good) >= GROUP else None
 
-    def apart(self, name: str) -> float | None:
-        """Mean of a parameter in runs that clean the arena minus that in the others."""
-        if min(len(self.good), len(self.poor)) < GROUP:
+    def apart(self, name: str, counted: bool = False) -> float | None:
+        """Mean of a parameter in runs that clean the arena minus that in the others.
+
+        Args:
+            name: of the parameter.
+            counted: only of runs with hop counts, of which few do not clean.
+        """
+        both = [[row for row in rows if not counted or row["use_hop_count"]] for rows in (self.good, self.poor)]
+        if min(map(len, both)) < (SOME if counted else GROUP):
             return None
-        return float(np.mean([row[name] for row in self.good]) - np.mean([row[name] for row in self.poor]))
+        clean, others = (np.mean([row[name] for row in rows]) for rows in both)
+        return float(clean - others)
 
     def late(self, name: str) -> float | None:
         """Mean of a parameter in the last generations, of a Boolean the share in which it is true."""

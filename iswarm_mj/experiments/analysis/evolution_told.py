@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.evolution_sample import Evolution
-from iswarm_mj.experiments.analysis.findings import Row, number
+from iswarm_mj.experiments.analysis.evolution_sample import EVOLUTIONS, SOME, Evolution
+from iswarm_mj.experiments.analysis.findings import Row, number, span
+from iswarm_mj.experiments.analysis.statistics import interval, median
 
 Evolutions = Sequence[Evolution]
 Told = Callable[[Evolutions], str]
@@ -38,11 +39,11 @@ def level(name: str) -> Told:
 
 
 def groups(name: str) -> Told:
-    """Mean and standard deviation of a parameter in both groups, the paper's form."""
+    """Mean and standard deviation of a parameter in both groups, the paper's form; the difference with hop counts."""
 
     def told(sample: Evolutions) -> str:
         clean, others = (_spread(sample, group, name) for group in ("good", "poor"))
-        return f"runs that clean {clean}, others {others}; difference of the means"
+        return f"runs that clean {clean}, others {others}; {_counted(sample, name)}; difference of the means"
 
     return told
 
@@ -65,6 +66,22 @@ def medians(text: str, *values: Callable[[Evolution], float]) -> Told:
     return lambda sample: text.format(*(f"{np.median([value(one) for one in sample]):z.0f}" for value in values))
 
 
+def of(n: int) -> str:
+    """Words behind a median over so many evolutions."""
+    return " in one evolution" if n == 1 else f", median of {n} evolutions"
+
+
 def _spread(sample: Evolutions, group: str, name: str) -> str:
     values = np.array([row[name] for row in runs_of(sample, group)])
     return f"{values.mean():.2f} ± {values.std(ddof=1):.2f}"
+
+
+def _counted(sample: Evolutions, name: str) -> str:
+    """Difference of the groups' means among runs with hop counts: those without fail, whatever a parameter is."""
+    values = [value for one in sample if (value := one.apart(name, counted=True)) is not None]
+    among, enough = "difference of the means with hop counts alone", f"with {SOME} such runs of both groups"
+    if not values:
+        return f"{among}: no evolution {enough}"
+    over = interval(values, median)
+    shown = span(over) if len(values) >= EVOLUTIONS else number(over.estimate)
+    return f"{among} {shown}{of(len(values))} {enough}"
