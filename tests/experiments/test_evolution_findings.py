@@ -186,6 +186,15 @@ class TestSelection:
         # 2 of the 12870 ways to rank 8 and 8 are as extreme; Holm's factor is that of 8 traits at most
         assert "Mann-Whitney p = 1.6e-04" in finding.statistics and "by Holm for 8 traits" in finding.statistics
 
+    def test_one_difference_among_several_traits_may_be_chance(self, paper, random):
+        """Its interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
+        by_chance = changed(random, lambda row, n: {"density_of_robots": 0.04 + 0.04 * n})
+        mine = changed(paper, lambda row, n: {"density_of_robots": 0.17 + 0.04 * n})
+        finding = found_in(mine, random=by_chance)[TRAITS["density"].text]
+        assert finding.verdict == UNDECIDED
+        assert "95 % interval 0.01 to 0.27), Mann-Whitney p = 0.021, 0.14 by Holm for 8 traits" in finding.statistics
+        assert "holds if that is below 0.05 and the interval leaves out zero, else does not" in finding.statistics
+
     def test_drift_ends_anywhere(self, paper, random):
         assert self.verdict(paper, random, lambda n: 0.03 + 0.04 * n).verdict == UNDECIDED
 
@@ -200,17 +209,19 @@ class TestSelection:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "verdict"),
+    ("low", "high", "p", "verdict"),
     [
-        (0.01, 0.2, HOLDS),
-        (-0.2, -0.01, HOLDS),
-        (-0.05, 0.05, FAILS),
-        (-0.06, 0.04, UNDECIDED),
-        (-0.04, 0.06, UNDECIDED),
+        (0.01, 0.2, 0.04, HOLDS),
+        (-0.2, -0.01, 0.04, HOLDS),
+        (-0.2, -0.01, 0.05, UNDECIDED),
+        (0.01, 0.04, 0.06, FAILS),
+        (-0.05, 0.05, 0.04, FAILS),
+        (-0.06, 0.04, 0.04, UNDECIDED),
+        (-0.04, 0.06, 1.0, UNDECIDED),
     ],
 )
-def test_a_median_that_differs_was_moved(low, high, verdict):
-    assert evolution_selection._moved(Interval(0.0, low, high), 0.05) == verdict
+def test_a_median_that_differs_was_moved(low, high, p, verdict):
+    assert evolution_selection._moved(Interval(0.0, low, high), p, 0.05) == verdict
 
 
 def test_the_fittest_are_those_of_generations_35_to_100():
