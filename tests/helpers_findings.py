@@ -4,20 +4,22 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from iswarm_mj.experiments.analysis import evolution_findings
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.strategy.genome import Genome
 
 
 def search_rows(generations=120, population=10, learns=True, seed=0):
-    """A made-up search: fitness rises up to generation 35; only those that count hops clean the arena."""
+    """A made-up search: fitness rises up to generation 35; most that count hops clean the arena, one of 25 others."""
     rng = np.random.default_rng(seed)
-    rows = []
+    rows, without = [], 0
     for generation in range(generations):
         level = min(generation, 35) / 35 if learns else 0.5
         for individual in range(population):
             scouts = rng.uniform(0, 0.4)
             counts = bool(rng.random() < 0.3 + 0.6 * level)
-            clean = counts and bool(rng.random() < 0.9)
+            without += not counts
+            clean = bool(rng.random() < 0.9) if counts else without % 25 == 13
             genome = Genome(
                 fraction_scouts=scouts,
                 p_vector_forget=float(np.clip(0.4 - 0.7 * scouts + rng.normal(0, 0.04), 0, 1)),
@@ -26,6 +28,7 @@ def search_rows(generations=120, population=10, learns=True, seed=0):
             )
             fitness = (4000 if clean else 1500) + 3500 * level + rng.normal(0, 100)
             measures = {"n_robots": 297, "delivered": 72 if clean else 40, "fitness": float(fitness)}
+            measures["finished_at"] = 320 if clean else None
             rows.append({"generation": generation, "individual": individual, **asdict(genome), **measures})
     return rows
 
@@ -90,3 +93,14 @@ GRASP_SETTINGS = {
 
 def settings_of(method="paper", **changes):
     return asdict(replace(Search(method=method), **changes))
+
+
+def found_in(rows, **others):
+    """Findings by the texts of their claims."""
+    searches = {"paper": (rows, settings_of())} | {name: (other, settings_of(name)) for name, other in others.items()}
+    return {finding.claim: finding for finding in evolution_findings.findings(searches)}
+
+
+def changed(rows, change):
+    """Rows with columns that depend on the number of the replicate."""
+    return [row | change(row, row["replicate"]) for row in rows]

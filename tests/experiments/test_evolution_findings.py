@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from helpers_findings import replicated, search_rows, settings_of
+from helpers_findings import changed, found_in, replicated, search_rows, settings_of
 
 from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_figures, evolution_findings, evolution_selection
 from iswarm_mj.experiments.analysis.evolution_best import by_replicate
 from iswarm_mj.experiments.analysis.evolution_sample import Evolution, evolutions, fittest
+from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.output.plot_style import blank
@@ -15,17 +16,6 @@ from iswarm_mj.output.plot_style import blank
 JUDGED = [claim for claim in claims.CLAIMS if claim is not claims.RIVAL]
 OF_THE_EVOLUTION = [claim for claim in JUDGED if claim is not claims.BEATS]
 TRAITS = {trait.label: trait.claim for trait in evolution_selection.TRAITS}
-
-
-def found_in(rows, **others):
-    """Findings by the texts of their claims."""
-    searches = {"paper": (rows, settings_of())} | {name: (other, settings_of(name)) for name, other in others.items()}
-    return {finding.claim: finding for finding in evolution_findings.findings(searches)}
-
-
-def changed(rows, change):
-    """Rows with columns that depend on the number of the replicate."""
-    return [row | change(row, row["replicate"]) for row in rows]
 
 
 @pytest.fixture(scope="module")
@@ -75,10 +65,11 @@ class TestReplicates:
         finding = found[claims.MANY_FAIL.text]
         total = sum(row["delivered"] != 72 for row in paper)
         assert finding.ours.startswith(
-            f"{total} of 9600 runs; median over 8 evolutions {100 * np.median(shares):.1f} %"
+            f"{total} of 9600 runs; median over 8 evolutions {100 * np.median(shares):.3g} %"
         )
-        assert finding.ours.endswith(f"from {100 * min(shares):.1f} to {100 * max(shares):.1f}")
+        assert finding.ours.endswith(f"from {100 * min(shares):.3g} to {100 * max(shares):.3g}")
         assert "8 of 8 above 20, sign test p = 0.0078" in finding.statistics  # 2 / 2^8
+        assert finding.statistics.startswith("interval by order statistics over 8 evolutions; ")
 
     @pytest.mark.parametrize("n, verdict", [(2, HOLDS), (3, TOO_FEW)])
     def test_evolutions_without_a_value_do_not_count(self, paper, n, verdict):
@@ -137,6 +128,16 @@ class TestReplicates:
         for claim in (claims.LEARNS, claims.TRADE):
             assert found[claim.text].verdict == UNDECIDED, claim
 
+    @pytest.mark.parametrize("below, verdict", [(3, HOLDS), (4, UNDECIDED), (12, UNDECIDED), (13, FAILS)])
+    def test_how_many_of_sixteen_evolutions_must_rise(self, below, verdict):
+        """The interval of the median of 16 goes from the fourth value to the thirteenth."""
+        (item,) = (item for item in STATEMENTS if item.claim is claims.RISES)
+        row = {"delivered": 72, "generation": 0, "fitness": 1.0}
+        sample = evolutions([{**row, "replicate": n} for n in range(16)], 72)
+        rise = {one: (0.4 if n < below else 0.7) + 0.001 * n for n, one in enumerate(sample)}
+        alone = item._replace(value=rise.__getitem__, told=lambda sample: "")
+        assert evolution_findings._judged(alone, sample).verdict == verdict
+
     def test_short_searches_decide_nothing_that_needs_more(self):
         found = found_in(replicated(6, generations=10))
         for claim, needs in (
@@ -147,15 +148,27 @@ class TestReplicates:
         ):
             assert found[claim.text].verdict == TOO_FEW and f"needs {needs}" in found[claim.text].statistics
 
-    def test_the_best_runs_are_told_too(self, paper, random, found):
-        best = [
-            np.median([np.mean(sorted(row["fitness"] for row in mine)[-100:]) for mine in by_replicate(rows)])
-            for rows in (paper, random)
-        ]
+    def test_the_last_generations_are_told_too(self, paper, random, found):
+        best, last = (
+            [np.median([value(mine) for mine in by_replicate(rows)]) for rows in (paper, random)]
+            for value in (
+                lambda mine: np.mean(sorted(row["fitness"] for row in mine)[-100:]),
+                lambda mine: np.mean([row["fitness"] for row in mine if row["generation"] >= 100]),
+            )
+        )
         told = found[claims.BEATS.text].ours
-        assert f"of the 100 best runs {best[0]:.0f} against {best[1]:.0f}; medians of 8 and 8 searches" in told
+        assert told.startswith(f"mean fitness of the 100 best runs {best[0]:.0f} against {best[1]:.0f} points, of the ")
+        assert f"last 20 generations {last[0]:.0f} against {last[1]:.0f}; medians of 8 and 8 searches" in told
         one = found_in(paper, random=search_rows(learns=False))[claims.BEATS.text]
         assert one.verdict == TOO_FEW
+
+    @pytest.mark.parametrize("claim, method, verdict", [(claims.BEATS, "random", FAILS), (claims.RIVAL, "cmaes", "")])
+    def test_searches_are_compared_by_their_best_runs(self, paper, claim, method, verdict):
+        """One that finds fitter swarms in its first generations is better, however unfit its last ones are."""
+        early = changed(paper, lambda row, n: {"fitness": 9000.0 if row["generation"] < 20 else 0.0})
+        finding = found_in(paper, **{method: early})[claim.text]
+        assert finding.verdict == verdict and "last 20 generations" in finding.ours
+        assert "by their 100 best runs: Mann-Whitney U = 0, " in finding.statistics
 
 
 class TestSelection:
@@ -173,6 +186,15 @@ class TestSelection:
         # 2 of the 12870 ways to rank 8 and 8 are as extreme; Holm's factor is that of 8 traits at most
         assert "Mann-Whitney p = 1.6e-04" in finding.statistics and "by Holm for 8 traits" in finding.statistics
 
+    def test_one_difference_among_several_traits_may_be_chance(self, paper, random):
+        """Its interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
+        by_chance = changed(random, lambda row, n: {"density_of_robots": 0.04 + 0.04 * n})
+        mine = changed(paper, lambda row, n: {"density_of_robots": 0.17 + 0.04 * n})
+        finding = found_in(mine, random=by_chance)[TRAITS["density"].text]
+        assert finding.verdict == UNDECIDED
+        assert "95 % interval 0.01 to 0.27), Mann-Whitney p = 0.021, 0.14 by Holm for 8 traits" in finding.statistics
+        assert "holds if that is below 0.05 and the interval leaves out zero, else does not" in finding.statistics
+
     def test_drift_ends_anywhere(self, paper, random):
         assert self.verdict(paper, random, lambda n: 0.03 + 0.04 * n).verdict == UNDECIDED
 
@@ -187,17 +209,19 @@ class TestSelection:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "verdict"),
+    ("low", "high", "p", "verdict"),
     [
-        (0.01, 0.2, HOLDS),
-        (-0.2, -0.01, HOLDS),
-        (-0.05, 0.05, FAILS),
-        (-0.06, 0.04, UNDECIDED),
-        (-0.04, 0.06, UNDECIDED),
+        (0.01, 0.2, 0.04, HOLDS),
+        (-0.2, -0.01, 0.04, HOLDS),
+        (-0.2, -0.01, 0.05, UNDECIDED),
+        (0.01, 0.04, 0.06, FAILS),
+        (-0.05, 0.05, 0.04, FAILS),
+        (-0.06, 0.04, 0.04, UNDECIDED),
+        (-0.04, 0.06, 1.0, UNDECIDED),
     ],
 )
-def test_a_median_that_differs_was_moved(low, high, verdict):
-    assert evolution_selection._moved(Interval(0.0, low, high), 0.05) == verdict
+def test_a_median_that_differs_was_moved(low, high, p, verdict):
+    assert evolution_selection._moved(Interval(0.0, low, high), p, 0.05) == verdict
 
 
 def test_the_fittest_are_those_of_generations_35_to_100():

@@ -156,7 +156,7 @@ class TestFindings:
         assert [f.verdict for f in (clean, times, alike, fitness, as_fit, gather)] == [HOLDS] * 6
         assert {f.kind for f in (clean, alike, least, as_fit, gather)} == {PREDICTED}
         assert clean.ours == "96 of 96 runs of type1, 96 of 96 runs of type2"
-        assert times.ours.startswith("type1: median 313 steps (95 % interval 304 to 321), +1 %; type2: ")
+        assert times.ours.startswith("type1: median 313 steps (95 % interval 303 to 321), +1 %; type2: ")
         assert "within ±31.2 steps, 10 % of the medians" in alike.statistics
         assert "within ±389 points, 5 % of the paper's 7771" in as_fit.statistics
 

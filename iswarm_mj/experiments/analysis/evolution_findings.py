@@ -14,7 +14,8 @@ from scipy import stats
 from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis import evolution_selection
 from iswarm_mj.experiments.analysis.evolution_sample import BEST, EVOLUTIONS, LAST, evolutions
-from iswarm_mj.experiments.analysis.evolution_statements import NEAR, STATEMENTS, Evolutions, Property, Quantity
+from iswarm_mj.experiments.analysis.evolution_statements import NEAR, STATEMENTS, Property, Quantity
+from iswarm_mj.experiments.analysis.evolution_told import Evolutions, of
 from iswarm_mj.experiments.analysis.findings import (
     TOO_FEW,
     Claim,
@@ -66,7 +67,7 @@ def _judged(item: Quantity, sample: Evolutions) -> Finding:
     shown = Interval(*(item.scale * value for value in over))
     if len(values) < EVOLUTIONS:
         ours = f"{told}; {number(shown.estimate)} {item.unit}".rstrip()
-        return item.claim.found(f"{ours}{_of(len(values), 'median')}{without}", _too_few(len(values)), TOO_FEW)
+        return item.claim.found(f"{ours}{of(len(values))}{without}", _too_few(len(values)), TOO_FEW)
     ends = " to ".join(number(item.scale * value) for value in (min(values), max(values)))
     ours = f"{told}; median over {_times(len(values))} {span(shown, item.unit)}, from {ends}{without}"
     return item.claim.found(ours, f"{_signs(item, values)}; {_rule(item)}", within(over, item.low, item.high))
@@ -84,27 +85,30 @@ def _counted(item: Property, sample: Evolutions) -> Finding:
 
 
 def _against(mine: Evolutions, theirs: Evolutions | None, claim: Claim, judged: bool = True) -> Finding:
-    """The end of the evolutions against that of another method's searches."""
+    """The best runs of the evolutions against those of another method's searches.
+
+    Not the last generations, which are told beside them: those of random search are as its first.
+    """
     if theirs is None:
         return claim.not_run()
-    final = [[one.final for one in found] for found in (mine, theirs)]
-    best = [np.median([one.best_runs for one in found]) for found in (mine, theirs)]
+    best = [[one.best_runs for one in found] for found in (mine, theirs)]
+    final = [np.median([one.final for one in found]) for found in (mine, theirs)]
     ours = (
-        f"mean fitness of the last {LAST} generations {np.median(final[0]):z.0f} against {np.median(final[1]):z.0f} "
-        f"points, of the {BEST} best runs {best[0]:z.0f} against {best[1]:z.0f}; medians of {len(mine)} and "
+        f"mean fitness of the {BEST} best runs {np.median(best[0]):z.0f} against {np.median(best[1]):z.0f} points, of "
+        f"the last {LAST} generations {final[0]:z.0f} against {final[1]:z.0f}; medians of {len(mine)} and "
         f"{len(theirs)} searches"
     )
-    if (least := min(map(len, final))) < EVOLUTIONS:
+    if (least := min(map(len, best))) < EVOLUTIONS:
         return claim.found(ours, _too_few(least), TOO_FEW if judged else "")
-    result = compare(*final)
+    result = compare(*best)
     rule = f"; {rule_of(True)}" if judged else ""
-    told = f"of the searches, by their last generations: {in_words(result, 'points')}{rule}"
+    told = f"of the searches, by their {BEST} best runs: {in_words(result, 'points')}{rule}"
     return claim.found(ours, told, verdict_of(result, True) if judged else "")
 
 
 def _signs(item: Quantity, values: Sequence[float]) -> str:
-    """Bootstrap, and the sign test if there is one limit."""
-    told = f"bootstrap over {_times(len(values))}"
+    """How the interval was made, and the sign test if there is one limit."""
+    told = f"interval by order statistics over {_times(len(values))}"
     limit = item.low if math.isfinite(item.low) else item.high
     if math.isfinite(item.low) and math.isfinite(item.high):
         return told
@@ -123,10 +127,6 @@ def _rule(item: Quantity) -> str:
 
 def _times(n: int) -> str:
     return "one evolution" if n == 1 else f"{n} evolutions"
-
-
-def _of(n: int, what: str) -> str:
-    return " in one evolution" if n == 1 else f", {what} of {n} evolutions"
 
 
 def _too_few(n: int) -> str:

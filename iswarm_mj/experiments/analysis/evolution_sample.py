@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate
 from iswarm_mj.experiments.analysis.findings import Row, Rows
+from iswarm_mj.experiments.analysis.paper import SHORTEST
 from iswarm_mj.experiments.analysis.statistics import correlation, rank_correlation
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.arrays import Array
@@ -31,6 +32,9 @@ EVOLUTIONS = 6
 is an interval of the median at 95 %, as 2 / 2^5 = 6 %."""
 GROUP = 30
 """Least runs of a group of which a share or a mean is taken."""
+
+SOME = 10
+"""Least runs of a group of which a mean is told without a verdict."""
 
 
 class Evolution:
@@ -98,6 +102,27 @@ class Evolution:
         return float(np.mean(sorted(row["fitness"] for row in self.rows)[-BEST:]))
 
     @property
+    def best_run(self) -> float:
+        """Fitness of the fittest run."""
+        return float(self.bests.max())
+
+    @cached_property
+    def without(self) -> Sequence[Row]:
+        """Runs without hop counts."""
+        return [row for row in self.rows if not row["use_hop_count"]]
+
+    @property
+    def exceptions(self) -> float | None:
+        """Share of the runs without hop counts that clean the arena."""
+        clean = sum(not row["use_hop_count"] for row in self.good)
+        return clean / len(self.without) if len(self.without) >= GROUP else None
+
+    @property
+    def early(self) -> float | None:
+        """Share of the runs that clean the arena which do so before `SHORTEST`."""
+        return float(np.mean([row["finished_at"] < SHORTEST for row in self.good])) if len(self.good) >= GROUP else None
+
+    @property
     def trade(self) -> float | None:
         """Pearson's correlation of forgetting with scouts among the fittest of the plateau."""
         x, y = ([row[name] for row in self.top] for name in ("p_vector_forget", "fraction_scouts"))
@@ -108,11 +133,22 @@ class Evolution:
         """Median density of the last generations."""
         return float(np.median([row["density_of_robots"] for row in self.last])) if self.last else None
 
-    def apart(self, name: str) -> float | None:
-        """Mean of a parameter in runs that clean the arena minus that in the others."""
-        if min(len(self.good), len(self.poor)) < GROUP:
+    def level(self, name: str) -> float | None:
+        """Mean of a parameter in runs that clean the arena."""
+        return float(np.mean([row[name] for row in self.good])) if len(self.good) >= GROUP else None
+
+    def apart(self, name: str, counted: bool = False) -> float | None:
+        """Mean of a parameter in runs that clean the arena minus that in the others.
+
+        Args:
+            name: of the parameter.
+            counted: only of runs with hop counts, of which few do not clean.
+        """
+        both = [[row for row in rows if not counted or row["use_hop_count"]] for rows in (self.good, self.poor)]
+        if min(map(len, both)) < (SOME if counted else GROUP):
             return None
-        return float(np.mean([row[name] for row in self.good]) - np.mean([row[name] for row in self.poor]))
+        clean, others = (np.mean([row[name] for row in rows]) for rows in both)
+        return float(clean - others)
 
     def late(self, name: str) -> float | None:
         """Mean of a parameter in the last generations, of a Boolean the share in which it is true."""

@@ -24,6 +24,9 @@ from iswarm_mj.experiments.analysis.findings import (
 )
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, holm
 
+SURE = 0.05
+"""Level of the p-values adjusted for the number of traits: without, one of 20 that are not moved would seem so."""
+
 
 class Trait(NamedTuple):
     """What selection may act on."""
@@ -76,7 +79,7 @@ def findings(mine: Sequence[Evolution], random: Sequence[Evolution] | None, near
     samples = [(_values(trait, mine), _values(trait, random)) for trait in TRAITS]
     judged = [min(map(len, pair)) >= EVOLUTIONS for pair in samples]
     results = [compare(*pair) if ok else None for pair, ok in zip(samples, judged, strict=True)]
-    adjusted = iter(holm([result.p for result in results if result]))
+    every_p = iter(holm([result.p for result in results if result]))
     found = []
     for trait, pair, result in zip(TRAITS, samples, results, strict=True):
         ours = " against ".join(number(float(np.median(values))) if values else "no value" for values in pair)
@@ -85,12 +88,13 @@ def findings(mine: Sequence[Evolution], random: Sequence[Evolution] | None, near
             needs = f"one evolution is one sample: needs {EVOLUTIONS} of both searches (--replicates)"
             found.append(trait.claim.found(ours, needs, TOO_FEW))
             continue
+        adjusted = next(every_p)
         tested = (
             f"of means of the last {LAST} generations or correlations; difference {span(result.difference)}, "
-            f"Mann-Whitney p = {number(result.p, 2)}, {number(next(adjusted), 2)} by Holm for {sum(judged)} traits; "
-            f"holds if the interval leaves out zero, else does not if it lies within {near}"
+            f"Mann-Whitney p = {number(result.p, 2)}, {number(adjusted, 2)} by Holm for {sum(judged)} traits; "
+            f"holds if that is below {SURE} and the interval leaves out zero, else does not if it lies within {near}"
         )
-        found.append(trait.claim.found(ours, tested, _moved(result.difference, near)))
+        found.append(trait.claim.found(ours, tested, _moved(result.difference, adjusted, near)))
     return found
 
 
@@ -98,7 +102,8 @@ def _values(trait: Trait, sample: Sequence[Evolution]) -> list[float]:
     return [value for value in map(trait.value, sample) if value is not None]
 
 
-def _moved(value: Interval, near: float) -> str:
-    if value.low > 0 or value.high < 0:
+def _moved(value: Interval, p: float, near: float) -> str:
+    """HOLDS if the p-value, adjusted, and the interval tell a difference, else FAILS if that is surely near zero."""
+    if p < SURE and (value.low > 0 or value.high < 0):
         return HOLDS
     return FAILS if max(-value.low, value.high) <= near else UNDECIDED

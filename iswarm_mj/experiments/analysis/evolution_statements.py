@@ -1,12 +1,13 @@
 """The statements of section 4.6.1 as quantities of one evolution, with the limits between which they hold."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from iswarm_mj.experiments.analysis import evolution_claims as claims
+from iswarm_mj.experiments.analysis import evolution_told as told
 from iswarm_mj.experiments.analysis.evolution_sample import (
     FIRST,
     GROUP,
@@ -16,7 +17,8 @@ from iswarm_mj.experiments.analysis.evolution_sample import (
     Evolution,
     share_with,
 )
-from iswarm_mj.experiments.analysis.findings import Claim, number
+from iswarm_mj.experiments.analysis.findings import Claim
+from iswarm_mj.experiments.analysis.paper import NEARLY, PAPER_FITNESS
 from iswarm_mj.strategy.genome import Genome
 
 NEAR = 0.05
@@ -24,8 +26,12 @@ NEAR = 0.05
 that differ by less are within one mutation of each other, so that no evolution of this kind tells them apart."""
 DENSITIES = (0.1, 0.15)
 """Margin of the density to which evolutions converge: the range that section 4.6.2 calls optimal as a whole."""
-
-Evolutions = Sequence[Evolution]
+FEW = (0.02, 0.08)
+"""Margin of the share of the swarms without hop counts that clean the arena: half and twice the paper's 4 %."""
+RARE = 0.05
+"""Share of the runs up to which something counts as an exception."""
+FITNESS = max(PAPER_FITNESS.values())
+"""Points of the paper's fittest swarm."""
 
 
 class Quantity(NamedTuple):
@@ -33,7 +39,7 @@ class Quantity(NamedTuple):
 
     claim: Claim
     value: Callable[[Evolution], float | None]
-    told: Callable[[Evolutions], str]
+    told: told.Told
     """What else is told of all evolutions together."""
     needs: str
     """What an evolution without a value lacks."""
@@ -50,49 +56,19 @@ class Property(NamedTuple):
 
     claim: Claim
     has: Callable[[Genome], bool]
-    told: Callable[[Evolutions], str]
+    told: told.Told
 
 
-def _all(sample: Evolutions, group: str) -> list[Any]:
-    return [row for one in sample for row in getattr(one, group)]
-
-
-def _runs(group: str, flag: bool) -> Callable[[Evolutions], str]:
-    """How many runs of a group have or lack hop counts."""
-
-    def told(sample: Evolutions) -> str:
-        rows = _all(sample, group)
-        return f"{sum(row['use_hop_count'] is flag for row in rows)} of {len(rows)} runs"
-
-    return told
-
-
-def _groups(name: str) -> Callable[[Evolutions], str]:
-    """Mean and standard deviation of a parameter in both groups, the paper's form."""
-
-    def told(sample: Evolutions) -> str:
-        both = [np.array([row[name] for row in _all(sample, group)]) for group in ("good", "poor")]
-        clean, others = (f"{values.mean():.2f} ± {values.std(ddof=1):.2f}" for values in both)
-        return f"runs that clean {clean}, others {others}; difference of the means"
-
-    return told
-
-
-def _best(*names: str) -> Callable[[Evolutions], str]:
-    """Medians of parameters of the best genomes, of a Boolean the number of genomes in which it is true."""
-
-    def told(sample: Evolutions) -> str:
-        found = [(name, [getattr(one.best, name) for one in sample]) for name in names]
-        return "best genomes " + ", ".join(
-            f"{name} in {sum(v)} of {len(v)}" if isinstance(v[0], bool) else f"{name} {number(float(np.median(v)))}"
-            for name, v in ((name.replace("_", "-"), v) for name, v in found)
-        )
-
-    return told
-
-
-def _medians(text: str, *values: Callable[[Evolution], float]) -> Callable[[Evolutions], str]:
-    return lambda sample: text.format(*(f"{np.median([value(one) for one in sample]):z.0f}" for value in values))
+def _level(claim: Claim, name: str, paper: float) -> Quantity:
+    """A parameter is the paper's in runs that clean the arena."""
+    return Quantity(
+        claim,
+        lambda one: one.level(name),
+        told.level(name),
+        f"{GROUP} such runs",
+        low=paper - NEAR,
+        high=paper + NEAR,
+    )
 
 
 _BOTH = f"{GROUP} runs of both groups"
@@ -100,7 +76,7 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     Quantity(
         claims.RISES,
         lambda one: one.rise,
-        _medians(
+        told.medians(
             f"best of a generation {{}} in the first, {{}} in the {RISE}th, {{}} at most; "
             "correlation with the generation",
             lambda one: one.bests[0],
@@ -113,7 +89,7 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     Quantity(
         claims.LEARNS,
         lambda one: one.gain,
-        _medians(
+        told.medians(
             "mean fitness {} against {} points; difference",
             lambda one: one.means[-LAST:].mean(),
             lambda one: one.means[:FIRST].mean(),
@@ -123,9 +99,29 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
         unit="points",
     ),
     Quantity(
+        claims.AS_FIT,
+        lambda one: one.best_run,
+        lambda sample: (
+            f"{100 * np.median([one.best_run for one in sample]) / FITNESS - 100:+.1f} % against the paper's"
+        ),
+        "",
+        low=(1 - NEARLY) * FITNESS,
+        high=(1 + NEARLY) * FITNESS,
+        unit="points",
+    ),
+    Quantity(
+        claims.SLOW,
+        lambda one: one.early,
+        lambda sample: f"the earliest at step {min(row['finished_at'] for row in told.runs_of(sample, 'good'))}",
+        f"{GROUP} runs that do",
+        high=RARE,
+        scale=100,
+        unit="%",
+    ),
+    Quantity(
         claims.MANY_FAIL,
         lambda one: len(one.poor) / len(one.rows) if len(one.rows) >= GROUP else None,
-        lambda sample: f"{len(_all(sample, 'poor'))} of {len(_all(sample, 'rows'))} runs",
+        lambda sample: f"{len(told.runs_of(sample, 'poor'))} of {len(told.runs_of(sample, 'rows'))} runs",
         f"{GROUP} runs",
         low=0.2,
         scale=100,
@@ -134,7 +130,7 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     Quantity(
         claims.COUNTED,
         lambda one: share_with(one.good, True),
-        _runs("good", True),
+        told.counted("good", True),
         f"{GROUP} such runs",
         low=0.9,
         scale=100,
@@ -143,17 +139,38 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     Quantity(
         claims.UNCOUNTED,
         lambda one: share_with(one.poor, False),
-        _runs("poor", False),
+        told.counted("poor", False),
         f"{GROUP} such runs",
         low=0.5,
         scale=100,
         unit="%",
     ),
     Quantity(
-        claims.SCOUTS, lambda one: one.apart("fraction_scouts"), _groups("fraction_scouts"), _BOTH, low=-NEAR, high=NEAR
+        claims.EXCEPTIONS,
+        lambda one: one.exceptions,
+        told.exceptions,
+        f"{GROUP} such runs",
+        *FEW,
+        scale=100,
+        unit="%",
+    ),
+    _level(claims.SCOUTS_LEVEL, "fraction_scouts", 0.16),
+    _level(claims.FORGET_LEVEL, "p_vector_forget", 0.28),
+    Quantity(
+        claims.SCOUTS,
+        lambda one: one.apart("fraction_scouts"),
+        told.groups("fraction_scouts"),
+        _BOTH,
+        low=-NEAR,
+        high=NEAR,
     ),
     Quantity(
-        claims.FORGET, lambda one: one.apart("p_vector_forget"), _groups("p_vector_forget"), _BOTH, low=-NEAR, high=NEAR
+        claims.FORGET,
+        lambda one: one.apart("p_vector_forget"),
+        told.groups("p_vector_forget"),
+        _BOTH,
+        low=-NEAR,
+        high=NEAR,
     ),
     Quantity(
         claims.TRADE,
@@ -165,7 +182,7 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     Quantity(
         claims.DENSITY,
         lambda one: one.density,
-        lambda sample: f"{_best('density_of_robots')(sample)}; median of the last {LAST} generations",
+        lambda sample: f"{told.best('density_of_robots')(sample)}; median of the last {LAST} generations",
         f"{FIRST + LAST} generations",
         *DENSITIES,
         scale=100,
@@ -174,18 +191,18 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     Property(
         claims.SIGNALS,
         lambda best: best.priority_signal_loaded and not best.priority_signal_scouts,
-        _best("priority_signal_loaded", "priority_signal_scouts"),
+        told.best("priority_signal_loaded", "priority_signal_scouts"),
     ),
     Quantity(
         claims.WEIGHTS,
         lambda one: one.best.weight_find_dump - one.best.weight_find_dust,
-        lambda sample: f"{_best('weight_find_dump', 'weight_find_dust')(sample)}; difference",
+        lambda sample: f"{told.best('weight_find_dump', 'weight_find_dust')(sample)}; difference",
         "",
         low=0.0,
     ),
     Property(
         claims.DISTANCES,
         lambda best: best.empty_coll_avoid_dist > best.priority_coll_avoid_dist > best.loaded_coll_avoid_dist,
-        _best("empty_coll_avoid_dist", "priority_coll_avoid_dist", "loaded_coll_avoid_dist"),
+        told.best("empty_coll_avoid_dist", "priority_coll_avoid_dist", "loaded_coll_avoid_dist"),
     ),
 )

@@ -5,9 +5,11 @@ import math
 STEPS = 800
 """Control steps of a run of the evolution."""
 SHORTEST = 250
-"""Control steps in which a swarm can deliver all balls at best, by the paper."""
+"""Control steps that section 4.6 takes, about, for the theoretical shortest finishing time."""
 PAPER_FITNESS = {"type1": 7771, "type2": 7766}
 """Of the fittest swarm of each type in Table 2, which is the best of the runs of the evolution."""
+NEARLY = 0.05
+"""Fitness within this share of the paper's is the same: 39 steps of the finishing time."""
 
 
 def latest_finish(fitness: float, n_dust: int = 72) -> int:

@@ -56,13 +56,15 @@ Statistic = Callable[..., np.ndarray]
 
 
 def interval(values: Values, statistic: Statistic = mean) -> Interval:
-    """Statistic of a sample with its percentile bootstrap interval; the random numbers are always the same.
+    """Statistic of a sample with its interval: of the median by order statistics, of others by percentile bootstrap.
+
+    The random numbers of the bootstrap are always the same. That of a median would be too narrow for few values.
 
     Args:
         values: (n,) at least one.
-        statistic: of an array along `axis`, such as `mean` or `median`.
+        statistic: `median`, or another one of an array along `axis`, such as `mean`.
     """
-    return _bootstrap(statistic, values)
+    return _between_values(values) if statistic is median else _bootstrap(statistic, values)
 
 
 def difference(first: Values, second: Values, statistic: Statistic = median) -> Interval:
@@ -183,6 +185,22 @@ def lowest(samples: Sequence[Values], statistic: Statistic = median) -> Float[Ar
     found = np.array([statistic(rng.choice(values, (RESAMPLES, len(values))), axis=-1) for values in arrays])
     is_lowest = found == found.min(axis=0)
     return (is_lowest / is_lowest.sum(axis=0)).mean(axis=1)
+
+
+def _between_values(values: Values) -> Interval:
+    """Median with its distribution-free interval: from the k-th smallest to the k-th largest of n values.
+
+    It misses the median of any distribution with probability 2 P(B < k) or less, where B is binomial of n and one half;
+    k is the largest with at most 1 - `LEVEL`. Of fewer than 6 values there is none, and the interval is their range.
+
+    Source: Hettmansperger and Sheather, Statistics & Probability Letters 4, 75 (1986), without their interpolation
+    between neighbouring values (`scipy.stats.mstats.median_cihs`): that is for continuous distributions only, and of
+    values with ties misses the median more often, of 6 times with a limit that nearly half reach in 12 %.
+    """
+    ordered = np.sort(np.asarray(values, float))
+    n = len(ordered)
+    k = max(1, int(stats.binom.ppf((1 - LEVEL) / 2, n, 0.5)))
+    return Interval(float(np.median(ordered)), float(ordered[k - 1]), float(ordered[n - k]))
 
 
 def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:

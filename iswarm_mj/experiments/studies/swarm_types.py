@@ -25,7 +25,7 @@ from iswarm_mj.experiments.analysis.findings import (
     verdict_of,
 )
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
-from iswarm_mj.experiments.analysis.paper import PAPER_FITNESS, PAPER_TIME, SHORTEST, STEPS
+from iswarm_mj.experiments.analysis.paper import NEARLY, PAPER_FITNESS, PAPER_TIME, SHORTEST, STEPS
 from iswarm_mj.experiments.analysis.plots import draw_samples
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, interval, mean, median, share
 from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, mostly, within
@@ -47,8 +47,6 @@ RECORDED = 6
 """Runs of each type whose trajectories are looked at."""
 NEAR = 3.5
 """A robot is at a dust area if it is in it or within this distance of it, the sensory radius [rd]."""
-NEARLY = 0.05
-"""Fitness within this share of the paper's is the same: 39 steps of the finishing time."""
 RARE = 0.05
 """A share of the runs that counts as none."""
 
