@@ -122,7 +122,7 @@ MEASURED = {
 VERDICTS = {
     ("docs/comparison.md", "results/evolve-paper"): (
         ("prefers hop counts", "Selection moves the share of swarms with hop counts", "more"),
-        ("few scouts", "Selection moves the fraction of scouts", "less"),
+        ("fewer scouts than by chance", "Selection moves the fraction of scouts", "less"),
         ("robots that forget often", "Selection moves p(vector-forget)", "more"),
         ("the way to the dump more strictly than that to the dust", "Selection moves weight-find-dump", "more"),
         ("swarms denser than", "Selection moves the density of robots", "more"),
@@ -130,7 +130,7 @@ VERDICTS = {
         ("priority signals do not matter", "Selection moves the priority signal of loaded", "does not hold"),
         ("priority signals do not matter", "Selection moves the priority signal of scouts", "does not hold"),
         ("of forgetting with scouts stays undecided", "p(vector-forget) and the fraction of scouts are", "undecided"),
-        ("from random search does not stand Holm's correction", "Selection moves the correlation", "not by Holm"),
+        ("as does its difference from random search", "Selection moves the correlation", "undecided"),
         ("CMA-ES finds better swarms", "The evolution against CMA-ES", "less"),
     ),
     ("docs/readings.md", "results/density"): (
