@@ -12,13 +12,14 @@ import pytest
 import iswarm_mj
 from iswarm_mj.commands import swarm_options
 from iswarm_mj.commands.main import COMMANDS, parse
+from iswarm_mj.config import ArenaConfig, OpticsConfig
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.errors import FaultKind
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 sys.path.append(str(ROOT / "tools"))
-from make_tables import BLOCK, MADE, filled  # noqa: E402
+from make_tables import BLOCK, MADE, allowed, filled  # noqa: E402
 
 
 def commands(page):
@@ -36,6 +37,12 @@ ALL = [(page.name, shlex.join(words)) for page in PAGES for words in commands(pa
 def test_tables_that_the_code_determines_are_up_to_date(page):
     text = page.read_text(encoding="utf-8")
     assert filled(text) == text, "run `python tools/make_tables.py`"
+
+
+def test_a_list_of_numbers_is_not_true_or_false():
+    assert allowed(ArenaConfig, "obstacles") == "lists of 5 numbers"
+    assert allowed(OpticsConfig, "line_of_sight") == "true or false"
+    assert allowed(OpticsConfig, "mode") == "sector or power" and allowed(ArenaConfig, "n_dust").startswith("between")
 
 
 def test_each_table_is_on_a_page_and_complete():

@@ -6,7 +6,7 @@ Run it as `python tools/make_tables.py`; `tests/test_made_tables.py` checks that
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
@@ -70,6 +70,14 @@ def faults() -> str:
     return table("kind | what is said | remedy", rows)
 
 
+def allowed(cls: type, name: str) -> str:
+    """Return what values a setting may have."""
+    kind, limits = get_type_hints(cls)[name], constraint_of(cls, name)
+    if get_origin(kind) is tuple:
+        return f"lists of {len(get_args(get_args(kind)[0]))} numbers"
+    return str(limits) if limits else " or ".join(map(str, choices(cls, name))) or "true or false"
+
+
 def settings() -> str:
     """Return the parameters of the configuration, a table for each group, and of the genome."""
     groups = list(get_type_hints(SwarmConfig).items())
@@ -77,12 +85,10 @@ def settings() -> str:
     for name, cls in [*groups, ("genome", Genome)]:
         rows = []
         for f in fields(cls):
-            limits = constraint_of(cls, f.name)
-            allowed = str(limits) if limits else " or ".join(map(str, choices(cls, f.name))) or "true or false"
             prefix = "" if name == "genome" else f"{name}."
             is_flag = name == "genome" or name in get_type_hints(ConfigOptions)
             flag = f"--{prefix}{f.name.replace('_', '-')}" if is_flag else f"{prefix}{f.name}"
-            rows.append((f"`{flag}`", f"{getattr(cls(), f.name)}", allowed, field_docs(cls)[f.name]))
+            rows.append((f"`{flag}`", f"{getattr(cls(), f.name)}", allowed(cls, f.name), field_docs(cls)[f.name]))
         title = "genome (`--genome` gives all)" if name == "genome" else name
         parts.append(f"## {title}\n\n" + table("flag | default | allowed | meaning", rows))
     return "\n\n".join(parts)

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from iswarm_mj.commands.config_options import ManyRunsOptions
 from iswarm_mj.commands.ignored import refuse_ignored
-from iswarm_mj.experiments.runner.limits import Repeats
+from iswarm_mj.experiments.runner.limits import Combinations, Repeats
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.constraints import validate
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Infer(ManyRunsOptions):
 
     MAIN: ClassVar = ("combinations", "repeats", "quick", "seed", "engine", "workers", "again", "out")
 
-    combinations: Annotated[int, Within(1, 100_000)] = 512
+    combinations: Combinations = 512
     """Combinations of readings, drawn evenly over all choices."""
     repeats: Repeats = 1
     """Runs of each setting for each combination."""
@@ -33,6 +33,7 @@ class Infer(ManyRunsOptions):
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
         from iswarm_mj.experiments.studies.infer import experiment_of
 
+        validate(self)
         refuse_ignored(self, [(("combinations", "repeats"), self.quick, "with `quick`")])
         plan = Plan(self.config, Genome(), self.seed, self.quick)
         run_experiment(experiment_of(self.combinations, self.repeats), plan, self.out, self.execution, self.again)

@@ -24,6 +24,7 @@ from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.help import shown
 from iswarm_mj.commands.infer import Infer
 from iswarm_mj.commands.inspect import Inspect
+from iswarm_mj.commands.mistakes import check_numbers, misspelt, unknown
 from iswarm_mj.commands.picture import Picture
 from iswarm_mj.commands.report import Report
 from iswarm_mj.commands.reproduce import Reproduce
@@ -80,11 +81,19 @@ def parse(arguments: Sequence[str]) -> Command:
         kinds = dict(flag_kinds(command))
         if content is not None:
             rest = [*content.arguments(name, kinds, rest), *rest]
+        # Of the flags of a strategy or a task only the parser knows all, and leaves what is none of them.
+        if command is COMMANDS[name] and (left := misspelt(kinds, rest)):
+            raise unknown(name, kinds, left)
         rest = with_booleans(kinds, rest)
         check_choices(kinds, rest)
+        check_numbers(kinds, rest)
         _check_paths(rest)
+        default = with_reading(command, rest)
         with explained_flags(command):
-            return tyro.cli(command, prog=f"iswarm {name}", args=rest, default=with_reading(command, rest))
+            made, left = tyro.cli(command, prog=f"iswarm {name}", args=rest, default=default, return_unknown_args=True)
+        if left:
+            raise unknown(name, kinds, left)
+        return made
     if name == "--version":
         print(f"iswarm {__version__}")
         raise SystemExit(0)

@@ -75,6 +75,8 @@ def result(
     scores = [fitness(m, settings.n_robots, n_dust, settings.steps) for m in measures] if is_cleaning else []
     counts = Measures._fields if is_cleaning else ("collisions", "finished_at")
 
+    units = {name: of.unit for name, of in getattr(run.task, "measured", {}).items() if of.unit}
+
     def each(values: list[Any]) -> Any:
         return values[0] if settings.n_worlds == 1 else values
 
@@ -89,6 +91,7 @@ def result(
         **{name: each([getattr(m, name) for m in measures]) for name in counts},
         **({"fitness": each(scores)} if is_cleaning else {}),
         "metrics": {name: each(list(map(_number, values))) for name, values in metrics.items()},
+        **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),
         "seconds": {
             "first_call": round(run.first_call_s, 3),  # which compiles, and is part of none of the others

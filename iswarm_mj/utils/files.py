@@ -15,12 +15,13 @@ _PART = re.compile(r"\.[0-9]+-")
 """How the names of temporary files begin: with the number of the process."""
 
 
-def make_output_directory(out: Path, given: Path | None = None) -> None:
+def make_output_directory(out: Path, given: Path | None = None, setting: str = "out") -> None:
     """Create the output directory if it does not exist, and make sure that files can be written to it.
 
     Args:
         out: the directory.
         given: the file that the user named, if `out` was derived from it.
+        setting: what names it.
 
     Raises:
         ConfigError: the directory cannot be created or written to.
@@ -32,7 +33,7 @@ def make_output_directory(out: Path, given: Path | None = None) -> None:
         probe.unlink()
     except OSError as error:
         constraint = "a writable directory" if given is None else "a file in a writable directory"
-        raise ConfigError("out", given or out, constraint, f"choose another ({error.strerror})") from None
+        raise ConfigError(setting, given or out, constraint, f"choose another ({error.strerror})") from None
 
 
 def check_file(path: Path, most: int) -> None:

@@ -164,15 +164,17 @@ def _gather(run: Run, hosts: Hosts) -> Outcome:
 def summary(content: Mapping[str, Any], out: Path) -> str:
     """Readable summary of result.json, also of an interrupted run and of one that an earlier version wrote."""
 
-    def show(name: str, group: Mapping[str, Any] = content, form: str = "z.1f") -> str:
+    def show(name: str, group: Mapping[str, Any] = content, form: str = "z.1f", unit: str = "") -> str:
         values = group[name] if isinstance(group[name], list) else [group[name]]
-        if len(values) <= MAX_LISTED:
-            return ", ".join("-" if v is None else f"{v:{form}}" if isinstance(v, float) else str(v) for v in values)
         known = [v for v in values if v is not None]
+        unit = f" {unit}" if unit and known else ""
+        if len(values) <= MAX_LISTED:
+            shown = ("-" if v is None else f"{v:{form}}" if isinstance(v, float) else str(v) for v in values)
+            return ", ".join(shown) + unit
         if not known:
             return "-"
         few = "" if len(known) == len(values) else f" in {len(known)} worlds"
-        return f"{fmean(known):{form}} ({min(known):z.5g} to {max(known):z.5g}){few}"
+        return f"{fmean(known):{form}} ({min(known):z.5g} to {max(known):z.5g}){unit}{few}"
 
     wall_s, steps = content["wall_s"], content["steps"]
     how = "; averages and ranges" if content["n_worlds"] > MAX_LISTED else ""
@@ -183,9 +185,13 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
         lines += [("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}")]
     else:
         lines += [("task", content["task"]["class"])]
-        lines += [(name.replace("_", " "), show(name, content["metrics"], "z.3g")) for name in content["metrics"]]
+        units = content.get("units", {})
+        lines += [
+            (name.replace("_", " "), show(name, content["metrics"], "z.3g", units.get(name, "")))
+            for name in content["metrics"]
+        ]
     lines += [("finished at", f"step {show('finished_at')} ({goal}; ran {steps} steps)")]
-    lines += [("carriage", f"{show('mean_carriage_steps')} steps on average")] if is_cleaning else []
+    lines += [("carriage", show("mean_carriage_steps", unit="steps on average"))] if is_cleaning else []
     lines += [("collisions", show("collisions"))]
     lines += [("fitness", show("fitness"))] if is_cleaning else []
     lines += [

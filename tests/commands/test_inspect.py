@@ -14,8 +14,10 @@ import pytest
 
 import iswarm_mj
 from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.analysis.evolution_best import best_of
 from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.tables import read_table
 
 ROOT = Path(__file__).parents[2]
 RUN = "clean --engine planar --impl numba --arena.size 15 --arena.dump-size 3 --arena.dust-area-size 3 "
@@ -91,8 +93,15 @@ def test_an_interrupted_run_with_a_fault(run, tmp_path):
 def test_experiments_searches_and_trials_below_a_directory():
     text = inspection(ROOT / "results-initial")
     assert "experiment hop-count" in text and "12 of 12 runs" in text and "holds: " in text
-    assert "search by paper: 1200 runs, 120 of 120 generations" in text and "best fitness of a genome " in text
+    assert "search by paper: 1200 runs, 120 of 120 generations" in text
     assert "1500 trials of grasp and release on mujoco" in inspection(ROOT / "results/grasp")
+
+
+def test_the_best_of_a_search_with_replicates_is_the_mean_of_its_genome():
+    """And not the fitness of a single lucky run."""
+    best = best_of(read_table(ROOT / "results/evolve-paper/evolution.parquet")[0])
+    told = f"best {best.fitness:.0f} on average over its {best.n_runs} run(s), in best.json; version "
+    assert told in inspection(ROOT / "results/evolve-paper")
 
 
 @pytest.mark.parametrize(

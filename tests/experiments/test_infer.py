@@ -1,5 +1,6 @@
 """Which readings agree with the paper: the design, the statements, and the support in made-up rows."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import (
+    ACCEPTED,
     Combination,
     accepted,
     chances,
@@ -23,6 +25,7 @@ from iswarm_mj.experiments.analysis.support import (
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.limits import LEAST_COMBINATIONS
 from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.experiments.studies.infer import (
     ALONE,
@@ -128,6 +131,9 @@ class TestDesign:
     def test_the_command_does_what_is_published(self):
         """`iswarm infer` and `iswarm reproduce` make the same runs."""
         assert (Infer().combinations, Infer().repeats) == (COMBINATIONS, REPEATS)
+
+    def test_the_least_number_leaves_one_that_is_accepted(self):
+        assert math.ceil(1 / ACCEPTED) == LEAST_COMBINATIONS
 
     @pytest.mark.parametrize(("numbers", "says"), [((19, 1), "combinations must be at least 20"), ((20, 0), "repeats")])
     def test_too_few_are_refused(self, numbers, says):

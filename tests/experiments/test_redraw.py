@@ -1,5 +1,6 @@
 """Figures drawn anew from stored tables; runs that did not end are shown as such, with n and test in the caption."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.analysis import evolution_figures
 from iswarm_mj.experiments.analysis.plots import sizes, unfinished
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.utils.tables import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -86,6 +88,18 @@ def test_searches_say_of_how_many_runs(tmp_path, figures, replicates):
     each = f"{n_generations} generations of {len(rows) // n_generations // replicates} runs"
     assert each in fitness and (f"n = {replicates} searches" in fitness) == (replicates > 1)
     assert "250 fittest runs of generations 35 to 100" in trade and ("One search." in trade) == (replicates == 1)
+
+
+def test_the_figure_of_a_search_states_what_fitness_is(tmp_path, figures):
+    evolution_figures.draw_search(replicated(1), settings_of(), tmp_path)
+    told = " ".join(figures[0][0].get_supxlabel().split())
+    picked, delivered, left, collision = map(float, re.findall(r"\d[\d.]*(?= (?:points )?for each)", told))
+    measures = Measures(delivered=3, picked=3, collisions=40, finished_at=10, mean_carriage_steps=None)
+    expected = 3 * picked + 3 * delivered + 5 * left - 40 * collision / 8
+    assert fitness(measures, n_robots=8, n_dust=3, max_steps=15) == pytest.approx(expected)
+    measures = measures._replace(delivered=2, finished_at=None)
+    expected = 3 * picked + 2 * delivered - 40 * collision / 8
+    assert fitness(measures, n_robots=8, n_dust=3, max_steps=15) == pytest.approx(expected)
 
 
 def test_each_figure_of_an_experiment_has_its_number_of_runs(tmp_path, figures):

@@ -135,7 +135,9 @@ class TestReport:
     def test_without_results_all_but_the_laws_is_open(self, tmp_path, capsys):
         (tmp_path / "empty").mkdir()
         main(["report", "--results", str(tmp_path / "empty"), "--out", str(tmp_path / "r.html")])
-        assert "not run yet" in capsys.readouterr().out
+        told = capsys.readouterr().out
+        assert "not run yet" in told
+        assert told.startswith(f"no results found in {tmp_path / 'empty'}; the statements that are judged need none\n")
         page = Page()
         page.feed((tmp_path / "r.html").read_text())
         assert page.open == [] and page.sources == []

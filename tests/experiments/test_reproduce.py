@@ -206,6 +206,7 @@ class TestBadInput:
             (["--replicates", "0"], "--replicates must be"),
             (["--trials", "0"], "--trials must be"),
             (["--tables", "--results", "nowhere"], "--results must be an existing directory"),
+            (["--results", "bad.md"], "--results must be a writable directory (got bad.md); choose another ("),
             (["--pages", "none.md"], "none.md is not a readable page"),
             (["--pages", "pipe.md"], "pipe.md is not a readable page"),
             (["--pages", "bad.md"], "bad.md:1: The block was 'densty'; there are"),

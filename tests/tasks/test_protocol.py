@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +11,7 @@ import pytest
 from helpers_rrd import read
 from helpers_tasks import Eastward
 
+from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
@@ -192,6 +194,16 @@ class TestFiles:
         assert content["task"] == run.task == {"class": "Eastward", "line": 2.0}
         assert not {"delivered", "fitness", "n_dust"} & content.keys() and content["stop_at"] == N
         assert [m["steps"] for m in run.metrics] == content["metrics"]["steps"] == [12, 12]
+
+    def test_the_summary_states_units(self, small, tmp_path, capsys):
+        class Counted(Eastward):
+            measured: ClassVar = {**Eastward.measured, "steps": Quantity("taken", "steps")}
+
+        run = run_of(small, PlanarSettings(1), Counted(2.0))
+        clean(run, run.settings, tmp_path)
+        text = capsys.readouterr().out
+        assert "       steps  12, 12 steps\n" in text and "       share  0" in text
+        assert "       steps  12, 12 steps\n" in inspection(tmp_path)
 
     def test_metrics_of_each_step(self, saved):
         """The share that was counted in a step is that of the robots as the step began."""

@@ -206,6 +206,9 @@ def test_of_many_worlds_the_summary_states_averages_and_ranges(done):
     assert told[0].endswith("in 12 world(s), seed 3; averages and ranges")
     assert "  5.5 (0 to 11) of " in told[1] and "step 25.0 (20 to 30) in 2 worlds (goal" in told[2]
     assert told[4].endswith("collisions  -")
+    carriage = {"mean_carriage_steps": [None, 33.0, 241.0, *[134.0] * 9]}
+    told = summary(done[1] | listed | carriage, done[0])
+    assert "carriage  134.5 (33 to 241) steps on average in 11 worlds\n" in told
 
 
 class TestOut:

@@ -30,7 +30,9 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
     each = f"{len(found[0].bests)} generations of {len(found[0].rows) // len(found[0].bests)} runs"
     number = f"One search: {each}." if len(found) == 1 else f"n = {len(found)} searches, each of {each}."
     caption = (
-        f"{number} Fitness as in the paper:\n40 points for a ball delivered, and 10 for each step left after the last."
+        f"{number} Fitness as in the paper:\n"
+        "20 points for each ball picked up, 20 for each delivered, 10 for each step left after the last ball,\n"
+        "less 0.05 for each collision, divided by the number of robots."
     )
     with figure(path, size=(6.0, 3.6), caption=caption) as (axes,):
         (_draw_one if len(found) == 1 else _draw_all)(axes, found)

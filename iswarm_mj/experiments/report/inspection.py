@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from iswarm_mj.experiments.analysis.evolution_best import best_of
 from iswarm_mj.experiments.report.opening import opening
 from iswarm_mj.experiments.runner.experiment import RUNS
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE
@@ -98,10 +99,12 @@ def _table(path: Path) -> Iterator[str]:
     version = f"version {settings.get('version')}, seed {settings.get('seed')}"
     quick = " --quick" * bool(settings.get("quick"))
     if path.name == TABLE:
-        best = max((row["genome_fitness"] for row in rows), default=float("nan"))
         made, planned = len({row["generation"] for row in rows}), settings.get("generations")
         yield f"search by {settings.get('method')}: {len(rows)} runs, {made} of {planned} generations"
-        yield f"best fitness of a genome {best:.0f}" + f", in {BEST}" * (path.parent / BEST).is_file() + f"; {version}"
+        if rows:
+            place = f", in {BEST}" * (path.parent / BEST).is_file()
+            best = best_of(rows)
+            yield f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s){place}; {version}"
     elif path.name in (TRIALS, CURVES):
         what = "trials of grasp and release" if path.name == TRIALS else "samples of force-distance curves"
         yield f"{len(rows)} {what} on {settings.get('engine')}, {version}"

@@ -64,7 +64,7 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
         SimulationFault: a run could not go on.
     """
     blocks.new_texts(places.pages, check_name)  # before anything takes hours
-    make_output_directory(places.results, places.results)
+    make_output_directory(places.results, setting="results")
     with locked(places.out):
         _make(parts, places, again, same_engine)
 

@@ -62,6 +62,9 @@ def report(directories: Sequence[Path], out: Path, beside: Path | None = None) -
                 part.write_text(render(template, content), encoding="utf-8")
     for path in results.unusable:
         print(f"left out, since it is damaged or holds something else: {path}")
+    if not results.used:
+        places = ", ".join(map(str, directories))
+        print(f"no results found in {places}; the statements that are judged need none")
     print(f"{content['tally_text']}\nreport in {out} and {markdown}")
     return sections
 

@@ -1,6 +1,5 @@
 """Which readings of the rules agree with the paper's numbers: many combinations, each run on all of section 4.6."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,7 +15,6 @@ from iswarm_mj.experiments.analysis.measures import select
 from iswarm_mj.experiments.analysis.paper import STEPS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
 from iswarm_mj.experiments.analysis.support import (
-    ACCEPTED,
     Combination,
     accepted,
     chances,
@@ -27,6 +25,7 @@ from iswarm_mj.experiments.analysis.support import (
 from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.limits import LEAST_COMBINATIONS
 from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.experiments.studies.density import DENSITIES
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -217,9 +216,8 @@ def experiment_of(combinations: int = COMBINATIONS, repeats: int = REPEATS) -> E
     Raises:
         ConfigError: fewer than 20 combinations, of which none could be told from another, or no runs.
     """
-    least = math.ceil(1 / ACCEPTED)
-    if combinations < least:
-        raise ConfigError("combinations", combinations, f"at least {least}")
+    if combinations < LEAST_COMBINATIONS:
+        raise ConfigError("combinations", combinations, f"at least {LEAST_COMBINATIONS}")
     if repeats < 1:
         raise ConfigError("repeats", repeats, "at least 1")
     return Experiment(
