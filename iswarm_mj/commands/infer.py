@@ -33,7 +33,7 @@ class Infer(ManyRunsOptions):
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
         from iswarm_mj.experiments.studies.infer import experiment_of
 
-        validate(self)
         refuse_ignored(self, [(("combinations", "repeats"), self.quick, "with `quick`")])
+        validate(self)
         plan = Plan(self.config, Genome(), self.seed, self.quick)
         run_experiment(experiment_of(self.combinations, self.repeats), plan, self.out, self.execution, self.again)
