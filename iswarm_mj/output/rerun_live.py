@@ -4,12 +4,16 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
+import rerun as rr
+
+from iswarm_mj.output.rerun_format import leave_alone
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.utils.deadline import ends_within
 
 SECONDS = 5.0
-"""How long a viewer may take to receive a block."""
+"""How long a viewer may take to be reached, and to receive a block [s]."""
 
 
 class LiveRecording(Recording):
@@ -47,12 +51,21 @@ class LiveRecording(Recording):
             super().append(frames)
 
     def _open(self) -> None:
-        self._stream.connect_grpc(self._path, default_blueprint=layout(self._scene, follows=True))
+        blueprint = layout(self._scene, follows=True)
+        # It never ends if the viewer is gone.
+        if not ends_within(SECONDS, lambda: self._stream.connect_grpc(self._path, default_blueprint=blueprint)):
+            leave_alone(self._stream)
+            self._stream = rr.RecordingStream("iswarm_mj")  # whose entities go nowhere
+            self._lose()
 
     def _flush(self) -> None:
         try:
             self._stream.flush(timeout_sec=SECONDS)
         except RuntimeError:
-            if not self._is_lost:
-                print("iswarm: the viewer was closed; the run goes on without it.", file=sys.stderr)
-            self._is_lost = True
+            self._lose()
+
+    def _lose(self) -> None:
+        """Send no more blocks."""
+        if not self._is_lost:
+            print("iswarm: the viewer was closed; the run goes on without it.", file=sys.stderr)
+        self._is_lost = True

@@ -1,5 +1,6 @@
 """Opens Rerun's viewer for a run that is shown live; it listens to this machine alone."""
 
+import math
 import os
 import socket
 import subprocess
@@ -14,7 +15,9 @@ from iswarm_mj.utils.errors import UserError
 
 HOST = "127.0.0.1"
 SECONDS = 30.0
-"""How long a viewer may take to appear."""
+"""How long a viewer may take to appear [s]."""
+SETTLING = 1.0
+"""How long it must go on answering [s]."""
 REMEDY = "leave out --live, and open the recording with `rerun` later"
 
 
@@ -64,19 +67,21 @@ def _free_port() -> int:
 
 
 def _wait(viewer: subprocess.Popen[bytes], port: int, said: BinaryIO) -> None:
-    """Wait until the viewer answers, which it does once it draws."""
+    """Wait until the viewer answers, and a little longer: one that cannot draw may answer before it ends."""
     from rerun.experimental import ViewerClient
 
-    end = time.monotonic() + SECONDS
+    end, settled = time.monotonic() + SECONDS, math.inf
     while time.monotonic() < end:
         if viewer.poll() is not None:
             raise UserError(f"no viewer can be shown here ({_reason(said)}); {REMEDY}.")
+        if time.monotonic() >= settled:
+            return
         try:
             ViewerClient.connect(f"rerun+http://{HOST}:{port}/proxy").get_state()
+            settled = min(settled, time.monotonic() + SETTLING)
         except (ConnectionError, RuntimeError, ValueError, OSError):
-            time.sleep(0.1)
-        else:
-            return
+            settled = math.inf
+        time.sleep(0.1)
     raise UserError(f"no viewer appeared within {SECONDS:.0f} s; {REMEDY}.")
 
 

@@ -1,10 +1,13 @@
 """A viewer that shows a run live: on this machine only, refused where there is none, and closed at any time."""
 
+import socket
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+import rerun_cli
 from helpers_swarm_recording import make_frames, make_scene
 from rerun.experimental import ViewerClient
 
@@ -52,6 +55,27 @@ def test_where_recordings_are_disabled_it_is_refused(monkeypatch):
     monkeypatch.setenv("RERUN", "0")
     with pytest.raises(UserError, match="RERUN=0"):
         open_viewer()
+
+
+def test_one_that_ends_after_its_first_answer_is_refused(tmp_path, monkeypatch):
+    """As without drivers to draw by: it would never answer again."""
+    program = tmp_path / "rerun"
+    program.write_text("#!/bin/sh\nsleep 0.5\necho 'no adapter' >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(rerun_cli, "__file__", str(program.with_name("__init__.py")))
+    monkeypatch.setattr(ViewerClient, "connect", staticmethod(lambda url: SimpleNamespace(get_state=lambda: None)))
+    with pytest.raises(UserError, match=r"^no viewer can be shown here \(no adapter\)"):
+        open_viewer()
+
+
+def test_a_run_goes_on_where_no_viewer_answers(capsys):
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port = found.getsockname()[1]
+    scene = make_scene(5, 2)
+    with LiveRecording(f"rerun+http://127.0.0.1:{port}/proxy", scene, {}, {}) as recording:
+        recording.append(make_frames(scene, 4))
+    assert capsys.readouterr().err.count("the viewer was closed") == 1
 
 
 def test_a_refusal_leaves_the_files_of_an_earlier_run(tmp_path, monkeypatch, capsys):
