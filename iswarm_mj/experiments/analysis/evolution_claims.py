@@ -6,7 +6,7 @@ most of those that fail lost hop counts by chance, whatever their other paramete
 in swarms that clean the arena and in others.
 """
 
-from iswarm_mj.experiments.analysis.findings import FITTED, PREDICTED, Claim
+from iswarm_mj.experiments.analysis.findings import FITTED, NOT_IN_PAPER, PREDICTED, Claim
 
 _WHERE = "section 4.6.1"
 RISES = Claim(
@@ -15,8 +15,8 @@ RISES = Claim(
 LEARNS = Claim(
     "The last 20 generations are fitter than the first 5", f"{_WHERE}, Fig. 14(a)", "yes, by the figure", PREDICTED
 )
-BEATS = Claim("The evolution beats random search at the same budget", "not in the paper", "not studied", PREDICTED)
-RIVAL = Claim("The evolution against CMA-ES at the same budget", "not in the paper", "not studied", PREDICTED)
+BEATS = Claim("The evolution beats random search at the same budget", NOT_IN_PAPER, "not studied", PREDICTED)
+RIVAL = Claim("The evolution against CMA-ES at the same budget", NOT_IN_PAPER, "not studied", PREDICTED)
 AS_FIT = Claim(
     "The fittest swarm of an evolution has the paper's fitness",
     f"{_WHERE}, Table 2",

@@ -14,6 +14,7 @@ from iswarm_mj.experiments.analysis.evolution_sample import EVOLUTIONS, LAST, Ev
 from iswarm_mj.experiments.analysis.findings import (
     FAILS,
     HOLDS,
+    NOT_IN_PAPER,
     PREDICTED,
     TOO_FEW,
     UNDECIDED,
@@ -40,7 +41,7 @@ class Trait(NamedTuple):
 
 
 def _trait(what: str, *fields: Any) -> Trait:
-    return Trait(Claim(f"Selection moves {what}", "not in the paper", "not studied", PREDICTED), *fields)
+    return Trait(Claim(f"Selection moves {what}", NOT_IN_PAPER, "not studied", PREDICTED), *fields)
 
 
 def _weights(one: Evolution) -> float | None:

@@ -19,6 +19,7 @@ from iswarm_mj.experiments.analysis.evolution_sample import (
 )
 from iswarm_mj.experiments.analysis.findings import Claim
 from iswarm_mj.experiments.analysis.paper import NEARLY, PAPER_FITNESS
+from iswarm_mj.experiments.analysis.verdicts import RARE
 from iswarm_mj.strategy.genome import Genome
 
 NEAR = 0.05
@@ -28,8 +29,6 @@ DENSITIES = (0.1, 0.15)
 """Margin of the density to which evolutions converge: the range that section 4.6.2 calls optimal as a whole."""
 FEW = (0.02, 0.08)
 """Margin of the share of the swarms without hop counts that clean the arena: half and twice the paper's 4 %."""
-RARE = 0.05
-"""Share of the runs up to which something counts as an exception."""
 FITNESS = max(PAPER_FITNESS.values())
 """Points of the paper's fittest swarm."""
 
@@ -57,6 +56,11 @@ class Property(NamedTuple):
     claim: Claim
     has: Callable[[Genome], bool]
     told: told.Told
+
+
+def _equal(claim: Claim, name: str) -> Quantity:
+    """A parameter is equal in runs that clean the arena and in others."""
+    return Quantity(claim, lambda one: one.apart(name), told.groups(name), _BOTH, low=-NEAR, high=NEAR)
 
 
 def _level(claim: Claim, name: str, paper: float) -> Quantity:
@@ -156,22 +160,8 @@ STATEMENTS: tuple[Quantity | Property, ...] = (
     ),
     _level(claims.SCOUTS_LEVEL, "fraction_scouts", 0.16),
     _level(claims.FORGET_LEVEL, "p_vector_forget", 0.28),
-    Quantity(
-        claims.SCOUTS,
-        lambda one: one.apart("fraction_scouts"),
-        told.groups("fraction_scouts"),
-        _BOTH,
-        low=-NEAR,
-        high=NEAR,
-    ),
-    Quantity(
-        claims.FORGET,
-        lambda one: one.apart("p_vector_forget"),
-        told.groups("p_vector_forget"),
-        _BOTH,
-        low=-NEAR,
-        high=NEAR,
-    ),
+    _equal(claims.SCOUTS, "fraction_scouts"),
+    _equal(claims.FORGET, "p_vector_forget"),
     Quantity(
         claims.TRADE,
         lambda one: one.trade,

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from iswarm_mj.experiments.analysis.findings import (
     CONSTRUCTED,
     FITTED,
+    NOT_IN_PAPER,
     UNDECIDED,
     Claim,
     Finding,
@@ -69,9 +70,7 @@ HUMID = Claim(
 RELEASE = Claim("The release voltage at 10 % RH and 5 µm ranges from 37 to 47 V", _WHERE, "37 to 47 V", FITTED)
 RELIABLE = Claim("The release is highly reliable and repeatable", _WHERE, "highly", FITTED)
 THEORY = Claim("The release voltage is smaller than the theory's 70 V", _WHERE, "37 to 47 V instead of 70 V", FITTED)
-FLAT_RELEASE = Claim(
-    "The radius does not influence the release voltage", "not in the paper", "not reported", CONSTRUCTED
-)
+FLAT_RELEASE = Claim("The radius does not influence the release voltage", NOT_IN_PAPER, "not reported", CONSTRUCTED)
 ALIKE = Claim(
     "Grasping and releasing take voltages of the same typical amplitude", "section 3.2.1", "by symmetry", FITTED
 )

@@ -9,6 +9,8 @@ from iswarm_mj.experiments.analysis.statistics import Interval, share
 LEAST = 5
 """Runs of a group below which nothing is judged: a Mann-Whitney test of 4 and 4 runs cannot reach a level of 0.01, and
 no exact interval of a share of 5 runs or fewer lies above one half."""
+RARE = 0.05
+"""Share of the runs up to which something counts as an exception."""
 EQUAL = 0.1
 """Medians that differ by less than this share of them count as equal. Of the paper's 310 steps that is 31, which is 4 %
 of its fitness; finishing times of types 1 and 2 scatter by 24 and 18 % (standard deviation of 96 runs each,

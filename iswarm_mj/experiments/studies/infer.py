@@ -10,7 +10,16 @@ import numpy as np
 from scipy.stats import qmc
 
 from iswarm_mj.config import READINGS, SwarmConfig
-from iswarm_mj.experiments.analysis.findings import NOT_COMPARABLE, PREDICTED, Claim, Finding, Rows, number, percent
+from iswarm_mj.experiments.analysis.findings import (
+    NOT_COMPARABLE,
+    NOT_IN_PAPER,
+    PREDICTED,
+    Claim,
+    Finding,
+    Rows,
+    number,
+    percent,
+)
 from iswarm_mj.experiments.analysis.measures import select
 from iswarm_mj.experiments.analysis.paper import STEPS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
@@ -160,8 +169,9 @@ def combinations_of(rows: Rows) -> list[Combination]:
     listed = []
     for runs in found.values():
         labels, layouts = {name: runs[0][name] for name in FACTORS}, sorted({row["repeat"] for row in runs})
-        single = [sum(answers(select(runs, repeat=layout))) for layout in layouts]
-        listed.append(Combination(runs[0]["reading"], labels, answers(runs), time_error(runs), single))
+        each = [answers(select(runs, repeat=layout)) for layout in layouts]
+        held = answers(runs) if len(each) > 1 else each[0]
+        listed.append(Combination(runs[0]["reading"], labels, held, time_error(runs), [sum(one) for one in each]))
     return listed
 
 
@@ -190,7 +200,7 @@ def findings(rows: Rows) -> list[Finding]:
         counts = counts_alone(every, name, DEFAULTS[name])
         if other := gives_way(DEFAULTS[name], shares, counts):
             text += f"; by the rule, {DEFAULTS[name]} gives way to {other}"
-        claim = Claim(f"Support of {name.replace('_', ' ')}", "not in the paper", "not stated", NOT_COMPARABLE)
+        claim = Claim(f"Support of {name.replace('_', ' ')}", NOT_IN_PAPER, "not stated", NOT_COMPARABLE)
         p, adjusted = by_factor[name]
         prior = (
             f"share of the accepted combinations, of which {number(100 / len(levels))} % without any support; Wilson; "

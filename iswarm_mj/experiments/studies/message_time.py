@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from iswarm_mj.experiments.analysis.findings import (
+    NOT_IN_PAPER,
     PREDICTED,
     Claim,
     Finding,
@@ -62,7 +63,7 @@ def findings(rows: Rows) -> list[Finding]:
     for name in TIMED:
         for finding in hop_count.findings(select(rows, setting=name)):
             claim = f"{finding.claim}, with messages at {name}"
-            found.append(finding._replace(claim=claim, source="not in the paper", paper="not studied"))
+            found.append(finding._replace(claim=claim, source=NOT_IN_PAPER, paper="not studied"))
     return found
 
 
@@ -88,7 +89,7 @@ def _slower(rows: Rows) -> list[Finding]:
     found = []
     for name in TIMED:
         text = f"Messages at {name} slow a swarm with hop counts down"
-        claim = Claim(text, "not in the paper", "not studied", PREDICTED)
+        claim = Claim(text, NOT_IN_PAPER, "not studied", PREDICTED)
         if name not in tested:
             found.append(claim.not_run())
             continue

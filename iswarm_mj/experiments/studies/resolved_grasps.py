@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.experiments.analysis.findings import (
+    NOT_IN_PAPER,
     PREDICTED,
     TOO_FEW,
     Claim,
@@ -115,7 +116,7 @@ def _same(rows: Rows, name: str, measure: Measure, voltage: float) -> Finding:
     what = "finishing time" if measure is TIME else "number of attempts per ball"
     claim = Claim(
         f"At {voltage:g} V trials instead of the balance of the forces leave the {what} as it is, {name}",
-        "not in the paper",
+        NOT_IN_PAPER,
         "not studied",
         PREDICTED,
     )
@@ -158,7 +159,7 @@ def _low(rows: Rows, name: str) -> Finding:
 
 def _larger(rows: Rows, text: str, measure: Measure, groups: Mapping[str, Mapping[str, float]]) -> Finding:
     """Whether the first group's median of a measure is larger than the second's, with trials."""
-    claim = Claim(text, "not in the paper", "not studied", PREDICTED)
+    claim = Claim(text, NOT_IN_PAPER, "not studied", PREDICTED)
     runs = {name: select(rows, resolution=TRIALS, **labels) for name, labels in groups.items()}
     samples = [values(mine, measure) for mine in runs.values()]
     if not all(map(len, samples)):
@@ -187,7 +188,7 @@ def draw(rows: Rows, out: Path) -> list[Path]:
 EXPERIMENT = Experiment(
     name="resolved-grasps",
     title="grasps by trials and by the balance of the forces, three humidities and voltages, 24 pairs of runs each",
-    source="not in the paper",
+    source=NOT_IN_PAPER,
     entries=entries,
     findings=findings,
     draw=draw,

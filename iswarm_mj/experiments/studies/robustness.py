@@ -7,6 +7,7 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.findings import (
     NOT_COMPARABLE,
+    NOT_IN_PAPER,
     PREDICTED,
     Claim,
     Finding,
@@ -31,7 +32,7 @@ DEAD, ABSENT = "dead", "absent"
 ROBUST = Claim(
     "The swarm is robust: it reaches the goal with up to half of its robots dead", "section 5", "robust", NOT_COMPARABLE
 )
-COST = Claim("Dead robots cost more time than absent ones", "not in the paper", "not studied", PREDICTED)
+COST = Claim("Dead robots cost more time than absent ones", NOT_IN_PAPER, "not studied", PREDICTED)
 
 
 def entries(plan: Plan) -> list[Entry]:
@@ -104,7 +105,7 @@ def draw(rows: Rows, out: Path) -> list[Path]:
 EXPERIMENT = Experiment(
     name="robustness",
     title="0 to 50 % of the robots dead, or left out, 12 runs each, until 66 of 72 balls or 1200 steps",
-    source="not in the paper",
+    source=NOT_IN_PAPER,
     entries=entries,
     findings=findings,
     draw=draw,

@@ -5,7 +5,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.experiments.analysis.findings import ALPHA, CONSTRUCTED, HOLDS, PREDICTED, Claim, Finding, Rows, number
+from iswarm_mj.experiments.analysis.findings import (
+    ALPHA,
+    CONSTRUCTED,
+    HOLDS,
+    NOT_IN_PAPER,
+    PREDICTED,
+    Claim,
+    Finding,
+    Rows,
+    number,
+)
 from iswarm_mj.experiments.analysis.measures import TIME, finished, select, values
 from iswarm_mj.experiments.analysis.plots import TESTS, Effect, draw_forest
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, holm, interval, mean
@@ -76,15 +86,15 @@ A run's seed follows from its place here: what is added comes last.
 """
 
 REACHES = Claim(
-    "The goal is reached with each other choice and each other noise", "not in the paper", "one setting only", PREDICTED
+    "The goal is reached with each other choice and each other noise", NOT_IN_PAPER, "one setting only", PREDICTED
 )
 # Whether 55 V release a ball, and a voltage lifts one, is arithmetic with the fitted works of adhesion.
 GRIPS = Claim(
-    "The goal is reached at each other humidity and grasp voltage", "not in the paper", "one setting only", CONSTRUCTED
+    "The goal is reached at each other humidity and grasp voltage", NOT_IN_PAPER, "one setting only", CONSTRUCTED
 )
 BALANCE = ("gripper.relative_humidity", "gripper.grasp_voltage")
 """Choices by which the balance of forces alone decides."""
-CHANGES = Claim("Choices that change the time to the goal", "not in the paper", "one setting only", PREDICTED)
+CHANGES = Claim("Choices that change the time to the goal", NOT_IN_PAPER, "one setting only", PREDICTED)
 
 
 def entries(plan: Plan) -> list[Entry]:
@@ -217,7 +227,7 @@ def _signed(value: Interval) -> str:
 EXPERIMENT = Experiment(
     name="sensitivity",
     title="each choice that the paper leaves open, one at a time about the default, 10 runs each",
-    source="not in the paper",
+    source=NOT_IN_PAPER,
     entries=entries,
     findings=findings,
     draw=draw,

@@ -13,6 +13,7 @@ import numpy as np
 from iswarm_mj.experiments.analysis.findings import (
     FITTED,
     NOT_COMPARABLE,
+    NOT_IN_PAPER,
     PREDICTED,
     Claim,
     Finding,
@@ -28,7 +29,7 @@ from iswarm_mj.experiments.analysis.measures import TIME, finished, select, valu
 from iswarm_mj.experiments.analysis.paper import NEARLY, PAPER_FITNESS, PAPER_TIME, SHORTEST, STEPS
 from iswarm_mj.experiments.analysis.plots import draw_samples
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, difference, interval, mean, median, share
-from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, mostly, within
+from iswarm_mj.experiments.analysis.verdicts import EQUAL, RARE, all_of, enough, mostly, within
 from iswarm_mj.experiments.runner.experiment import Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.output.plot_swarm import draw_swarm
@@ -47,8 +48,6 @@ RECORDED = 6
 """Runs of each type whose trajectories are looked at."""
 NEAR = 3.5
 """A robot is at a dust area if it is in it or within this distance of it, the sensory radius [rd]."""
-RARE = 0.05
-"""A share of the runs that counts as none."""
 
 CLEAN = Claim(
     "Both types clean the whole arena within 800 steps", "Table 2, section 4.6", "fitness above 2860: yes", PREDICTED
@@ -257,7 +256,7 @@ def _better(name: str, runs: Rows, other: Rows) -> Finding:
     """Whether another preset is fitter than one of the paper's types."""
     rival = other[0]["type"]
     # Fitted: an evolution selected it by this fitness, in this simulator, if not with these seeds.
-    claim = Claim(f"The preset {name} is fitter than {rival}", "not in the paper", "-", FITTED)
+    claim = Claim(f"The preset {name} is fitter than {rival}", NOT_IN_PAPER, "-", FITTED)
     first, second = ([row["fitness"] for row in group] for group in (runs, other))
     result = compare(first, second)
     ours = f"mean {number(float(np.mean(first)), 4)} against {number(float(np.mean(second)), 4)} points"

@@ -15,6 +15,7 @@ from iswarm_mj.experiments.analysis.findings import (
     FITTED,
     HOLDS,
     NOT_COMPARABLE,
+    NOT_IN_PAPER,
     PREDICTED,
     Claim,
     Finding,
@@ -54,7 +55,7 @@ NEGLIGIBLE = 0.1
 """Overlap that does not matter: a twentieth of a robot [mm]."""
 
 SAME = {
-    measure: Claim(f"The {name} does not depend on the physics time step", "not in the paper", "not studied", kind)
+    measure: Claim(f"The {name} does not depend on the physics time step", NOT_IN_PAPER, "not studied", kind)
     for measure, name, kind in (
         (TIME, "time to the goal", PREDICTED),
         (DUST, "number of delivered balls", CONSTRUCTED),  # runs stop at the goal
@@ -62,12 +63,10 @@ SAME = {
         (CARRIAGE, "mean carriage", PREDICTED),
     )
 }
-REFUSED = Claim("Numbers of physics steps a second that are refused", "not in the paper", "not studied", CONSTRUCTED)
+REFUSED = Claim("Numbers of physics steps a second that are refused", NOT_IN_PAPER, "not studied", CONSTRUCTED)
 # The planar engine's default refinement was set by this.
-OVERLAP = Claim(
-    "At 100 physics steps a second robots overlap by at most 0.1 mm", "not in the paper", "not studied", FITTED
-)
-COST = Claim("Time of a control step in the planar engine", "not in the paper", "not studied", NOT_COMPARABLE)
+OVERLAP = Claim("At 100 physics steps a second robots overlap by at most 0.1 mm", NOT_IN_PAPER, "not studied", FITTED)
+COST = Claim("Time of a control step in the planar engine", NOT_IN_PAPER, "not studied", NOT_COMPARABLE)
 
 
 def drive_of(drive: DriveConfig, rate: int) -> DriveConfig:
@@ -246,7 +245,7 @@ def _observed(rows: Rows, what: str) -> str:
 EXPERIMENT = Experiment(
     name="time-step",
     title="both types at 2 to 100 physics steps a second, 24 runs each, until 66 of 72 balls or 1200 steps",
-    source="not in the paper",
+    source=NOT_IN_PAPER,
     entries=entries,
     findings=findings,
     draw=draw,
