@@ -93,7 +93,7 @@ def test_an_interrupted_run_with_a_fault(run, tmp_path):
 def test_experiments_searches_and_trials_below_a_directory():
     text = inspection(ROOT / "results-initial")
     assert "experiment hop-count" in text and "12 of 12 runs" in text and "holds: " in text
-    assert "search by paper: 1200 runs, 120 of 120 generations" in text
+    assert "search by paper: 19200 runs, 120 of 120 generations" in text
     assert "1500 trials of grasp and release on mujoco" in inspection(ROOT / "results/grasp")
 
 
@@ -114,6 +114,15 @@ def test_the_best_of_a_search_with_replicates_is_the_mean_of_its_genome():
 def test_interrupted_experiments_and_searches(tmp_path, name, says):
     (tmp_path / name).write_text("{}\n" * 3)
     assert re.search(says, inspection(tmp_path))
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
+    for name in ("evolution.parquet", "best.json")[: 1 + ended]:
+        shutil.copy(ROOT / "results/evolve-cmaes" / name, tmp_path)
+    (tmp_path / "checkpoint.jsonl").write_text("{}\n" * 3)
+    text = inspection(tmp_path)
+    assert ("interrupted: 2 finished runs of a search" in text and "--resume goes on" in text) != ended
 
 
 def test_a_damaged_table_is_named(tmp_path):

@@ -60,11 +60,10 @@ def _about(directory: Path) -> Iterator[str]:
             with (directory / name).open("rb") as file:
                 n_runs = max(sum(1 for _ in file) - 1, 0)
             kept = f"{n_runs} finished runs of {kind} are kept in {name}"
-            yield (
-                kept
-                if tables
-                else f"interrupted: {kept}; the same command{' with --resume' * (name == CHECKPOINT)} goes on"
-            )
+            flag = " with --resume" * (name == CHECKPOINT)
+            # A search writes its table as it goes on, and its best genome at the end.
+            ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(tables)
+            yield kept if ended else f"interrupted: {kept}; the same command{flag} goes on"
 
 
 def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
