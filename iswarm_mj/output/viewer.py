@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -86,7 +87,10 @@ def _wait(viewer: subprocess.Popen[bytes], port: int, said: BinaryIO) -> None:
 
 
 def _reason(said: BinaryIO) -> str:
-    """Last words of a viewer that ended, without the place in its source."""
+    """Why a viewer ended: its panic, before a trace and addresses to turn to, or else its last words without a place."""
     said.seek(0)
-    lines = [line for line in said.read().decode(errors="replace").splitlines() if line.strip()]
+    text = said.read().decode(errors="replace")
+    if found := re.search(r"panicked at '(.+)'", text):
+        return found[1]
+    lines = [line for line in text.splitlines() if line.strip()]
     return lines[-1].rsplit(": ", 1)[-1].rstrip(".") if lines else "it ended without a word"

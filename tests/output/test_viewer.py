@@ -1,5 +1,6 @@
 """A viewer that shows a run live: on this machine only, refused where there is none, and closed at any time."""
 
+import re
 import socket
 import sys
 import time
@@ -57,14 +58,33 @@ def test_where_recordings_are_disabled_it_is_refused(monkeypatch):
         open_viewer()
 
 
-def test_one_that_ends_after_its_first_answer_is_refused(tmp_path, monkeypatch):
+PANIC = """
+thread 'main' panicked at 'Failed to create render state: "No graphics adapter was found"'
+egui_kittest-0.37.0/src/wgpu.rs:77
+stack backtrace:
+   6: core::panicking::panic_fmt
+
+Troubleshooting Rerun: https://www.rerun.io/docs/overview/installing-rerun/troubleshooting
+Report bugs: https://github.com/rerun-io/rerun/issues
+"""
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        ("Error: main.rs:765: no adapter.", "no adapter"),
+        (PANIC, 'Failed to create render state: "No graphics adapter was found"'),
+        ("", "it ended without a word"),
+    ],
+)
+def test_one_that_ends_after_its_first_answer_is_refused(tmp_path, monkeypatch, said, reason):
     """As without drivers to draw by: it would never answer again."""
     program = tmp_path / "rerun"
-    program.write_text("#!/bin/sh\nsleep 0.5\necho 'no adapter' >&2\nexit 1\n")
+    program.write_text(f"#!/bin/sh\nsleep 0.5\ncat >&2 <<'END'\n{said}\nEND\nexit 1\n")
     program.chmod(0o755)
     monkeypatch.setattr(rerun_cli, "__file__", str(program.with_name("__init__.py")))
     monkeypatch.setattr(ViewerClient, "connect", staticmethod(lambda url: SimpleNamespace(get_state=lambda: None)))
-    with pytest.raises(UserError, match=r"^no viewer can be shown here \(no adapter\)"):
+    with pytest.raises(UserError, match=rf"^no viewer can be shown here \({re.escape(reason)}\)"):
         open_viewer()
 
 
