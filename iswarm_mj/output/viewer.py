@@ -87,7 +87,7 @@ def _wait(viewer: subprocess.Popen[bytes], port: int, said: BinaryIO) -> None:
 
 
 def _reason(said: BinaryIO) -> str:
-    """Why a viewer ended: its panic, before a trace and addresses to turn to, or else its last words without a place."""
+    """Why a viewer ended: its panic if it had one, or else its last words without their place."""
     said.seek(0)
     text = said.read().decode(errors="replace")
     if found := re.search(r"panicked at '(.+)'", text):
