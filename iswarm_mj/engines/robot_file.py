@@ -23,7 +23,8 @@ _NEEDED = {
     "geom": ["hull", "substrate"],
     "site": ["probe_tip"],
 }
-_JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+"""Types of a robot's joints, x, y and yaw."""
 _SAME = 1e-6  # components of unit vectors that differ by less look the same way
 
 
@@ -158,7 +159,7 @@ def _requirements(model: mujoco.MjModel) -> list[tuple[str, bool]]:
         ),
         (
             "the joints x and y, which slide along these axes, and yaw, a hinge about z, in this order and no others",
-            tuple(model.jnt_type) == _JOINTS
+            tuple(model.jnt_type) == JOINTS
             and [model.joint(j).name for j in range(3)] == ["x", "y", "yaw"]
             and bool(np.allclose(model.jnt_axis, np.eye(3)))
             and not model.jnt_pos.any(),

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.engines.robot_file import JOINTS
 from iswarm_mj.utils.errors import UserError
 
 MIN_HEIGHT = 0.7
 """Of robots [mm]; see `PlanarEngine`."""
-_JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
 _NEEDED = ("CONSTRAINT", "CONTACT", "REFSAFE", "DAMPER")  # features that must not be disabled
 _UNKNOWN = ("OVERRIDE", "DIAGEXACT", "IPC", "SLEEP")  # those that must not be enabled
 _INWARD = np.array([[-1, 0, 0], [0, -1, 0], [1, 0, 0], [0, 1, 0]])
@@ -51,7 +51,7 @@ def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     joints, dofs = arena.qpos, model.dof_M0[arena.qpos]
     yield (
         "robots with two slides and one hinge each",
-        model.njnt == joints.size and bool((model.jnt_type[joints] == _JOINTS).all()),
+        model.njnt == joints.size and bool((model.jnt_type[joints] == JOINTS).all()),
     )
     yield (
         "joints along x, along y and about z through the centre",

@@ -29,11 +29,9 @@ AT_ONCE = 4096
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
 
 
-def run_search(
-    search: Search, out: Path, execution: Execution | None = None, resume: bool = False, again: bool = False
-) -> Best:
+def run_search(search: Search, out: Path, execution: Execution | None = None, resume: bool = False) -> Best:
     """`run_searches` with one search in `out`; return its best genome."""
-    return run_searches({out: search}, execution, resume, again)[0]
+    return run_searches({out: search}, execution, resume)[0]
 
 
 def run_searches(
