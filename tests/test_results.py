@@ -14,7 +14,7 @@ from iswarm_mj.experiments.report.blocks import filled, outside
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.statements import FINDINGS, findings_files, topics_of
 from iswarm_mj.experiments.report.tables import Tables
-from iswarm_mj.utils.tables import write_csv
+from iswarm_mj.utils.tables import read_table, write_csv
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
@@ -88,6 +88,16 @@ def test_both_engines_give_each_statement_the_same_verdict(part):
         for found in (findings_files(topics_of(collect([ROOT / at])))[ROOT / at / part / FINDINGS] for at in ENGINES)
     )
     assert planar == mujoco and len(planar) >= 4
+
+
+@pytest.mark.parametrize("results", ["results", "results-initial"])
+def test_evolutions_begin_as_random_search_does(results):
+    """The first generation of all is drawn by the same numbers, and its runs end alike to the last bit."""
+    first = []
+    for method in ("paper", "random"):
+        rows, _ = read_table(ROOT / results / f"evolve-{method}" / "evolution.parquet")
+        first.append([row for row in rows if row["generation"] == 0])
+    assert first[0] == first[1] and len(first[0]) == 160
 
 
 def test_the_scatter_of_the_times_is_that_of_the_results():

@@ -201,6 +201,26 @@ class TestSelection:
     def test_what_stays_near_was_not_moved(self, paper, random):
         assert self.verdict(paper, random, lambda n: 0.165 + 0.002 * n).verdict == FAILS
 
+    @pytest.mark.parametrize(
+        ("elites", "others", "verdict"),
+        [
+            (lambda row: True, lambda row: row["individual"] < 5, HOLDS),
+            (lambda row: row["individual"] == 0, lambda row: True, FAILS),
+            (lambda row: row["replicate"] < 4, lambda row: row["individual"] < 6, UNDECIDED),
+        ],
+    )
+    def test_booleans_are_those_of_elites(self, paper, random, elites, others, verdict):
+        """Whatever mutations make of the others."""
+
+        def of_mine(row, n):
+            is_elite = row["individual"] < 2
+            flag = (elites if is_elite else others)(row)
+            return {"origin": "elite" if is_elite else "mutation", "priority_signal_loaded": flag}
+
+        by_chance = changed(random, lambda row, n: {"priority_signal_loaded": row["individual"] % 2 == 0})
+        finding = found_in(changed(paper, of_mine), random=by_chance)[TRAITS["loaded signal"].text]
+        assert finding.verdict == verdict
+
     def test_without_replicates_of_both_nothing_is_said(self, paper):
         traits = [claim.text for claim in TRAITS.values()]
         assert {found_in(paper)[text].verdict for text in traits} == {NOT_RUN}

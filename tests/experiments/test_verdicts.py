@@ -31,6 +31,12 @@ def test_an_open_end_is_no_limit():
     assert within(Interval(5.0, 4, 1e9), low=4) == HOLDS and within(Interval(5.0, 4, 6), high=3.9) == FAILS
 
 
+def test_rounding_decides_nothing():
+    assert 0.1 + 0.2 > 0.3 and within(Interval(0.0, -0.3, 0.1 + 0.2), -0.3, 0.3) == HOLDS
+    assert within(Interval(0.0, -0.3, 0.3001), -0.3, 0.3) == UNDECIDED
+    assert 0.1 + 0.2 > 0.3 and within(Interval(0.4, 0.1 + 0.2, 0.5), high=0.3) == UNDECIDED
+
+
 def test_a_difference_as_large_as_the_margin_is_rarely_called_equal():
     """The size of the equivalence test: at a true difference of the margin, 2.5 % of all hold; of 400 at most 20."""
     rng = np.random.default_rng(0)

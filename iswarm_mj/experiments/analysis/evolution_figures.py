@@ -109,8 +109,9 @@ def draw_traits(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: Pat
     rng = np.random.default_rng(0)
     sizes = ", ".join(f"{len(sample)} of {method}" for method, sample in found.items())
     caption = (
-        f"Dots: searches; lines: medians. n = {sizes}. Means of the last {LAST} generations, but for r.\n"
-        "Shares, probabilities and weights have no unit. Mann-Whitney tests, corrected by Holm, stand in the findings."
+        f"Dots: searches; lines: medians. n = {sizes}. Means of the last {LAST} generations, but for r; Booleans: of\n"
+        "their elites, if there are any. Shares, probabilities and weights have no unit. Mann-Whitney tests, corrected "
+        "by Holm, stand in the findings."
     )
     with figure(out / "traits", rows=2, columns=4, size=(2.7, 2.3), caption=caption) as panels:
         for axes, trait in zip(panels, TRAITS, strict=True):

@@ -151,8 +151,15 @@ class Evolution:
         return float(clean - others)
 
     def late(self, name: str) -> float | None:
-        """Mean of a parameter in the last generations, of a Boolean the share in which it is true."""
-        return float(np.mean([row[name] for row in self.last])) if self.last else None
+        """Mean of a parameter in the last generations; of a Boolean the share of the elites in which it is true.
+
+        Mutations make nearly a fair coin of an offspring's Booleans (`Operators.boolean_mutation`), so that of these
+        only the elites show what was selected. Of a search without elites all runs count.
+        """
+        rows = self.last
+        if rows and isinstance(rows[0][name], bool):
+            rows = [row for row in rows if row.get("origin") == "elite"] or rows
+        return float(np.mean([row[name] for row in rows])) if rows else None
 
 
 def evolutions(rows: Rows, n_dust: int) -> list[Evolution]:

@@ -24,6 +24,7 @@ from iswarm_mj.experiments.analysis.findings import (
     span,
 )
 from iswarm_mj.experiments.analysis.statistics import Interval, compare, holm
+from iswarm_mj.experiments.analysis.verdicts import within
 
 SURE = 0.05
 """Level of the p-values adjusted for the number of traits: without, one of 20 that are not moved would seem so."""
@@ -53,7 +54,7 @@ TRAITS = (
     _trait("the density of robots", "density", lambda one: one.late("density_of_robots"), (0.0, None)),
     _trait("the fraction of scouts", "fraction of scouts", lambda one: one.late("fraction_scouts")),
     _trait("p(vector-forget)", "p(vector-forget)", lambda one: one.late("p_vector_forget")),
-    _trait("the share of swarms with hop counts", "with hop counts", lambda one: one.late("use_hop_count")),
+    _trait("the use of hop counts", "with hop counts", lambda one: one.late("use_hop_count")),
     _trait("the priority signal of loaded robots", "loaded signal", lambda one: one.late("priority_signal_loaded")),
     _trait("the priority signal of scouts", "scouts signal", lambda one: one.late("priority_signal_scouts")),
     _trait("weight-find-dump against weight-find-dust", "weights, dump minus dust", _weights, (-1.0, 1.0)),
@@ -64,7 +65,7 @@ TRAITS = (
         (-1.0, 1.0),
     ),
 )
-"""Means of the last generations, but for the correlation."""
+"""Means of the last generations, of Booleans those of the elites; but for the correlation."""
 
 
 def findings(mine: Sequence[Evolution], random: Sequence[Evolution] | None, near: float) -> list[Finding]:
@@ -91,9 +92,10 @@ def findings(mine: Sequence[Evolution], random: Sequence[Evolution] | None, near
             continue
         adjusted = next(every_p)
         tested = (
-            f"of means of the last {LAST} generations or correlations; difference {span(result.difference)}, "
-            f"Mann-Whitney p = {number(result.p, 2)}, {number(adjusted, 2)} by Holm for {sum(judged)} traits; "
-            f"holds if that is below {SURE} and the interval leaves out zero, else does not if it lies within {near}"
+            f"of means of the last {LAST} generations, of shares of their elites, or of correlations; difference "
+            f"{span(result.difference)}, Mann-Whitney p = {number(result.p, 2)}, {number(adjusted, 2)} by Holm for "
+            f"{sum(judged)} traits; holds if that is below {SURE} and the interval leaves out zero, else does not if "
+            f"it lies within {near}"
         )
         found.append(trait.claim.found(ours, tested, _moved(result.difference, adjusted, near)))
     return found
@@ -107,4 +109,4 @@ def _moved(value: Interval, p: float, near: float) -> str:
     """HOLDS if the p-value, adjusted, and the interval tell a difference, else FAILS if that is surely near zero."""
     if p < SURE and (value.low > 0 or value.high < 0):
         return HOLDS
-    return FAILS if max(-value.low, value.high) <= near else UNDECIDED
+    return FAILS if within(value, -near, near) == HOLDS else UNDECIDED

@@ -24,7 +24,8 @@ from iswarm_mj.strategy.genome import Genome
 
 NEAR = 0.05
 """Margin of the equivalence tests on parameters of swarms: the largest step of the paper's dependent mutation. Means
-that differ by less are within one mutation of each other, so that no evolution of this kind tells them apart."""
+that differ by less are within one mutation of each other, so that no evolution of this kind tells them apart. Of shares
+of the elites, one in twenty."""
 DENSITIES = (0.1, 0.15)
 """Margin of the density to which evolutions converge: the range that section 4.6.2 calls optimal as a whole."""
 FEW = (0.02, 0.08)

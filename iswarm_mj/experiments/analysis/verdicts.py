@@ -20,11 +20,13 @@ results/types), so that of single runs, as the paper compares them, less would n
 def within(value: Interval, low: float = -math.inf, high: float = math.inf) -> str:
     """HOLDS if the interval lies within the limits, FAILS if it lies outside of them, else UNDECIDED.
 
-    Within limits on both sides of zero this is an equivalence test, as two one-sided tests at 2.5 % each.
+    Within limits on both sides of zero this is an equivalence test, as two one-sided tests at 2.5 % each. Ends that
+    equal a limit but for rounding lie within it.
     """
-    if low <= value.low and value.high <= high:
+    low, high, least, most = (float(f"{end:.12g}") for end in (low, high, value.low, value.high))
+    if low <= least and most <= high:
         return HOLDS
-    return FAILS if value.high < low or value.low > high else UNDECIDED
+    return FAILS if most < low or least > high else UNDECIDED
 
 
 def enough(verdict: str, *sizes: int) -> str:
