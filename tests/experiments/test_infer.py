@@ -32,6 +32,7 @@ from iswarm_mj.experiments.studies.infer import (
     COMBINATIONS,
     DEFAULTS,
     DENSITIES,
+    EXPERIMENT,
     FACTORS,
     NAMED_REPEATS,
     REPEATS,
@@ -46,9 +47,9 @@ from iswarm_mj.experiments.studies.infer import (
 from iswarm_mj.simulation.common import DIFFERENT
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.tables import read_table
 
 N = 40
+ROOT = Path(__file__).parents[2]
 
 
 def outcome(entry, like_the_paper):
@@ -141,52 +142,15 @@ class TestDesign:
             experiment_of(*numbers)
 
 
-def test_the_page_of_readings_names_all_that_are_tried():
-    """And the named readings differ as its table says."""
-    page = (Path(__file__).parents[2] / "docs" / "readings.md").read_text(encoding="utf-8")
-    tried = {name for levels in FACTORS.values() for values in levels.values() for name in values}
-    tried -= {"drive.turn_substeps", "strategy.avoidance_gain", "strategy.forget_on_arrival", "strategy.scouts_pick"}
-    assert {name for name in tried if f"`{name}`" not in page} == set()
-    differing = {
-        name: (getattr(mine, name), getattr(other, name))
-        for mine, other in [[READINGS[name].strategy for name in ("paper", "initial")]]
-        for name in vars(mine)
-        if getattr(mine, name) != getattr(other, name)
-    }
-    assert len(differing) == 2
-    for name, (paper, initial) in differing.items():
-        assert f"| `strategy.{name}` | {paper} | {initial} |" in page
-
-
-def test_defaults_are_those_of_the_rule():
-    """And, as the page says, `paper` reproduces more statements than with any one of its values changed; by single runs
-    it does so but for drops."""
-    rows, _ = read_table(Path(__file__).parents[2] / "results" / "infer" / "infer.parquet")
-    every = combinations_of(rows)
-    sample, better = [c for c in every if c.reading is None], set()
-    for name, levels in FACTORS.items():
-        shares = support(sample, accepted(sample), name, list(levels))
-        better |= {name for change in more_alone(every, name, DEFAULTS[name]).values() if change.low > 0}
-        counts = counts_alone(every, name, DEFAULTS[name])
-        assert counts.keys() == levels.keys() and gives_way(DEFAULTS[name], shares, counts) is None, name
-        assert max(counts, key=counts.__getitem__) == DEFAULTS[name]
-        assert sorted(counts.values())[-2] < counts[DEFAULTS[name]]
-    assert better == {"drops"}
-
-
-def test_what_is_supported_without_the_statements_on_the_fittest_run():
-    """As the page says: the times and penalties of Table 2 are those of the fittest of an evolution's runs."""
-    rows, _ = read_table(Path(__file__).parents[2] / "results" / "infer" / "infer.parquet")
-    left = [n for n, one in enumerate(STATEMENTS) if one.name not in ("time1", "time2", "penalty1", "penalty2")]
-    sample = [c._replace(answers=[c.answers[n] for n in left]) for c in combinations_of(rows) if c.reading is None]
-    kept = accepted(sample)
-
-    def is_supported(name, label):
-        labels = list(FACTORS[name])
-        return support(sample, kept, name, labels)[label].low > 1 / len(labels)
-
-    assert is_supported("dust_offset", "12 rd") and is_supported("bit_errors", "one, noticed")
-    assert not is_supported("drops", "1 % a step") and not is_supported("avoidance_sides", "front")
+@pytest.mark.parametrize("reading", READINGS)
+def test_labels_say_what_runs_whatever_the_plan(reading):
+    """As of `iswarm infer --reading initial`, too."""
+    for entry in EXPERIMENT.entries(Plan(config=READINGS[reading])):
+        if entry.labels["reading"] is None:
+            config = entry.job.config
+            assert config.strategy.avoidance_sides == entry.labels["avoidance_sides"]
+            assert config.strategy.priority_repulsion == entry.labels["priority_repulsion"]
+            assert f"{config.arena.dust_area_offset:g} rd" == entry.labels["dust_offset"]
 
 
 class TestStatements:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from iswarm_mj.experiments.analysis.findings import (
     NOT_COMPARABLE,
     NOT_IN_PAPER,
     PREDICTED,
+    TOO_FEW,
     Claim,
     Finding,
     Rows,
@@ -131,7 +133,7 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
     for place, labels in enumerate(design(n, plan.seed)):
         config = plan.config
         for name, label in labels.items():
-            config = varied(config, FACTORS[name][label])
+            config = varied(config, settings_of(name, label))
         labels = {**labels, "combination": place, "reading": None}
         listed += _runs(plan, config, labels, place + len(READINGS), 1 if plan.quick else repeats)
     for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
@@ -140,6 +142,12 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
         paper = list(READINGS).index("paper")
         listed += _runs(plan, varied(_named(plan, "paper"), FACTORS[name][label]), labels, paper, named)
     return listed
+
+
+def settings_of(factor: str, label: str) -> dict[str, Any]:
+    """Settings that a label stands for, those that are the default's, too, so that a plan of others is overridden."""
+    names = {name for settings in FACTORS[factor].values() for name in settings}
+    return {name: attrgetter(name)(SwarmConfig()) for name in names} | dict(FACTORS[factor][label])
 
 
 def _named(plan: Plan, name: str) -> SwarmConfig:
@@ -192,7 +200,8 @@ def findings(rows: Rows) -> list[Finding]:
         "of both types"
     )
     ours = f"at most {most} of {total}, by {counts.count(most)}; median {number(float(np.median(counts)))}; {said}"
-    listed = [best.found(ours, rule, "")]
+    verdict = "" if len(sample) >= LEAST_COMBINATIONS else TOO_FEW
+    listed = [best.found(ours, rule, verdict)]
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in FACTORS.items()})
     for name, levels in FACTORS.items():
         shares = support(sample, kept, name, list(levels))
@@ -207,7 +216,7 @@ def findings(rows: Rows) -> list[Finding]:
             f"exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings; "
             f"statements of `paper` with one value: {', '.join(f'{label} {n}' for label, n in counts.items())}"
         )
-        listed.append(claim.found(text, prior, ""))
+        listed.append(claim.found(text, prior, verdict))
     return listed
 
 
