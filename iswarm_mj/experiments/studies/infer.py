@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -131,9 +131,8 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
         labels = dict.fromkeys(FACTORS) | {"combination": place - len(READINGS), "reading": name}
         listed += _runs(plan, _named(plan, name), labels, place, named)
     for place, labels in enumerate(design(n, plan.seed)):
-        config = plan.config
-        for name, label in labels.items():
-            config = varied(config, settings_of(name, label))
+        settings = {key: value for label in labels.items() for key, value in settings_of(*label).items()}
+        config = varied(plan.config, settings)
         labels = {**labels, "combination": place, "reading": None}
         listed += _runs(plan, config, labels, place + len(READINGS), 1 if plan.quick else repeats)
     for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
@@ -144,7 +143,8 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
     return listed
 
 
-def settings_of(factor: str, label: str) -> dict[str, Any]:
+@cache
+def settings_of(factor: str, label: str) -> Values:
     """Settings that a label stands for, those that are the default's, too, so that a plan of others is overridden."""
     names = {name for settings in FACTORS[factor].values() for name in settings}
     return {name: attrgetter(name)(SwarmConfig()) for name in names} | dict(FACTORS[factor][label])
