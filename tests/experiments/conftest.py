@@ -1,7 +1,7 @@
-"""Results of a few experiments, for reports."""
+"""Results of a few experiments, for reports, and made-up searches."""
 
 import pytest
-from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
+from helpers_findings import GRASP_SETTINGS, grasp_rows, replicated, search_rows, settings_of
 from helpers_hop_count import write_hop_count
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
@@ -21,3 +21,15 @@ def results(tmp_path_factory):
     write_table(root / "trials/trials.parquet", grasp_rows(), GRASP_SETTINGS)
     (root / "trials/other.parquet").write_bytes(b"something else")
     return root
+
+
+@pytest.fixture(scope="session")
+def paper():
+    """Eight made-up evolutions that go as the paper's."""
+    return replicated(8)
+
+
+@pytest.fixture(scope="session")
+def random():
+    """Eight made-up searches that learn nothing."""
+    return replicated(8, seed=1, learns=False)

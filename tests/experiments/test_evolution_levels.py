@@ -2,16 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers_findings import changed, found_in, replicated
+from helpers_findings import changed, found_in
 
 from iswarm_mj.experiments.analysis import evolution_claims as claims
 from iswarm_mj.experiments.analysis.findings import FAILS, FITTED, HOLDS, PREDICTED, UNDECIDED
-
-
-@pytest.fixture(scope="module")
-def paper():
-    """Eight made-up evolutions that go as the paper's."""
-    return replicated(8)
 
 
 @pytest.mark.parametrize(

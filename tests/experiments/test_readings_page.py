@@ -4,7 +4,15 @@ from pathlib import Path
 
 from iswarm_mj.config import READINGS
 from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers
-from iswarm_mj.experiments.analysis.support import accepted, chances, counts_alone, gives_way, more_alone, support
+from iswarm_mj.experiments.analysis.support import (
+    ACCEPTED,
+    accepted,
+    chances,
+    counts_alone,
+    gives_way,
+    more_alone,
+    support,
+)
 from iswarm_mj.experiments.studies.infer import DEFAULTS, FACTORS, combinations_of
 from iswarm_mj.utils.tables import read_table
 
@@ -64,8 +72,7 @@ def test_what_the_page_says_of_the_support():
     (paper,) = [c for c in every if c.is_named and c.reading == "paper"]
     assert sum(answers(rows)) < sum(dropping.answers) < sum(paper.answers)
 
-    ranking = sorted(sample, key=lambda c: (-sum(c.answers), c.time_error))
-    twice = ranking[: 2 * len(accepted(sample))]
+    twice = accepted(sample, 2 * ACCEPTED)
     shares = {name: support(sample, twice, name, values) for name, values in labels.items()}
     assert shares["dust_offset"]["12 rd"].low > 1 / 3 and shares["bit_errors"]["one, noticed"].low > 1 / 3
     assert shares["drops"]["1 % a step"].low > 1 / 2 > shares["avoidance_sides"]["front"].low
