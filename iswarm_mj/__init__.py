@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iswarm_mj.config import READINGS, SwarmConfig
+    from iswarm_mj.engines.mjx.settings import MjxSettings
+    from iswarm_mj.engines.mujoco.settings import MujocoSettings
+    from iswarm_mj.engines.planar.settings import PlanarSettings
     from iswarm_mj.envs.make import make_env
     from iswarm_mj.output.saved import load
     from iswarm_mj.simulation.run import Run
-    from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+    from iswarm_mj.simulation.settings import RunSettings
     from iswarm_mj.strategy.genome import PRESETS
     from iswarm_mj.workflows.rollout import rollout
 
@@ -39,7 +42,10 @@ _MODULES = {
     "output.saved": ("load",),
     "workflows.rollout": ("rollout",),
     "simulation.run": ("Run",),
-    "simulation.settings": ("MjxSettings", "MujocoSettings", "PlanarSettings", "RunSettings"),
+    "engines.mjx.settings": ("MjxSettings",),
+    "engines.mujoco.settings": ("MujocoSettings",),
+    "engines.planar.settings": ("PlanarSettings",),
+    "simulation.settings": ("RunSettings",),
     "strategy.genome": ("PRESETS",),
 }
 """Where the names of `__all__` are defined."""

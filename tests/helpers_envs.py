@@ -8,8 +8,10 @@ import pytest
 from helpers_small import SMALL
 
 from iswarm_mj import make_env
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Integer
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings
 
 FIELDS = {"number": Integer(bits=3)}
 ENGINES = (PlanarSettings(1), MujocoSettings(1), pytest.param(MjxSettings(), marks=pytest.mark.slow))

@@ -11,8 +11,9 @@ import jax
 import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 
 TINY = SwarmConfig(arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12))

@@ -11,7 +11,8 @@ from statistics import fmean
 
 from iswarm_mj.config import EnergyConfig, SwarmConfig
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 

@@ -23,7 +23,9 @@ from iswarm_mj.gripper.bench.batch_trials import by_batch
 from iswarm_mj.gripper.bench.swarm_trials import outcomes
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 from iswarm_mj.commands.flags import changed
 from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.commands.swarm_options import Swarm
-from iswarm_mj.simulation.settings import MjxSettings
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.utils.constraints import Within, check, constraint_of
 
 _OF_GRASP = ("what", "worlds", "engine", "impl", "seed")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.simulation.settings import IDENTITY
+from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
 

@@ -18,8 +18,9 @@ from iswarm_mj.config import (
     StrategyConfig,
     SwarmConfig,
 )
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.registry import EngineName
 from iswarm_mj.experiments.runner.limits import Seed, Workers
-from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.utils.constraints import constraint_of
 
 
@@ -65,11 +66,10 @@ class ManyRunsOptions(ConfigOptions):
 
     seed: Seed = 0
     """Seed of all random numbers."""
-    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    engine: EngineName = "mujoco"
     """Physics: mujoco (C, on CPUs), planar (faster; many times so in batches on an NVIDIA GPU if there is one) or mjx
     (JAX, runs batched on a GPU)."""
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
-    """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
     workers: Workers = 0
     """Worker processes, but of batches, 0 for one per core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"

@@ -90,8 +90,11 @@ def _annotated(owner: type, f: Any, everything: bool) -> Any:
     annotation = get_type_hints(owner, include_extras=True)[f.name]
     extras = getattr(annotation, "__metadata__", ())
     kind = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
-    text = field_docs(getattr(owner, "described_by", owner)).get(f.name, "")
     constraint = constraint_of(getattr(owner, "described_by", owner), f.name) or constraint_of(owner, f.name)
+    text = field_docs(getattr(owner, "described_by", owner)).get(f.name)
+    if text is None and constraint is not None and constraint.source is not None:  # the setting that the flag sets
+        text = field_docs(constraint.source[0])[constraint.source[1]]
+    text = text or ""
     text = _UNIT.sub(".", text) if constraint is not None and constraint.unit else text
     if not everything:
         text = _SENTENCE.split(text)[0].rstrip(".") + "."

@@ -4,7 +4,7 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, ClassVar, cast
 
 import tyro
 
@@ -12,11 +12,14 @@ from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.commands.ignored import of_optics, refuse_ignored
 from iswarm_mj.commands.strategy_options import OWN, check_flags
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_settings, engines_with
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.jax_setup import can_use_warp
 from iswarm_mj.utils.obstacles import read_obstacles
 from iswarm_mj.utils.progress import waiting
 
@@ -30,8 +33,6 @@ GenomeOverrides = make_dataclass(
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
-_IMPLEMENTATIONS = {"mujoco": (), "planar": ("numba", "warp"), "mjx": ("jax", "warp")}
-_ONLY = {"refinement": "planar", "solver_iterations": "mjx", "contact_capacity": "mjx"}  # settings of one engine
 _COMPILED_ONLY = ("devices", "hosts", "hosts_timeout")
 _PER_PROCESS = {"devices", "hosts_timeout", "threads", "out"}  # may differ between the processes of a job
 _RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genome and the number of robots
@@ -62,18 +63,15 @@ class Swarm(ConfigOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
-    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    engine: EngineName = "mujoco"
     """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, faster on CPUs and
     many times so on NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
-    impl: Literal["default", "numba", "jax", "warp"] = "default"
+    impl: ImplName = "default"
     """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
     (everywhere, the default) or warp (NVIDIA GPUs)."""
-    solver_iterations: Annotated[int, constraint_of(MjxSettings, "solver_iterations")] = 100
-    """Maximum number of iterations of mjx's contact solver: 100 for MuJoCo's own result, 20 for speed."""
-    contact_capacity: Annotated[float, constraint_of(MjxSettings, "contact_capacity")] = 1.0
-    """Size of mjx's contact buffers, relative to the default rule; jammed swarms need more."""
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
-    """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
+    solver_iterations: Annotated[int, constraint_of(MjxSettings, "solver_iterations")] = MjxSettings.solver_iterations
+    contact_capacity: Annotated[float, constraint_of(MjxSettings, "contact_capacity")] = MjxSettings.contact_capacity
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
     devices: str = "all"
     """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
     hosts: bool = False
@@ -130,26 +128,23 @@ class Swarm(ConfigOptions):
     @property
     def implementation(self) -> str | None:
         """The implementation of the engine that is used; None where there is only one."""
-        if self.engine == "mujoco":
-            return None
-        if self.impl != "default":
-            return self.impl
-        if self.engine == "mjx":
-            return "jax"
-        return "warp" if can_use_warp() else "numba"
+        return ENGINES[self.engine].usual_impl() if self.impl == "default" else self.impl
 
     @property
     def is_compiled(self) -> bool:
         """Whether control steps are taken in chunks, by a compiled program."""
-        return self.implementation in ("jax", "warp")
+        return not engine_settings(self.engine, impl=self.implementation).on_host
 
     def _check_engine(self) -> None:
-        known = _IMPLEMENTATIONS[self.engine]
-        changed = {name for name in (*_ONLY, *_COMPILED_ONLY) if getattr(self, name) != getattr(Swarm, name)}
+        known = ENGINES[self.engine].implementations
+        own = [f.name for f in fields(Swarm) if f.name != "impl" and engines_with(f.name)]
+        changed = {name for name in (*own, *_COMPILED_ONLY) if getattr(self, name) != getattr(Swarm, name)}
         constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
         check("impl", self.impl, constraint, self.impl in ("default", *known))
-        for name, engine in _ONLY.items():
-            check("engine", self.engine, f"{engine} with `{name}`", self.engine == engine or name not in changed)
+        for name in own:
+            engines = engines_with(name)
+            applies = self.engine in engines or name not in changed
+            check("engine", self.engine, f"{' or '.join(engines)} with `{name}`", applies)
         for name in _COMPILED_ONLY:
             applies = self.is_compiled or name not in changed
             check("engine", self.engine, f"mjx, or planar with --impl warp, with `{name}`", applies)
@@ -237,15 +232,9 @@ class Swarm(ConfigOptions):
     def _engine(self, chunk: int) -> Any:
         from iswarm_mj.simulation.distributed import devices
 
-        if self.engine == "mujoco":
-            return MujocoSettings(self.threads)
-        if self.implementation == "numba":
-            return PlanarSettings(self.threads, self.refinement)
-        own = tuple(devices(self.devices))
-        if self.engine == "planar":
-            return PlanarSettings(refinement=self.refinement, impl="warp", chunk=chunk, devices=own)
-        impl = "warp" if self.impl == "warp" else "jax"
-        return MjxSettings(impl, self.solver_iterations, self.contact_capacity, chunk, own)
+        used = devices(self.devices) if self.is_compiled else None
+        own = {**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used and tuple(used)}
+        return engine_settings(self.engine, **own)
 
     def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """Return what must be the same in all processes of a job: the command, its flags and the versions."""

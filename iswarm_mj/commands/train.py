@@ -2,17 +2,19 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
 from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.commands.strategy_options import OWN, check_flags
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.registry import EngineName
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings
 from iswarm_mj.utils.constraints import constraint_of
-from iswarm_mj.utils.jax_setup import can_use_warp
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,9 @@ class Train(TrainingPlan, ConfigOptions):
 
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
-    engine: Literal["mujoco", "planar", "mjx"] = "planar"
+    engine: EngineName = "planar"
     """Physics: planar (on an NVIDIA GPU if there is one), mjx (likewise) or mujoco (C); all in one process."""
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = 10
-    """Parts into which planar divides each physics step, so that robots overlap less; 1 is mujoco's time step."""
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
     threads: Annotated[int, constraint_of(MujocoSettings, "threads")] = 0
     """Number of threads on a CPU, 0 for one per core; results do not depend on it."""
     out: Path = Path("runs/train")
@@ -59,17 +60,14 @@ class Train(TrainingPlan, ConfigOptions):
         check_flags(given)
         return given
 
-    def _engine(self) -> Any:
-        is_on_gpu = self.engine != "mujoco" and can_use_warp()
+    def _engine(self) -> EngineSettings:
+        from iswarm_mj.experiments.runner.batches import first_settings
+
+        engine = first_settings(self.engine, self.threads, self.refinement)
+        own = {f.name for f in fields(engine)}
         rules = [
-            (("refinement",), self.engine != "planar", f"with `engine` {self.engine}"),
-            (("threads",), self.engine == "mjx" or is_on_gpu, "with batches, which use no threads"),
+            (("refinement",), "refinement" not in own, f"with `engine` {self.engine}"),
+            (("threads",), not engine.on_host, "with batches, which use no threads"),
         ]
         refuse_ignored(self, rules)
-        if self.engine == "mujoco":
-            return MujocoSettings(self.threads)
-        if self.engine == "planar":
-            return PlanarSettings(self.threads, self.refinement, impl="warp" if is_on_gpu else "numba")
-        from iswarm_mj.experiments.runner.batches import FIRST_CAPACITY, implementation
-
-        return MjxSettings(implementation(), contact_capacity=FIRST_CAPACITY[implementation()])
+        return engine

@@ -102,6 +102,15 @@ class Engine(Protocol[Bodies]):
         ...
 
 
+@runtime_checkable
+class StatefulEngine(Engine[Bodies], Protocol[Bodies]):
+    """An engine that keeps part of its state to itself, so that its latest bodies alone can be moved."""
+
+    def replace(self, bodies: Bodies, worlds: Int[Array, "W"], poses: Float[Array, "W N 3"]) -> Bodies:
+        """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
+        ...
+
+
 Mapping = Literal["batch", "vmap", "in turn"]
 """How a compiled program goes through its worlds: the engine acts on all at once, or on one, and is mapped over them,
 or computes one after the other."""

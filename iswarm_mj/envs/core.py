@@ -1,7 +1,7 @@
-"""A step of an environment in one world, before and after the engine moves: pure JAX.
+"""An environment but for its engine: how episodes begin, what robots do and observe. Pure JAX, of one world.
 
 An environment takes its steps half a control step later than a run: robots that have perceived act, move, and perceive
-anew. The same worlds do the same in both.
+again. The stages are those of `simulation.step.control_step`, so that the same worlds do the same in both.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Motion, Sight
@@ -18,12 +18,13 @@ from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation import power
-from iswarm_mj.simulation.decide import Decision, Perceived, Situation, executed, perceive, takes_time
-from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.step import account, limited
+from iswarm_mj.simulation.actuate import actuate
+from iswarm_mj.simulation.perceive import StepInputs, perceive
+from iswarm_mj.simulation.power import is_emitting
+from iswarm_mj.simulation.state import WorldParams, WorldState
+from iswarm_mj.simulation.step import after_motion, after_task
+from iswarm_mj.simulation.streams import Stream, step_keys
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 
@@ -36,32 +37,20 @@ class Speaker:
     payload: Payload
 
 
-class Beginnings(NamedTuple):
-    """How episodes begin, one of K."""
-
-    poses: Float[Array, "K N 3"]
-    """x, y [mm] and yaw [rad]."""
-    swarm: SwarmState
-    """(K, ...)"""
-
-
-class Plan(NamedTuple):
-    """What robots are to do in a step."""
+class Intent(NamedTuple):
+    """What robots do in a step."""
 
     command: Command
+    """As the drives carry it out."""
     said: dict[str, Any]
-    refused: Bool[Array, "*B N"]
-    """Robots whose actions are not finite."""
+    is_refused: Bool[Array, "*B N"]
+    """The action was not finite."""
     is_running: Bool[Array, "*B"]
     """The world moves."""
-    energy: Any
-    """What is left in the capacitors (*B, N) [J]; None where there are none."""
-    poses: Float[Array, "*B N 3"]
-    """Where robots begin the next episode."""
-    swarm: SwarmState
-    """And how."""
-    key: Array
-    next_key: Array
+    is_emitting: Bool[Array, "*B N"]
+    """The robot lights its LEDs after the step."""
+    energy: Float[Array, "*B N"] | None
+    """Left in the capacitors [J]; None where there are none."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +58,11 @@ class Core:
     """An environment but for its engine.
 
     Attributes:
-        config: what worlds of one run have in common.
+        config: what control steps are compiled for.
         robot: its geometry.
         params: of all worlds, but for their keys.
-        beginnings: of episodes.
+        poses: (K, N, 3) x, y [mm] and yaw [rad] of K beginnings of an episode.
+        worlds: likewise, states without bodies.
         steps: of an episode at most.
         payload: what messages carry.
         observations: see `observations.rows`.
@@ -82,52 +72,44 @@ class Core:
     config: SwarmConfig
     robot: Robot
     params: WorldParams
-    beginnings: Beginnings
+    poses: Float[Array, "K N 3"]
+    worlds: WorldState
     steps: int
     payload: Payload
     observations: list[Row]
     actions: list[Row]
 
-    def ended(self, key: Array) -> tuple[Episode, Bool[Array, ""]]:
-        """Return an episode that is over, and after which one of this key begins; and that it is over."""
-        n = self.beginnings.poses.shape[1]
-        swarm = jax.tree.map(lambda a: a[0], self.beginnings.swarm)
-        zero, no = jnp.int32(0), jnp.zeros((), bool)
-        fault = Fault(zero, zero, zero)
-        world = WorldState(None, swarm, jnp.zeros((n, n), bool), zero, no, zero, zero, fault)
-        waits = jnp.zeros(n, bool) if takes_time(self.config) else None
-        return Episode(world, key, key, zero, swarm.balls, waits), jnp.ones((), bool)
+    def begin(self, key: Array) -> tuple[Episode, Float[Array, "N 3"]]:
+        """Return an episode that begins, and where its robots stand."""
+        start_key, key, next_key = jax.random.split(key, 3)
+        index = jax.random.randint(start_key, (), 0, len(self.poses))
+        poses, world = jax.tree.map(lambda a: a[index], (self.poses, self.worlds))
+        n_robots = len(poses)
+        return Episode(world, key, next_key, jnp.int32(0), jnp.zeros(n_robots, bool), jnp.zeros(n_robots)), poses
 
-    def prepare(self, data: Episode, done: Bool[Array, ""], action: Float[Array, "N A"]) -> Plan:
-        """Return what robots are to do, and how the next episode begins."""
+    def auto_reset(self, data: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "N 3"]]:
+        """Return the episode, or the next one if it is over, and where the robots of the next one stand."""
+        fresh, poses = self.begin(data.next_key)
+        return jax.tree.map(partial(jnp.where, is_new), fresh, data), poses
+
+    def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"]) -> Intent:
+        """Return what robots do; those of an episode that begins do nothing."""
         decoded = actions.decode(self.config, self.payload, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
-        step_key = jax.random.fold_in(unrolled(data.key), data.step)
-        command = executed(self.config, self.params.conditions, command, jax.random.fold_in(step_key, 5))
-        command, refused = limited(self.config, command)
-        swarm = data.world.swarm
-        acts = swarm.is_alive if data.waits is None else swarm.is_alive & ~data.waits
-        command = Command(*(jnp.where(acts, part, 0.0) for part in command))
-        refused = (refused | is_bad) & ~done
-        energy = swarm.energy
-        if energy is not None:
-            balls, conditions = (data.before, swarm.balls), self.params.conditions
-            energy = power.after(self.config, energy, command, balls, conditions, swarm.is_alive)
-        start_key, key, next_key = jax.random.split(data.next_key, 3)
-        index = jax.random.randint(start_key, (), 0, len(self.beginnings.poses))
-        poses, swarm = jax.tree.map(lambda a: a[index], self.beginnings)
-        return Plan(command, said, refused, ~done & ~refused.any(), energy, poses, swarm, key, next_key)
+        swarm, key = data.world.swarm, step_keys(data.key, data.step).stream(Stream.ACTUATORS)
+        conditions, charge = self.params.conditions, data.tool_voltage_squared
+        done = actuate(self.config, conditions, command, swarm, data.waits, charge, key)
+        is_refused = (done.is_refused | is_bad) & ~is_new
+        said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
+        energy = jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy)
+        emits = is_emitting(self.config, swarm.is_alive, energy)
+        return Intent(done.command, said, is_refused, ~is_new & ~is_refused.any(), emits, energy)
 
-    def talks(self, done: Bool[Array, "*B"], plan: Plan) -> Bool[Array, "*B N"]:
-        """Robots that light their LEDs after a step, or as the next episode begins."""
-        energy = plan.energy if plan.energy is None else jnp.where(done[..., None], plan.swarm.energy, plan.energy)
-        return power.talks(self.config, plan.swarm.is_alive, energy)
-
-    def finish(
+    def observe(
         self,
         data: Episode,
-        done: Bool[Array, ""],
-        plan: Plan,
+        is_new: Bool[Array, ""],
+        intent: Intent,
         motion: Motion,
         poses: Float[Array, "N 3"],
         sight: Sight,
@@ -135,48 +117,39 @@ class Core:
         """Return the state after a step, but for its bodies.
 
         Args:
-            data: before.
-            done: the episode was over, and a new one begins.
-            plan: of the step.
-            motion: of the robots, without bodies.
-            poses: after it, or at the beginning.
-            sight: what they then receive.
+            data: before the step.
+            is_new: an episode begins.
+            intent: of the robots.
+            motion: of the robots.
+            poses: after it.
+            sight: what robots then receive.
         """
-        choose = partial(jax.tree.map, lambda new, old: jnp.where(done, new, old))
-        swarm = choose(plan.swarm, data.world.swarm._replace(energy=plan.energy))
-        said = choose(actions.silence(self.payload, len(poses)), plan.said)
-        key, next_key = choose((plan.key, plan.next_key), (data.key, data.next_key))
-        step = jnp.where(done, 0, data.step + 1)
-        params = self.params._replace(key=key)
-        situation = Situation(poses, sight, step, jnp.ones((), bool))
-        seen = perceive(self.config, self.robot, params, swarm, situation, said, swarm.is_alive)
-        after = SwarmState(None, seen.things.balls, swarm.is_alive, seen.things.own, seen.energy, seen.starved)
-        progress = params.task.progress(seen.things)
-        decision = Decision(after, plan.command, plan.refused, seen.links, seen.spoken, progress)
-        ran = Situation(poses, sight, data.step, ~done)
-        zero, no = jnp.int32(0), jnp.zeros((), bool)
-        fault = Fault(zero, zero, zero)
-        fresh = WorldState(None, after, jnp.zeros_like(motion.touching), zero, no, zero, progress, fault)
-        went_on = account(params, data.world, decision, motion, plan.refused, ran)
-        world, waits = choose(fresh, went_on), seen.observation.waits
-        episode = Episode(world, key, next_key, step, swarm.balls, waits)
-        return self._state(episode, seen, swarm, params, done)
-
-    def _state(self, data: Episode, seen: Perceived, swarm: SwarmState, params: WorldParams, is_new: Array) -> State:
-        world, task = data.world, params.task
-        is_faulty, truncated = world.fault.bits != 0, data.step >= self.steps
-        reward = task.reward(swarm.things, seen.things, seen.around)
-        own = {name: jnp.asarray(value) for name, value in task.metrics(seen.things).items()}
+        ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
+        motion = motion._replace(bodies=None, touching=motion.touching & ran)
+        moved = after_motion(data.world, motion, intent.is_refused, data.step, ran)
+        step = data.step + ran.astype(jnp.int32)
+        params, keys = self.params._replace(key=data.key), step_keys(data.key, step)
+        inputs = StepInputs(poses, sight, step, jnp.ones((), bool))
+        seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, before.is_alive)
+        progress = params.task.progress(seen.swarm.task)
+        world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
+        waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
+        is_faulty = world.fault.bits != 0
+        reward = params.task.reward(before.task, seen.swarm.task, seen.inputs)
+        metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(
-            data=data,
+            data=Episode(world, data.key, data.next_key, step, waits, charge),
             obs=observations.encode(self.observations, self.payload, seen.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
-            done=world.is_finished | is_faulty | truncated,
-            metrics=own | {"progress": world.progress, "collisions": world.collisions},
+            done=world.is_finished | is_faulty | self._is_late(step),
+            metrics=metrics | {"progress": world.progress, "collisions": world.collisions},
             info={
-                "step": data.step,
+                "step": step,
                 "is_finished": world.is_finished,
-                "truncated": truncated & ~world.is_finished & ~is_faulty,
+                "truncated": self._is_late(step) & ~world.is_finished & ~is_faulty,
                 "fault": world.fault.bits,
             },
         )
+
+    def _is_late(self, step: Int[Array, ""]) -> Bool[Array, ""]:
+        return step >= self.steps

@@ -1,6 +1,5 @@
-"""Environments on compiled engines, as pure functions, and on engines of the host, many worlds at once."""
+"""Environments on engines of the host, many worlds at once, and on compiled engines, as pure functions."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, get_type_hints
 
@@ -8,20 +7,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.engines.base import CompiledEngine, Engine, Motion
-from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngine
 from iswarm_mj.envs import observations
 from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.core import Core
 from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
-from iswarm_mj.simulation.decide import alike
-from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.simulation.decide import pad_singleton_batch
 from iswarm_mj.utils.errors import UserError, shown
 
 
-class Env(ABC):
+class Env:
     """N robots of one world, or of B worlds at once, which act together.
+
+    On a compiled engine `reset` and `step` are pure functions, for `jax.jit`, and `jax.vmap` where `n_worlds` is None.
+    On an engine of the host they are not; what is not the engine's is compiled.
 
     Attributes:
         core: what does not depend on the engine.
@@ -29,10 +30,23 @@ class Env(ABC):
         n_worlds: B; None where `reset` and `step` are of one world, and `jax.vmap` maps them.
     """
 
-    def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None):
-        self.core, self.n_worlds = core, n_worlds
+    def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, on_host: bool):
+        """Compile nothing yet.
+
+        Args:
+            core: what does not depend on the engine.
+            engine: of these worlds.
+            n_worlds: see `Env.n_worlds`.
+            on_host: the engine computes on the host.
+        """
+        self.core, self.n_worlds, self.n_robots = core, n_worlds, core.poses.shape[1]
+        self._engine, self._on_host, self._latest = engine, on_host, None
         self._bodies = get_type_hints(engine.place)["return"]
-        self.n_robots = core.beginnings.poses.shape[1]
+        self._device = jax.local_devices(backend="cpu")[0] if on_host else None
+        stages = core.begin, core.auto_reset, core.act, core.observe
+        self._begin, self._auto_reset, self._act, self._observe = map(self._of_worlds, stages)
+        self._compiled_reset = self._reset if on_host else jax.jit(self._reset)
+        self._compiled_step = self._step if on_host else jax.jit(self._step)
 
     @property
     def observations(self) -> list[Row]:
@@ -71,15 +85,16 @@ class Env(ABC):
             )
         return observations.split(self.observations, obs)
 
-    @abstractmethod
     def reset(self, key: jax.Array) -> State:
         """Begin an episode.
 
         Args:
             key: random key, or one for each of B worlds.
         """
+        self._refuse_tracers("reset", key)
+        with jax.default_device(self._device):
+            return self._compiled_reset(jax.device_put(self._keys(key), self._device))
 
-    @abstractmethod
     def step(self, state: State, action: Any) -> State:
         """Take a control step; a world whose episode has ended begins a new one instead.
 
@@ -91,6 +106,60 @@ class Env(ABC):
         Raises:
             UserError: shape or type of the action do not fit, or the state is that of another environment.
         """
+        self._check(state)
+        self._refuse_tracers("step", action, state.done)
+        if isinstance(self._engine, StatefulEngine) and state.data.world.bodies is not self._latest:
+            raise UserError(
+                "MuJoCo in C keeps velocities to itself, so that the latest state alone can be stepped; "
+                "use PlanarSettings or MjxSettings to go back to others, or make another environment"
+            )
+        action = checked(action, (*self._axes, self.n_robots, self.action_size))
+        with jax.default_device(self._device):
+            return self._compiled_step(state, action)
+
+    def _reset(self, key: jax.Array) -> State:
+        data, poses = self._begin(key)
+        is_new, zero = jnp.ones(self._axes, bool), jnp.zeros(self._axes, jnp.int32)
+        bodies = self._engine.place(*self._given((poses, jnp.ones(poses.shape[:-1], bool))))
+        intent = self._act(data, is_new, jnp.zeros((*self._axes, self.n_robots, self.action_size)))
+        return self._seen(data, is_new, intent, Motion(bodies, data.world.touching, zero, zero))
+
+    def _step(self, state: State, action: jax.Array) -> State:
+        world, is_new = state.data.world, state.done
+        data, poses = self._auto_reset(state.data._replace(world=world._replace(bodies=None)), is_new)
+        intent = self._act(data, is_new, action)
+        phases = drive_phases(self.core.config.drive, self._given(intent.command))
+        motion = self._engine.move(world.bodies, phases, self._given(intent.is_running))
+        return self._seen(data, is_new, intent, motion._replace(bodies=self._placed(motion.bodies, is_new, poses)))
+
+    def _seen(self, data: Episode, is_new: Any, intent: Any, motion: Motion) -> State:
+        engine, bodies = self._engine, motion.bodies
+        sight = engine.sense(bodies, *self._given((intent.is_emitting, jnp.ones(self._axes, bool))))
+        poses = jnp.asarray(engine.poses(bodies), jnp.float32)
+        state = self._observe(data, is_new, intent, motion._replace(bodies=None), poses, sight)
+        self._latest = bodies
+        return state._replace(data=state.data._replace(world=state.data.world._replace(bodies=bodies)))
+
+    def _placed(self, bodies: Any, is_new: Any, poses: Any) -> Any:
+        """Bodies of which the robots of new episodes rest at their beginnings."""
+        is_new, poses = self._given((is_new, poses))
+        if self._on_host and not is_new.any():
+            return bodies
+        if isinstance(self._engine, StatefulEngine):
+            return self._engine.replace(bodies, np.flatnonzero(is_new), poses[is_new])
+        xp = np if self._on_host else jnp
+        placed = self._engine.place(poses, xp.ones(poses.shape[:-1], bool))
+        return jax.tree.map(lambda new, old: xp.where(_over(is_new, new), new, old), placed, bodies)
+
+    def _of_worlds(self, stage: Callable[..., Any]) -> Callable[..., Any]:
+        """A stage of all worlds that `reset` and `step` are of."""
+        if self._on_host:
+            return jax.jit(pad_singleton_batch(jax.vmap(stage)))
+        return stage if self.n_worlds is None else jax.vmap(stage)
+
+    def _given(self, values: Any) -> Any:
+        """Values as the engine takes them: NumPy arrays on the host."""
+        return jax.tree.map(np.asarray, values) if self._on_host else values
 
     @property
     def _axes(self) -> tuple[int, ...]:
@@ -116,136 +185,15 @@ class Env(ABC):
         if state.obs.shape != shape or not isinstance(state.data.world.bodies, self._bodies):
             raise UserError("step got a state of another environment; begin with a state of this one's reset")
 
-    def _action(self, action: Any) -> Any:
-        return checked(action, (*self._axes, self.n_robots, self.action_size))
-
-
-class CompiledEnv(Env):
-    """An environment of pure functions, for `jax.jit`, and `jax.vmap` where `n_worlds` is None."""
-
-    def __init__(self, core: Core, engine: CompiledEngine, n_worlds: int | None):
-        super().__init__(core, engine, n_worlds)
-        self._engine = engine
-        self._compiled_reset, self._compiled_step = jax.jit(self._reset), jax.jit(self._step)
-
-    def reset(self, key: jax.Array) -> State:
-        """See `Env.reset`."""
-        return self._compiled_reset(key)
-
-    def step(self, state: State, action: Any) -> State:
-        """See `Env.step`."""
-        self._check(state)
-        return self._compiled_step(state, action)
-
-    def _each(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        return function if self.n_worlds is None else jax.vmap(function)
-
-    def _reset(self, key: jax.Array) -> State:
-        data, done = self._each(self.core.ended)(self._keys(key))
-        present = jnp.ones((*self._axes, self.n_robots), bool)
-        bodies = self._engine.place(jnp.zeros((*present.shape, 3), jnp.float32), present)
-        action = jnp.zeros((*self._axes, self.n_robots, self.action_size))
-        return self._advance(data._replace(world=data.world._replace(bodies=bodies)), done, action, moves=False)
-
-    def _step(self, state: State, action: Any) -> State:
-        return self._advance(state.data, state.done, jnp.asarray(self._action(action)), moves=True)
-
-    def _advance(self, data: Episode, done: jax.Array, action: jax.Array, moves: bool) -> State:
-        engine, bodies = self._engine, data.world.bodies
-        data = data._replace(world=data.world._replace(bodies=None))
-        plan = self._each(self.core.prepare)(data, done, action)
-        if moves:
-            motion = engine.move(bodies, drive_phases(self.core.config.drive, plan.command), plan.is_running)
-        else:
-            motion = Motion(bodies, data.world.touching, data.step, data.step)
-        placed = engine.place(plan.poses, jnp.ones(plan.poses.shape[:-1], bool))
-        bodies = jax.tree.map(lambda new, old: jnp.where(_over(done, new), new, old), placed, motion.bodies)
-        sight = engine.sense(bodies, self.core.talks(done, plan), jnp.ones_like(done))
-        motion = motion._replace(bodies=None)
-        state = self._each(self.core.finish)(data, done, plan, motion, engine.poses(bodies), sight)
-        return state._replace(data=state.data._replace(world=state.data.world._replace(bodies=bodies)))
-
-
-class HostEnv(Env):
-    """An environment of B worlds on an engine of the host, whose other computations are compiled.
-
-    MuJoCo in C keeps velocities to itself, so that with it the latest state alone can be stepped.
-    """
-
-    def __init__(self, core: Core, engine: Engine, n_worlds: int):
-        super().__init__(core, engine, n_worlds)
-        self._engine, self._cpu = engine, jax.local_devices(backend="cpu")[0]
-        self._ended, self._prepare, self._finish = (
-            jax.jit(alike(jax.vmap(function))) for function in (core.ended, core.prepare, core.finish)
-        )
-        self._latest: Any = None
-
-    def reset(self, key: jax.Array) -> State:
-        """See `Env.reset`."""
-        _refuse_tracers("reset", key)
-        with jax.default_device(self._cpu):
-            data, done = self._ended(jax.device_put(self._keys(key), self._cpu))
-            action = np.zeros((*self._axes, self.n_robots, self.action_size), np.float32)
-            plan = self._prepare(data, done, action)
-            present = np.ones((*self._axes, self.n_robots), bool)
-            bodies = self._engine.place(np.asarray(plan.poses, float), present)
-            zero = np.zeros(self._axes, np.int32)
-            return self._perceive(data, done, plan, Motion(bodies, np.asarray(data.world.touching), zero, zero))
-
-    def step(self, state: State, action: Any) -> State:
-        """See `Env.step`."""
-        self._check(state)
-        _refuse_tracers("step", action, state.done)
-        given = self._action(action)
-        bodies, world = state.data.world.bodies, state.data.world
-        if isinstance(self._engine, MujocoEngine) and bodies is not self._latest:
+    def _refuse_tracers(self, name: str, *values: Any) -> None:
+        """Refuse values inside of `jax.jit` and `jax.vmap`, which an engine of the host cannot compute with."""
+        if self._on_host and any(isinstance(value, jax.core.Tracer) for value in values):
             raise UserError(
-                "MuJoCo in C keeps velocities to itself, so that the latest state alone can be stepped; "
-                "use PlanarSettings or MjxSettings to go back to others, or make another environment"
+                f"this environment's engine computes on the host, outside of programs of JAX; call {name} without "
+                "jax.jit and jax.vmap, or make the environment with MjxSettings() or PlanarSettings(impl='warp')"
             )
-        with jax.default_device(self._cpu):
-            data = state.data._replace(world=world._replace(bodies=None))
-            plan = self._prepare(data, state.done, given)
-            command = jax.tree.map(np.asarray, plan.command)
-            phases = drive_phases(self.core.config.drive, command)
-            motion = self._engine.move(bodies, phases, np.asarray(plan.is_running))
-            ended = np.flatnonzero(np.asarray(state.done))
-            if len(ended):
-                poses = np.asarray(plan.poses, float)[ended]
-                motion = motion._replace(bodies=self._replaced(motion.bodies, ended, poses))
-            return self._perceive(data, state.done, plan, motion)
-
-    def _perceive(self, data: Episode, done: jax.Array, plan: Any, motion: Motion) -> State:
-        bodies, engine = motion.bodies, self._engine
-        sight = engine.sense(bodies, np.asarray(self.core.talks(done, plan)), np.ones(self._axes, bool))
-        poses = engine.poses(bodies).astype(np.float32)
-        state = self._finish(data, done, plan, motion._replace(bodies=None), poses, sight)
-        self._latest = bodies
-        return state._replace(data=state.data._replace(world=state.data.world._replace(bodies=bodies)))
-
-    def _replaced(self, bodies: Any, worlds: np.ndarray, poses: np.ndarray) -> Any:
-        """Bodies of which the robots of some worlds rest elsewhere."""
-        if isinstance(self._engine, MujocoEngine):
-            return self._engine.replace(bodies, worlds, poses)
-        placed = self._engine.place(poses, np.ones(poses.shape[:-1], bool))
-
-        def put(new: np.ndarray, old: np.ndarray) -> np.ndarray:
-            old = old.copy()
-            old[worlds] = new
-            return old
-
-        return jax.tree.map(put, placed, bodies)
 
 
-def _refuse_tracers(name: str, *values: Any) -> None:
-    """Refuse values inside of `jax.jit` and `jax.vmap`, which an engine of the host cannot compute with."""
-    if any(isinstance(value, jax.core.Tracer) for value in values):
-        raise UserError(
-            f"this environment's engine computes on the host, outside of programs of JAX; call {name} without jax.jit "
-            "and jax.vmap, or make the environment with MjxSettings() or PlanarSettings(impl='warp')"
-        )
-
-
-def _over(flags: jax.Array, values: jax.Array) -> jax.Array:
+def _over(flags: Any, values: Any) -> Any:
     """Flags (*B,) with axes for those that values (*B, ...) have beyond."""
     return flags.reshape(flags.shape + (1,) * (values.ndim - flags.ndim))

@@ -10,7 +10,6 @@ from jaxtyping import Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.fields import Bearing, Field, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.decide import takes_time
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
@@ -49,8 +48,6 @@ def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, 
     s, reach = len(robot.sides), config.strategy.dust_range
     heard = [row for name, field in payload.fields for row in _heard(name, field, s)]
     own = [Row(name, n, q.unit, q.low, q.high, q.description) for name, (q, n) in senses.items()]
-    waits = [Row("waits", 1, "", 0, 1, "the robot stays where it is in this step, whatever its action")]
-    waits = waits if takes_time(config) else []
     return [
         Row("is_heard", s, "", 0, 1, "a message arrived on this side, and its check is right"),
         Row("bearing", s, "rad", -math.pi, math.pi, "of its sender, as measured, from the robot's front anticlockwise"),
@@ -63,7 +60,7 @@ def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, 
         Row("on_dump", 1, "", 0, 1, "the robot is on the dump"),
         Row("is_loaded", 1, "", 0, 1, "the robot holds a ball"),
         Row("grasp_failed", 1, "", 0, 1, "the robot has just tried to lift a ball, which stayed on the floor"),
-        *waits,
+        Row("waits", 1, "", 0, 1, "the robot stays where it is in this step, whatever its action"),
         *own,
     ]
 
@@ -96,7 +93,7 @@ def encode(table: list[Row], payload: Payload, seen: Observation) -> Float[Array
         seen.on_dump,
         seen.is_loaded,
         seen.grasp_failed,
-        *([] if seen.waits is None else [seen.waits]),
+        seen.waits,
         *(seen.sensed[row.name] for row in table if row.name in seen.sensed),
     ]
     numbers = jnp.concatenate([jnp.reshape(part, (n, -1)).astype(jnp.float32) for part in parts], axis=1)

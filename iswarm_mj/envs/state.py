@@ -18,10 +18,10 @@ class Episode(NamedTuple):
     """That begins the next episode."""
     step: Int[Array, "*B"]
     """Control steps taken."""
-    before: Any
-    """The balls as robots found them in this step."""
-    waits: Any
-    """The robot stays where it is (*B, N), see `Observation.waits`; None where robots never wait."""
+    waits: Bool[Array, "*B N"]
+    """The robot stays where it is in the next step, see `Observation.waits`."""
+    tool_voltage_squared: Float[Array, "*B N"]
+    """See `tasks.protocol.Sensed` [V^2]."""
 
 
 class State(NamedTuple):
@@ -35,7 +35,7 @@ class State(NamedTuple):
     done: Bool[Array, "*B"]
     """The episode has ended: the goal is reached, the time is up, or something went wrong. The next `step` begins a new
     one, whatever the action."""
-    metrics: dict[str, Any]
+    metrics: dict[str, Array]
     """Those of the task; `progress` of it; `collisions` so far."""
     info: dict[str, Any]
     """`step` of the episode; `is_finished`, the goal is reached; `truncated`, the time is up; `fault`, bits of

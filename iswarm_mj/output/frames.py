@@ -15,8 +15,9 @@ from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC, Frames, Scene
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.recorded import array_name, part_of
-from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.grasping import ball_centres
+from iswarm_mj.tasks.layout import no_balls
+from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
@@ -34,7 +35,8 @@ def scene_of(
     number: int,
     recorded: Mapping[str, str] | None = None,
     payload: Payload | None = None,
-    task: Task = CLEANING,
+    *,
+    task: Task,
 ) -> Scene:
     """What does not change in one world of a run.
 
@@ -58,20 +60,15 @@ def scene_of(
                 f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
             )
 
-    def square(x: float, edge: float) -> list[float]:
-        return [x - edge / 2, -edge / 2, x + edge / 2, edge / 2]
-
-    dump = np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER
-    dust = np.array([square(x * arena.dust_area_offset, arena.dust_area_size) for x in (-1, 1)]) * ROBOT_DIAMETER
     areas, metrics = looks(task), quantities(task)
-    if not isinstance(task, Cleaning):
-        things = jax.tree.map(lambda a: a[0, world], start.swarm.things)
-        found = fixed_areas(task, config, things)
-        dump, dust = found.get("dump", np.zeros((1, 4)))[0], found.get("dust_areas", np.zeros((0, 4)))
+    state = jax.tree.map(lambda a: a[0, world], start.swarm.task)
+    found = fixed_areas(task, config, state)
+    dump, dust = found.get("dump", np.zeros((1, 4)))[0], found.get("dust_areas", np.zeros((0, 4)))
+    balls = balls_of(task, state)
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
         is_scout=_scouts(memory, start.poses.shape[:3])[0, world],
-        ball_radius=start.swarm.balls.radius[0, world],
+        ball_radius=np.zeros(0, np.float32) if balls is None else balls.radius,
         arena_size=arena.size * ROBOT_DIAMETER,
         dump=dump,
         dust_areas=dust,
@@ -98,6 +95,9 @@ def frames_of(
     world: int,
     recorded: Mapping[str, str] | None = None,
     watched: Watch | None = None,
+    *,
+    task: Task,
+    robot: Robot,
 ) -> Frames:
     """Frames of one world.
 
@@ -106,22 +106,22 @@ def frames_of(
         world: which of the W worlds.
         recorded: as for `scene_of`.
         watched: what the task adds, see `task_arrays.watch`.
+        task: of the run.
+        robot: its geometry.
     """
     record: StepRecord = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
-    balls = record.swarm.balls
-    n_steps, n_robots = record.poses.shape[:2]
-    is_loaded = np.zeros((n_steps, n_robots), bool)
-    step, ball = np.nonzero(balls.is_held)
-    is_loaded[step, balls.holder[step, ball]] = True
+    balls = balls_of(task, record.swarm.task)
+    if balls is None:
+        balls = jax.tree.map(lambda a: np.zeros((len(record.poses), *a.shape), a.dtype), no_balls())
     values = {
         "step": record.step,
         "is_running": record.is_running,
         "pose": record.poses.astype(np.float32),
-        "is_loaded": is_loaded,
+        "is_loaded": record.swarm.is_loaded,
         "has_priority": record.has_priority,
         "message": record.message,
         "command": np.stack([record.command.turn, record.command.forward], axis=-1),
-        "ball_position": record.balls.astype(np.float32),
+        "ball_position": ball_centres(balls, record.poses, robot).astype(np.float32),
         "ball_state": np.where(balls.is_held, HELD, np.where(balls.is_delivered, DELIVERED, LYING)),
         "ball_holder": balls.holder,
         "link_sender": record.links.sender,
@@ -140,7 +140,7 @@ def frames_of(
         for name, unit in (recorded or {}).items()
     }
     own = {f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames) if f.name in ARRAYS}
-    return Frames(**own, memory=memory, task={} if watched is None else watched(record.swarm.things))
+    return Frames(**own, memory=memory, task={} if watched is None else watched(record.swarm.task))
 
 
 def _scouts(memory: Any, shape: tuple[int, ...]) -> np.ndarray:

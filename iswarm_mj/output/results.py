@@ -12,10 +12,10 @@ import numpy as np
 from iswarm_mj import __version__
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
-from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.tasks.cleaning import Cleaning
+from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 
 
@@ -70,11 +70,11 @@ def result(
         steps: control steps taken.
         wall_s: how long it took.
     """
-    is_cleaning = isinstance(run.task, Cleaning)
-    n_dust = run.config.arena.n_dust
-    scores = [fitness(m, settings.n_robots, n_dust, settings.steps) for m in measures] if is_cleaning else []
-    counts = Measures._fields if is_cleaning else ("collisions", "finished_at")
-
+    task, counts, scored = run.task, ("collisions", "finished_at"), {}
+    if isinstance(task, ScoredTask):
+        scores = [task.fitness(m, run.config, settings.n_robots, settings.steps) for m in measures]
+        counts = Measures._fields
+        scored = {"n_dust": run.config.arena.n_dust, "fitness": scores[0] if settings.n_worlds == 1 else scores}
     units = {name: of.unit for name, of in getattr(run.task, "measured", {}).items() if of.unit}
 
     def each(values: list[Any]) -> Any:
@@ -84,12 +84,11 @@ def result(
         "seed": settings.seed,
         "n_worlds": settings.n_worlds,
         "n_robots": settings.n_robots,
-        **({"n_dust": n_dust} if is_cleaning else {}),
         "max_steps": settings.steps,
         "stop_at": run.goal,
         "steps": steps,
         **{name: each([getattr(m, name) for m in measures]) for name in counts},
-        **({"fitness": each(scores)} if is_cleaning else {}),
+        **scored,
         "metrics": {name: each(list(map(_number, values))) for name, values in metrics.items()},
         **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),

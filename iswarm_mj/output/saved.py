@@ -12,14 +12,14 @@ import numpy as np
 import pyarrow as pa
 
 from iswarm_mj.config import N_LEDS, SwarmConfig
+from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.output.reading import REMEDY, no_trajectory, read_about, read_result, read_trajectory
 from iswarm_mj.output.said import payload_of, stored
 from iswarm_mj.output.tables import TABLES, missing, table_of
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
-from iswarm_mj.simulation.metrics import Measures
-from iswarm_mj.simulation.settings import IDENTITY, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.serialization import restored
@@ -153,7 +153,7 @@ def load(path: str | Path) -> SavedRun:
         genome = restored(Genome, about["genome"]) if strategy is None else None
         worlds = _by_number(read)
         settings = _settings(about, tuple(worlds))
-        task = dict(about.get("task", {"class": type(CLEANING).__name__}))
+        task = dict(about["task"])
         measures = _measures(about, settings.n_worlds)
         metrics = _metrics(about, settings.n_worlds)
         scenes = {number: _scene(arrays, number, config) for number, arrays in worlds.items()}

@@ -1,13 +1,14 @@
 """What a task wants seen of each step: its areas on the floor, its metrics. Cleaning's are those of `Frames` itself."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC
-from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, Things
+from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task
 from iswarm_mj.utils.units import MM
 
 FIXED = ("dump", "dust_areas")
@@ -15,8 +16,8 @@ FIXED = ("dump", "dust_areas")
 _BLOCK = 64
 """Steps of a program, which is compiled for as many."""
 
-Watch = Callable[[Things], dict[str, np.ndarray]]
-"""From the things of T steps to arrays (T, ...) by their names in a trajectory, areas in m."""
+Watch = Callable[[Any], dict[str, np.ndarray]]
+"""From the states of a task in T steps to arrays (T, ...) by their names in a trajectory, areas in m."""
 
 
 def looks(task: Task) -> dict[str, Look]:
@@ -35,26 +36,26 @@ def watch(task: Task, config: SwarmConfig) -> Watch:
 
     @jax.jit
     @jax.vmap
-    def read(things: Things) -> dict[str, jax.Array]:
-        shapes = task.areas(config, things) if areas and isinstance(task, DrawnTask) else {}
-        numbers = task.metrics(things) if metrics else {}
+    def read(state: Any) -> dict[str, jax.Array]:
+        shapes = task.areas(config, state) if areas and isinstance(task, DrawnTask) else {}
+        numbers = task.metrics(state) if metrics else {}
         return {AREA + name: shapes[name] * MM for name in areas} | {METRIC + name: numbers[name] for name in metrics}
 
-    def of_steps(things: Things) -> dict[str, np.ndarray]:
+    def of_steps(state: Any) -> dict[str, np.ndarray]:
         if not areas and not metrics:
             return {}
-        n_steps = len(jax.tree.leaves(things)[0])
+        n_steps = len(jax.tree.leaves(state)[0])
         rows = np.minimum(np.arange(-(-n_steps // _BLOCK) * _BLOCK), n_steps - 1).reshape(-1, _BLOCK)
-        parts = [read(jax.tree.map(lambda a, block=block: np.asarray(a)[block], things)) for block in rows]
+        parts = [read(jax.tree.map(lambda a, block=block: np.asarray(a)[block], state)) for block in rows]
         return {name: np.concatenate([part[name] for part in parts])[:n_steps] for name in parts[0]}
 
     return of_steps
 
 
-def fixed_areas(task: Task, config: SwarmConfig, things: Things) -> dict[str, np.ndarray]:
+def fixed_areas(task: Task, config: SwarmConfig, state: Any) -> dict[str, np.ndarray]:
     """Rectangles (A, 4) x_min, y_min, x_max, y_max [m] of the dump and of dust areas; none where a task has none."""
     if not isinstance(task, DrawnTask) or not any(name in task.drawn for name in FIXED):
         return {}
-    found = task.areas(config, things)
+    found = task.areas(config, state)
     shapes = {name: np.asarray(found[name], float) * MM for name in FIXED if name in found}
     return {name: np.hstack([a[:, :2] - a[:, 2:], a[:, :2] + a[:, 2:]]) for name, a in shapes.items()}

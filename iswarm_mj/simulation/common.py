@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.rules import ELSEWHERE
+from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import Obstacle
 
@@ -53,6 +54,23 @@ def common(config: SwarmConfig) -> Common:
         if part != "arena"
     }
     return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.size, config.arena.n_dust, config.arena.obstacles)
+
+
+def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfig:
+    """Return the configuration that control steps are compiled for.
+
+    Where the task allows it, what may differ between worlds of one run and the arena have their defaults, so that runs
+    of different settings share a program.
+
+    Args:
+        config: of the run.
+        task: see `tasks.protocol.Task`.
+        on_host: the engine computes on the host, where the bench is that of MuJoCo in C unless it is chosen.
+    """
+    config = common(config).config if getattr(task, "shares_program", False) else config
+    if config.gripper.bench != "auto":
+        return config
+    return replace(config, gripper=replace(config.gripper, bench="c" if on_host else "mjx"))
 
 
 def check_common(config: SwarmConfig, other: SwarmConfig) -> None:

@@ -12,10 +12,12 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine
-from iswarm_mj.simulation.decide import Situation, decide, decide_worlds
+from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.simulation.decide import decide, decide_worlds
 from iswarm_mj.simulation.loop import Counts
+from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
-from iswarm_mj.simulation.step import Stepper, control_step, drive_phases, limited
+from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.jax_setup import without_shardy
 
 _WORLDS = "worlds"  # the axis of the mesh of devices
@@ -109,9 +111,9 @@ class CompiledLoop:
         """See `Loop.counts`."""
         s = self._state
         found = Counts(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
-        things = s.swarm.things
-        things = things if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], things)
-        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(things=things)
+        task = s.swarm.task
+        task = task if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], task)
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(task=task)
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
@@ -126,16 +128,16 @@ class CompiledLoop:
         alive = state.swarm.is_alive
         sight = sense(state.bodies, alive, running)
         policy = partial(decide_worlds, config, engine.robot)
-        situation = Situation(state.bodies.poses, sight, jnp.int32(7), running)
-        command = policy(params, state.swarm, situation).command
+        begin = StepInputs(state.bodies.poses, sight, jnp.int32(7), running)
+        command = policy(params, state.swarm, begin).command
 
         def move(bodies, command, running):
-            return engine.move(bodies, drive_phases(config.drive, limited(config, command)[0]), running)
+            return engine.move(bodies, drive_phases(config.drive, command), running)
 
         physics = jax.jit(move if is_batched else jax.vmap(move))
         return {
             "sense": _median(sense, state.bodies, alive, running),
-            "policy": _median(policy, params, state.swarm, situation),
+            "policy": _median(policy, params, state.swarm, begin),
             "physics": _median(physics, state.bodies, command, running),
         }
 

@@ -22,8 +22,8 @@ Tree = TypeVar("Tree")
 class Counts(NamedTuple):
     """What a run looks at after each call, as NumPy arrays of B worlds."""
 
-    things: Any
-    """What the task is about, `Things`; arrays of JAX where they need not leave a device until someone looks."""
+    task: Any
+    """State of the task; arrays of JAX where they need not leave a device until someone looks."""
     progress: np.ndarray
     """Of the task."""
     collisions: np.ndarray
@@ -168,4 +168,4 @@ def _joined(parts: Sequence[Tree]) -> Tree:
 
 
 def _counts(s: WorldState) -> Counts:
-    return Counts(s.swarm.things, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
+    return Counts(s.swarm.task, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)

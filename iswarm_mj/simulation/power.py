@@ -1,13 +1,9 @@
 """What robots draw from their capacitors, and what light puts in."""
 
-from typing import Any
-
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.energy import EnergyConfig
@@ -30,7 +26,9 @@ def can_act(config: SwarmConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
     return energy >= config.energy.of_step(config.drive.control_period)
 
 
-def talks(config: SwarmConfig, is_alive: Bool[Array, "*B N"], energy: Any) -> Bool[Array, "*B N"]:
+def is_emitting(
+    config: SwarmConfig, is_alive: Bool[Array, "*B N"], energy: Float[Array, "*B N"] | None
+) -> Bool[Array, "*B N"]:
     """Robots that light their LEDs in a control step: all that live and do not wait for energy.
 
     Args:
@@ -45,33 +43,22 @@ def after(
     config: SwarmConfig,
     energy: Float[Array, "N"],
     command: Command,
-    balls: tuple[Balls, Balls],
-    conditions: Conditions,
+    tool_voltage_squared: Float[Array, "N"],
     is_alive: Bool[Array, "N"],
 ) -> Float[Array, "N"]:
     """Energies of N robots after a control step: without motion, messages, and a tool's charge C V^2 in each attempt.
-
-    V is the voltage of the attempt, or what the capacitor has if that is less.
 
     Args:
         config: costs, and the greatest motion in a control step.
         energy: with what light put in [J].
         command: motion.
-        balls: before and after the step; their counts tell of attempts.
-        conditions: voltages of grasp and release.
+        tool_voltage_squared: sum of V^2 over the attempts of each robot [V^2].
         is_alive: the others draw nothing; nor do those that wait for energy, while robots that work send messages.
     """
-    costs, drive, (before, now) = config.energy, config.drive, balls
+    costs, drive = config.energy, config.drive
     turned = jnp.abs(command.turn) / jnp.deg2rad(drive.max_turn) * drive.turn_substeps
     walked = jnp.abs(command.forward) / mm_from_rd(config.step_length) * drive.walk_substeps
     moving = (turned + walked) * drive.timestep * costs.walking_power
-    left, lifts, releases = (
-        voltage(costs, energy)[now.worker],
-        now.attempts - before.attempts,
-        now.releases - before.releases,
-    )
-    squares = lifts * jnp.minimum(conditions.grasp_voltage, left) ** 2
-    squares += releases * jnp.minimum(conditions.release_voltage, left) ** 2
-    tools = jnp.zeros_like(energy).at[now.worker].add(squares) * costs.tool_capacitance
+    tools = tool_voltage_squared * costs.tool_capacitance
     messages = jnp.where(is_alive & can_act(config, energy), costs.message_energy, 0.0)
     return jnp.maximum(energy - moving - messages - tools, 0.0)

@@ -3,23 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.faults import decode, summary
-from iswarm_mj.simulation.metrics import Measures, measure
-from iswarm_mj.simulation.room import check_room
-from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, MujocoSettings, PlanarSettings, RunSettings
-from iswarm_mj.simulation.start import Plan, start_loop
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.setup import set_up
+from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, stated
-from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of, metrics_of
-from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
+from iswarm_mj.simulation.tasks import metrics_of
+from iswarm_mj.simulation.worlds import World, vector_strategies, worlds_of_seed
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.payloads import payload_of
 from iswarm_mj.strategy.protocol import Strategy
@@ -27,12 +26,11 @@ from iswarm_mj.strategy.recorded import declared
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
-from iswarm_mj.tasks.protocol import Task, Things
-from iswarm_mj.tasks.signatures import check_object
+from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.tasks.measures import Measures, measure
+from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
-from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -74,7 +72,7 @@ class Run:
         worlds: Sequence[World] | None = None,
         strategy: Strategy | Genome | Any = None,
         strategy_per_world: bool = False,
-        task: Task | Any = CLEANING,
+        task: Task | Any = None,
         robot_file: Path | str | None = None,
     ):
         """Prepare the worlds.
@@ -95,8 +93,6 @@ class Run:
         Raises:
             UserError: robots, worlds or settings that do not fit.
         """
-        configure_jax()
-        check_kind("config", config, SwarmConfig)
         if strategy is None and (hasattr(genome, "act") or hasattr(genome, "for_world")):
             genome, strategy = None, genome
         if isinstance(strategy, Genome):
@@ -105,50 +101,31 @@ class Run:
             genome, strategy = strategy, None
         genome = PRESETS["type1"] if genome is None else genome
         check_kind("genome", genome, Genome)
-        check_kind("robot_file", robot_file, (Path, str, NoneType))
-        robot_file = None if robot_file is None else Path(robot_file)
-        self.robot = read_robot(robot_file)
+        check_kind("config", config, SwarmConfig)
         if settings is None:
             density = genome.density_of_robots
             settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
         check_kind("settings", settings, RunSettings)
-        self.config, self.genome, self.settings = config, genome, settings
-        self.engine = MujocoSettings() if engine is None else engine
-        check_kind("engine", self.engine, (MujocoSettings, PlanarSettings, MjxSettings))
-        check_room(self.engine, settings.n_worlds, settings.capacity or settings.n_robots)
-        if worlds is not None:
-            are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
-            check("worlds", type(worlds).__name__, "a list of World", are_worlds)
-        self.worlds = worlds_of_seed(genome, settings) if worlds is None else list(worlds)
-        n_worlds = len(self.worlds)
+        worlds = worlds_of_seed(genome, settings) if worlds is None else worlds
+        engine, task = MujocoSettings() if engine is None else engine, CLEANING if task is None else task
+        setup = set_up(config, settings, engine, task, worlds, robot_file)
+        n_worlds = len(setup.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
-        largest = max(world.n_robots for world in self.worlds)
-        check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
-        check_object(task)
-        self.task, self.goal = task, goal_of(task, config, settings)
-        self.robot_file = None if robot_file is None else robot_file.absolute()
-        check_robots(config.arena, largest, cell_of(self.robot))
-        slots, n_leds = config.optics.slots, len(self.robot.sides)
-        is_long = not config.optics.baud_rate or slots >= n_leds
-        check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
-        self.starts = starts_of(config, self.worlds, cell_of(self.robot), task)
-        capacity = settings.capacity or largest
-        job = job_of(task, config, self.robot, self.starts, capacity)
-        self._task = job.task
-        self.strategy, own = strategy, None
-        if strategy is not None:
-            own = of_all_worlds(strategy, config, self.robot, self.worlds, is_per_world=strategy_per_world)
-            check_strategies(own, capacity, n_leds, job.sensed)
-        self.recorded = declared(VectorStrategy if own is None else own)
-        self.payload = (
-            payload_for(mm_from_rd(config.strategy.message_range), n_leds) if own is None else payload_of(own)
-        )
+        self.config, self.genome, self.settings, self.engine = config, genome, settings, setup.engine
+        self.worlds, self.starts, self.task, self.goal = list(worlds), setup.starts, setup.task, setup.goal
+        self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
+        self.strategy, n_leds = strategy, len(setup.robot.sides)
+        if strategy is None:
+            own = vector_strategies(config, setup.robot, worlds)
+            self.recorded = declared(VectorStrategy)
+            self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
+        else:
+            own = of_all_worlds(strategy, config, setup.robot, worlds, is_per_world=strategy_per_world)
+            check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
+            self.recorded, self.payload = declared(own), payload_of(own)
         self.watch = Stopwatch()
-        goal = ENDLESS if self.goal is None else self.goal
-        plan = Plan(config, settings, self.engine, self.worlds, self.starts, own, robot_file, goal, job.task)
-        device = jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
-        with jax.default_device(device):  # engines on the host leave GPUs alone
-            self._loop, self.start = start_loop(plan, self.watch)
+        with jax.default_device(setup.device):
+            self._loop, self.start = start_loop(setup, own, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
         self._counts = self._loop.counts()
@@ -218,11 +195,12 @@ class Run:
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
     @property
-    def _things(self) -> Things:
-        """What the task is about so far; it leaves a device when it is asked for."""
-        if not isinstance(self._counts.things.balls.is_held, np.ndarray):
-            self._counts = self._counts._replace(things=jax.tree.map(np.asarray, self._counts.things))
-        return self._counts.things
+    def task_state(self) -> Any:
+        """State of the task in all worlds, as NumPy arrays with a first axis of B worlds."""
+        leaves = jax.tree.leaves(self._counts.task)
+        if not all(isinstance(leaf, np.ndarray) for leaf in leaves):  # they leave a device when they are asked for
+            self._counts = self._counts._replace(task=jax.tree.map(np.asarray, self._counts.task))
+        return self._counts.task
 
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
@@ -234,17 +212,13 @@ class Run:
         """Return parameters and state of all worlds."""
         return self._loop.worlds()
 
-    def delivered(self) -> np.ndarray:
-        """Return the number of balls delivered in each world (B,)."""
-        return self._things.balls.is_delivered.sum(axis=1)
-
     def progress(self) -> np.ndarray:
         """Return the progress of the task in each world (B,)."""
         return self._counts.progress
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""
-        return metrics_of(self._task, self._things)
+        return metrics_of(self._job.task, self.task_state)
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far.
@@ -257,7 +231,7 @@ class Run:
         counts = self._counts
         finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
         starved = 0 if counts.starved is None else int(np.asarray(counts.starved)[world].sum())
-        return measure(self._things.balls, world, int(counts.collisions[world]), finished_at, starved)
+        return measure(balls_of(self.task, self.task_state), world, int(counts.collisions[world]), finished_at, starved)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

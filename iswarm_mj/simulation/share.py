@@ -10,7 +10,8 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
-from iswarm_mj.simulation.decide import Decision, Situation, decide_alike
+from iswarm_mj.simulation.decide import Decision, decide_invariant
+from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.arrays import Array
@@ -57,10 +58,10 @@ class Share:
         self.state, record = control_step(stepper, params, self.state, np.int32(step), np.int32(last))
         return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], record)
 
-    def _decide(self, params: WorldParams, swarm: SwarmState, situation: Situation) -> Decision:
+    def _decide(self, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
         with self._watch("policy"):
-            situation = situation._replace(poses=situation.poses.astype(np.float32))
-            decision = decide_alike(self._config, self.engine.robot, self.params, swarm, situation)
+            begin = begin._replace(poses=begin.poses.astype(np.float32))
+            decision = decide_invariant(self._config, self.engine.robot, self.params, swarm, begin)
             needed = jax.tree.map(np.asarray, decision._replace(swarm=None, spoken=None))
             return needed._replace(swarm=decision.swarm, spoken=decision.spoken)
 

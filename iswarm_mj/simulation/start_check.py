@@ -1,52 +1,80 @@
-"""Starts that users make: whether a world can begin so."""
+"""Starts of worlds: whether a world can begin so."""
 
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from scipy.spatial import cKDTree
 
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.simulation.initial import Start
 from iswarm_mj.utils.constraints import check, check_kind
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.obstacles import corners, numbers, overlap
+from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.units import RD, mm_from_rd
 
 _KINDS = {"f": ("fiu", "numbers"), "i": ("iu", "whole numbers"), "b": ("b", "truth values")}
+_TOLERANCE = 1e-3
+"""Robots that overlap by less only touch [mm]."""
 
 
-def check_start(start: Start, n_robots: int, arena: ArenaConfig, n_balls: int | None) -> None:
-    """Raise a ConfigError unless a start has the shapes of its world, and can be.
-
-    Robots may overlap; contacts part them.
+def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robot, arena: ArenaConfig) -> None:
+    """Raise a ConfigError if a robot stands beyond a wall, in an obstacle or in another robot.
 
     Args:
-        start: of one world.
-        n_robots: in it.
-        arena: with its walls.
-        n_balls: that there must be; None for any number.
+        name: of the poses, for the message.
+        poses: x, y [mm] and yaw [rad].
+        robot: its hull.
+        arena: walls and obstacles.
     """
-    check_kind("start", start, Start)
-    check_kind("start.balls", start.balls, Balls)
-    poses = _array("start.poses", start.poses, (n_robots, 3), "f")
-    _array("start.is_alive", start.is_alive, (n_robots,), "b")
-    n_balls = len(np.atleast_1d(start.balls.radius)) if n_balls is None else n_balls
-    balls = {
-        name: _array(f"start.balls.{name}", getattr(start.balls, name), (n_balls, *shape), kind)
-        for name, shape, kind in _of_balls()
+    edge, (a, b, _) = mm_from_rd(arena.size) / 2, np.array(robot.half_edges) - _TOLERANCE / 2
+    yaw, size = poses[:, 2], np.broadcast_to((a, b), (len(poses), 2))
+    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), size])
+    beyond = np.abs(corners(hulls)).max(axis=(1, 2)) > edge
+    _refuse(name, poses, beyond, f"such that robots stand within the walls, {edge:g} mm from the middle")
+    for box in numbers(arena.obstacles, RD):
+        inside = overlap(hulls, np.broadcast_to(box, hulls.shape))
+        _refuse(name, poses, inside, "such that no robot stands in an obstacle")
+    pairs = cKDTree(poses[:, :2]).query_pairs(2 * robot.circumradius, output_type="ndarray")
+    first, second = pairs[overlap(hulls[pairs[:, 0]], hulls[pairs[:, 1]])][:1].T
+    found = f"robots {first} and {second} at {poses[[*first, *second], :2].round(3).tolist()} mm"
+    check(name, found, "such that no robots overlap", not len(first))
+
+
+def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
+    """Raise a ConfigError unless balls that a user places have the shapes of one world, and can be.
+
+    Args:
+        balls: of one world.
+        n_robots: that may hold them.
+        arena: with its walls.
+    """
+    name = "start.task"
+    check_kind(name, balls, Balls)
+    n_balls = len(np.atleast_1d(balls.radius))
+    own = {
+        part: check_array(f"{name}.{part}", getattr(balls, part), (n_balls, *shape), kind)
+        for part, shape, kind in _of_balls()
     }
     edge = mm_from_rd(arena.size) / 2
-    for name, places in (("start.poses", poses[:, :2]), ("start.balls.position", balls["position"])):
-        outside = np.abs(places).max(axis=1) > edge
-        found = f"{places[outside.argmax()]} mm of number {outside.argmax()}"
-        check(name, found, f"within the walls, {edge:g} mm from the middle", not outside.any())
-    for name in ("radius", "work_tool_object", "work_object_substrate"):
-        check(f"start.balls.{name}", balls[name].min(), "above 0", bool((balls[name] > 0).all()))
-    held, holder = balls["is_held"], balls["holder"]
+    outside = np.abs(own["position"]).max(axis=1, initial=0.0) > edge
+    _refuse(f"{name}.position", own["position"], outside, f"within the walls, {edge:g} mm from the middle")
+    for part in ("radius", "work_tool_object", "work_object_substrate"):
+        check(f"{name}.{part}", own[part].min(initial=np.inf), "above 0", bool((own[part] > 0).all()))
+    held, holder = own["is_held"], own["holder"]
     is_robot = (holder >= 0) & (holder < n_robots)
-    check("start.balls.holder", holder.tolist(), f"robots, 0 to {n_robots - 1}", bool(is_robot.all()))
-    both = int((held & balls["is_delivered"]).argmax())
-    check("start.balls.is_held", f"ball {both}", "false for delivered balls", not (held & balls["is_delivered"]).any())
+    check(f"{name}.holder", holder.tolist(), f"robots, 0 to {n_robots - 1}", bool(is_robot.all()))
+    both = held & own["is_delivered"]
+    check(f"{name}.is_held", np.flatnonzero(both)[:1].tolist(), "false for delivered balls", not both.any())
     is_one_each = len(np.unique(holder[held])) == held.sum()
-    check("start.balls.holder", holder[held].tolist(), "another robot for each held ball", is_one_each)
+    check(f"{name}.holder", holder[held].tolist(), "another robot for each held ball", is_one_each)
+
+
+def _refuse(name: str, places: np.ndarray, is_bad: np.ndarray, constraint: str) -> None:
+    """Raise a ConfigError that names the first bad place, if there is one."""
+    if is_bad.any():
+        number = int(is_bad.argmax())
+        check(name, f"number {number} at {places[number, :2].round(3).tolist()} mm", constraint, False)
 
 
 def _of_balls() -> list[tuple[str, tuple[int, ...], str]]:
@@ -58,8 +86,8 @@ def _of_balls() -> list[tuple[str, tuple[int, ...], str]]:
     return found
 
 
-def _array(name: str, values: Any, shape: tuple[int, ...], kind: str) -> np.ndarray:
-    """The values as an array of NumPy, which has this shape and holds such values."""
+def check_array(name: str, values: Any, shape: tuple[int, ...], kind: str) -> np.ndarray:
+    """Return values as an array of this shape, which must hold numbers ("f"), integers ("i") or flags ("b")."""
     found, (kinds, what) = np.shape(values), _KINDS[kind]
     check(name, found, f"an array of shape {shape}", found == shape)
     array = np.asarray(values)

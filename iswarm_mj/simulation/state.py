@@ -7,13 +7,11 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Bool, Float, Int, UInt32
 
-from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.protocol import Task, Things
+from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.arrays import Array
 
 
@@ -28,7 +26,7 @@ class WorldParams(NamedTuple):
     """The other places are empty."""
     goal: Int[Array, "*B"]
     """The world is finished with this progress of the task, in cleaning balls delivered."""
-    task: Task = CLEANING
+    task: Task
 
 
 class SwarmState(NamedTuple):
@@ -36,20 +34,16 @@ class SwarmState(NamedTuple):
 
     memory: Any
     """What the robots remember, the strategy's own."""
-    balls: Balls
+    task: Any
+    """State of the task, its own."""
     is_alive: Bool[Array, "*B N"]
     """The others neither sense, nor send, nor move: they only stand in the way."""
-    own: Any = None
-    """What the task keeps beside the balls."""
-    energy: Any = None
-    """In the robots' capacitors (*B, N) [J]; None where they have none."""
-    starved: Any = None
-    """Control steps in which each robot waited for energy (*B, N); None where they have no capacitors."""
-
-    @property
-    def things(self) -> Things:
-        """What the task is about."""
-        return Things(self.balls, self.own)
+    is_loaded: Bool[Array, "*B N"]
+    """The robot carries something."""
+    energy: Float[Array, "*B N"] | None = None
+    """In the robots' capacitors [J]; None where they have none."""
+    starved: Int[Array, "*B N"] | None = None
+    """Control steps in which each robot waited for energy; None where they have no capacitors."""
 
 
 class Fault(NamedTuple):
@@ -61,6 +55,11 @@ class Fault(NamedTuple):
     """Control step, counted from 1."""
     robot: Int[Array, "*B"]
     """First robot concerned; no meaning for faults of the contact buffers or the solver."""
+
+
+def no_fault(zero: Int[Array, "*B"]) -> Fault:
+    """Return what says of B worlds, or of one, that nothing went wrong."""
+    return Fault(zero, zero, zero)
 
 
 class WorldState(NamedTuple):
@@ -104,8 +103,6 @@ class StepRecord(NamedTuple):
     command: Command
     """What the drive carried out: the strategy's command with the actuators' errors, within the limits; zero at the
     start, where the world did not take this step, and for dead robots."""
-    balls: Float[Array, "*T K 3"]
-    """Centres of the balls [mm]."""
     collisions: Int[Array, "*T"]
     """Counted so far."""
     speed: Float[Array, "*T"]

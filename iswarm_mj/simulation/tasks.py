@@ -11,8 +11,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.explain import explained
-from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
-from iswarm_mj.tasks.protocol import Task, Things
+from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import as_task, check_goal, check_task
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.robot import Robot
@@ -43,10 +42,8 @@ def job_of(given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start
     Raises:
         UserError: see `tasks.signatures.check_task`.
     """
-    if type(given) is Cleaning:  # those of users may have fields
-        return Job(given, {})
     task = as_task(given)
-    sensed = check_task(task, config, robot, Things(starts[0].balls, starts[0].own), capacity)
+    sensed = check_task(task, config, robot, starts[0].task, capacity)
     return Job(jax.tree.map(lambda a: jnp.broadcast_to(a, (len(starts), *a.shape)), task), sensed)
 
 
@@ -59,26 +56,25 @@ def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | Non
     with explained(f"{type(task).__name__}.goal"):
         most = task.goal(config, settings.n_robots)
     check_goal(task, most)
-    if settings.stop_at is None:
-        return most
-    what = "the number of balls" if task == CLEANING else f"the goal of {type(task).__name__}"
-    if most is not None:
-        check("stop_at", settings.stop_at, f"between 1 and {what}, {most}", settings.stop_at <= most)
+    if settings.stop_at is None or most is None:
+        return most if settings.stop_at is None else settings.stop_at
+    constraint = f"between 1 and the goal of {type(task).__name__}, {most}"
+    check("stop_at", settings.stop_at, constraint, settings.stop_at <= most)
     return settings.stop_at
 
 
-def metrics_of(task: Task, things: Things) -> dict[str, np.ndarray]:
+def metrics_of(task: Task, state: Any) -> dict[str, np.ndarray]:
     """Return the metrics (`Task.metrics`) of B worlds as NumPy arrays (B,).
 
     Args:
         task: with a first axis of B worlds.
-        things: likewise.
+        state: of the task, likewise.
     """
     with jax.default_device(jax.local_devices(backend="cpu")[0]):
-        return {name: np.asarray(values) for name, values in _metrics(task, things).items()}
+        return {name: np.asarray(values) for name, values in _metrics(task, state).items()}
 
 
 @jax.jit
 @jax.vmap
-def _metrics(task: Task, things: Things) -> dict[str, jax.Array]:
-    return task.metrics(things)
+def _metrics(task: Task, state: Any) -> dict[str, jax.Array]:
+    return task.metrics(state)

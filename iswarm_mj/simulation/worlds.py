@@ -8,24 +8,23 @@ from typing import Annotated, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start_check import check_start
-from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses
+from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
+from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.protocol import BallTask, Task, balls_of
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import Within, check, check_kind, validate
 from iswarm_mj.utils.robot import Robot
 
 
@@ -68,15 +67,15 @@ def worlds_of_seed(genome: Genome, settings: RunSettings) -> list[World]:
     return [World(genome, s.n_robots, s.seed, index, s.failed_fraction) for index in range(s.n_worlds)]
 
 
-def starts_of(config: SwarmConfig, worlds: Sequence[World], cell: float = 1.0, task: Task = CLEANING) -> list[Start]:
-    """Return how each world of a task begins, with robots on cells as wide as this [rd].
+def starts_of(config: SwarmConfig, task: Task, robot: Robot, worlds: Sequence[World]) -> list[Start]:
+    """Return how each world of a task begins.
 
     Raises:
-        UserError: a world differs in what all worlds of a run share.
+        UserError: a world differs in what all worlds of a run share, or cannot begin so.
     """
     for own in {world.config for world in worlds if world.config is not None}:
         check_common(config, own)
-    return [_start(config, world, cell, task) for world in worlds]
+    return [_start(config, task, robot, world) for world in worlds]
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
@@ -91,7 +90,7 @@ def random_keys(worlds: Sequence[World]) -> Array:
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, goal: int, capacity: int, task: Task = CLEANING
+    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, task: Task, goal: int, capacity: int
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 
@@ -99,9 +98,9 @@ def world_params(
         config: that all worlds share.
         worlds: B of them.
         strategy: with a first axis of B worlds.
+        task: likewise.
         goal: progress that finishes a world.
         capacity: places for robots.
-        task: with a first axis of B worlds.
     """
     each = [conditions_of(world.config or config) for world in worlds]
     n_robots = np.array([world.n_robots for world in worlds])
@@ -116,33 +115,46 @@ def world_params(
 
 
 def first_state(
-    starts: Sequence[Start], params: WorldParams, energy: float | None = None
+    config: SwarmConfig, starts: Sequence[Start], task: Task, capacity: int, memory: Any = None
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
 
-    Each robot's capacitor has an `energy` [J], or there is none.
+    Args:
+        config: of the run; robots have full capacitors, if any.
+        starts: of B worlds.
+        task: of the run.
+        capacity: places for robots.
+        memory: of the robots at the start, with a first axis of B worlds.
     """
-    n_worlds, capacity = params.is_present.shape
-    memory = _memories(params.strategy, params.key, capacity)
-    zero = np.zeros(n_worlds, np.int32)
+    here, zero = (len(starts), capacity), np.zeros(len(starts), np.int32)
+    has_energy = config.energy.model != "none"
+    swarm = SwarmState(
+        memory=memory,
+        task=jax.tree.map(lambda *values: np.stack(values), *(start.task for start in starts)),
+        is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
+        is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
+        energy=np.full(here, config.energy.full, np.float32) if has_energy else None,
+        starved=np.zeros(here, np.int32) if has_energy else None,
+    )
     state = WorldState(
         bodies=None,
-        swarm=SwarmState(
-            memory=memory,
-            balls=Balls(*(np.stack(values) for values in zip(*(start.balls for start in starts), strict=True))),
-            is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
-            own=jax.tree.map(lambda *values: np.stack(values), *(start.own for start in starts)),
-            energy=None if energy is None else np.full((n_worlds, capacity), energy, np.float32),
-            starved=None if energy is None else np.zeros((n_worlds, capacity), np.int32),
-        ),
-        touching=np.zeros((n_worlds, capacity, capacity), bool),
+        swarm=swarm,
+        touching=np.zeros((*here, capacity), bool),
         collisions=zero,
-        is_finished=np.zeros(n_worlds, bool),
+        is_finished=zero > 0,
         finished_at=zero,
         progress=zero,
-        fault=Fault(zero, zero, zero),
+        fault=no_fault(zero),
     )
     return _padded([start.poses for start in starts], capacity), state
+
+
+def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
+    """Which robots hold a ball at the start."""
+    loaded, balls = np.zeros(len(start.poses), bool), balls_of(task, start.task)
+    if balls is not None:
+        loaded[np.asarray(balls.holder)[np.asarray(balls.is_held)]] = True
+    return loaded
 
 
 def vector_strategies(config: SwarmConfig, robot: Robot, worlds: Sequence[World]) -> VectorStrategy:
@@ -159,8 +171,8 @@ def _keys(seed: Array, index: Array) -> Array:
 
 
 @partial(jax.jit, static_argnames=("capacity",))
-def _memories(strategy: Strategy, key: Array, capacity: int) -> Any:
-    """What the robots of B worlds remember at the start."""
+def first_memories(strategy: Strategy, key: Array, capacity: int) -> Any:
+    """Return what the robots of B worlds remember at the start."""
     return jax.vmap(lambda strategy, key: strategy.init(capacity, key))(strategy, key)
 
 
@@ -177,9 +189,16 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
     return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
-def _start(config: SwarmConfig, world: World, cell: float, task: Task) -> Start:
-    if world.start is not None:
-        check_start(world.start, world.n_robots, config.arena, config.arena.n_dust if task == CLEANING else None)
-        return world.start
-    own = world.config or config
-    return draw_start(own, world.n_robots, world.seed, world.index, world.failed_fraction, cell, task)
+def _start(config: SwarmConfig, task: Task, robot: Robot, world: World) -> Start:
+    own, given, n_robots = world.config or config, world.start, world.n_robots
+    if given is None:
+        return draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)
+    check_kind("start", given, Start)
+    check_array("start.poses", given.poses, (n_robots, 3), "f")
+    check_array("start.is_alive", given.is_alive, (n_robots,), "b")
+    check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
+    if isinstance(task, BallTask):
+        with explained(f"{type(task).__name__}.balls"):
+            balls = task.balls(given.task)
+        check_balls(balls, n_robots, own.arena)
+    return given

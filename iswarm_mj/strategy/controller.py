@@ -77,8 +77,7 @@ def act(
     command = approach(config, probe_tip, approaches & ~swerves, observation.ball_vector, steered)
     waits = is_blocked(rules, observation.is_heard, observation.distance, sides)
     command = Command(command.turn, jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
-    if observation.waits is not None:
-        command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
+    command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
     believed = believed_motion(rules, *command, jax.random.fold_in(key, 1))
     dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
     return known._replace(dust=dust, dump=dump), command

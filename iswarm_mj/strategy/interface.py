@@ -48,9 +48,8 @@ class Observation(NamedTuple):
     """The robot tried to lift a ball in this step, and the ball stayed on the floor."""
     sensed: Mapping[str, Array]
     """(N, ...) what else the task lets robots sense, by the names of `tasks.protocol.Task.senses`."""
-    waits: Any = None
-    """The robot stays where it is in this step (N,), whatever it commands: it works at a ball, or has no energy; None
-    where robots never wait."""
+    waits: Bool[Array, "N"]
+    """The robot stays where it is in this step, whatever it commands: it works at a ball, or has no energy."""
 
 
 class Command(NamedTuple):

@@ -33,6 +33,7 @@ def observation_shapes(
         is_loaded=_flags(*here),
         grasp_failed=_flags(*here),
         sensed=sensed or {},
+        waits=_flags(*here),
     )
 
 

@@ -52,6 +52,8 @@ class VectorStrategy:
     probe_tip: Point = field(metadata={"static": True})
     sides: Sides = field(default=PAPER_SIDES, metadata={"static": True})
 
+    batch_invariant: ClassVar[bool] = True
+    """See `tasks.protocol.Task`."""
     recorded: ClassVar[dict[str, str]] = {
         f"{place}.{part}": unit
         for place in ("dust", "dump")

@@ -7,7 +7,7 @@ artificial micro-robotic system", Adaptive Behavior 17 (2009) 237-259, for the r
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,12 +16,21 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.tasks.layout import no_balls, place_robots
-from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things, only
+from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs, only
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import mm_from_rd
+
+
+class Spots(NamedTuple):
+    """State of the task."""
+
+    east: Float[Array, ""]
+    """1 if the brighter spot is in the east, -1 in the west."""
+    shares: Float[Array, "2"]
+    """Of the robots, in the brighter and in the dimmer spot."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,7 @@ class Aggregation:
     error_light: Annotated[float, Within(0, 1)] = 0.05
     """Relative standard deviation of what a photodiode measures."""
 
+    shares_program: ClassVar[bool] = True
     senses: ClassVar[Mapping[str, Quantity]] = {"light": Quantity("brightness at the robot", high=2.0)}
     measured: ClassVar[Mapping[str, Quantity]] = {
         "bright": Quantity("share of the robots in the brighter spot", high=1.0),
@@ -53,7 +63,7 @@ class Aggregation:
 
     def lay_out(
         self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
-    ) -> tuple[Float[np.ndarray, "N 3"], Things]:
+    ) -> tuple[Float[np.ndarray, "N 3"], Spots]:
         """See `Task.lay_out`.
 
         Raises:
@@ -68,7 +78,7 @@ class Aggregation:
             raise ConfigError("spot_offset", self.spot_offset, most, remedy)
         poses, east = place_robots(config.arena, n_robots, rng, cell), np.float32(rng.choice([-1.0, 1.0]))
         inside = np.asarray(self.light(poses, east)) > 0
-        return poses, Things(no_balls(), {"east": east, "shares": inside.mean(axis=0, dtype=np.float32)})
+        return poses, Spots(east, inside.mean(axis=0, dtype=np.float32))
 
     def goal(self, config: SwarmConfig, n_robots: int) -> None:
         """Robots go on for ever."""
@@ -80,31 +90,30 @@ class Aggregation:
         away = xp.hypot(poses[:, :1] - x, poses[:, 1:2])
         return xp.asarray([1.0, self.dim]) * xp.maximum(1.0 - away / radius, 0.0)
 
-    def advance(self, things: Things, around: Around, key: Array) -> tuple[Things, Sensed]:
+    def advance(self, state: Spots, inputs: TaskInputs, key: Array) -> tuple[Spots, Sensed]:
         """Count robots, and measure the light at each."""
-        n_robots, light = len(around.poses), self.light(around.poses, things.own["east"])
-        inside = (light > 0) & around.is_present[:, None]
-        shares = inside.sum(axis=0) / around.is_present.sum()
+        n_robots, light = len(inputs.poses), self.light(inputs.poses, state.east)
+        inside = (light > 0) & inputs.is_present[:, None]
+        shares = inside.sum(axis=0) / inputs.is_present.sum()
         error = 1.0 + self.error_light * jax.random.normal(key, (n_robots,))
         seen = jnp.clip(light.sum(axis=1) * error, 0.0, 2.0)
-        own = {"east": things.own["east"], "shares": shares.astype(jnp.float32)}
-        return Things(things.balls, own), only(n_robots, light=seen)
+        return Spots(state.east, shares.astype(jnp.float32)), only(n_robots, light=seen)
 
-    def progress(self, things: Things) -> Int[Array, ""]:
+    def progress(self, state: Spots) -> Int[Array, ""]:
         """Percent of the robots in the brighter spot."""
-        return jnp.round(100.0 * things.own["shares"][0]).astype(jnp.int32)
+        return jnp.round(100.0 * state.shares[0]).astype(jnp.int32)
 
-    def reward(self, before: Things, after: Things, around: Around) -> Float[Array, "N"]:
+    def reward(self, before: Spots, after: Spots, inputs: TaskInputs) -> Float[Array, "N"]:
         """1 for each step of a robot in the brighter spot."""
-        return (self.light(around.poses, after.own["east"])[:, 0] > 0).astype(jnp.float32)
+        return (self.light(inputs.poses, after.east)[:, 0] > 0).astype(jnp.float32)
 
-    def metrics(self, things: Things) -> dict[str, Array]:
+    def metrics(self, state: Spots) -> dict[str, Array]:
         """Shares of the robots in each spot."""
-        return {"bright": things.own["shares"][0], "dim": things.own["shares"][1]}
+        return {"bright": state.shares[0], "dim": state.shares[1]}
 
-    def areas(self, config: SwarmConfig, things: Things) -> dict[str, Float[Array, "M 3"]]:
+    def areas(self, config: SwarmConfig, state: Spots) -> dict[str, Float[Array, "M 3"]]:
         """The spots."""
-        x, radius = mm_from_rd(self.spot_offset) * things.own["east"], mm_from_rd(self.spot_radius)
+        x, radius = mm_from_rd(self.spot_offset) * state.east, mm_from_rd(self.spot_radius)
         return {name: jnp.asarray([[side * x, 0.0, radius]]) for name, side in (("bright", 1), ("dim", -1))}
 
 

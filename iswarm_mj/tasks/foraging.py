@@ -1,25 +1,44 @@
 """Foraging from sources that run dry and come back elsewhere, and a strategy of robots that each do it alone."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vectors import after_motion, learnt
-from iswarm_mj.tasks.cleaning import grip
+from iswarm_mj.tasks.grasping import grip
 from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
-from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
+from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
+
+
+class Sources(NamedTuple):
+    """State of the task: S sources with K items."""
+
+    items: Balls
+    centres: Float[Array, "S 2"]
+    """[mm]"""
+    limits: Float[Array, "2"]
+    """Least and greatest distance of a source from the arena's centre [mm]."""
+    is_home: Bool[Array, "K"]
+    """Items that were brought home in the last step."""
+    n_home: Int[Array, ""]
+    """Items brought home so far."""
+    moves: Int[Array, ""]
+    """Sources that came back elsewhere, so far."""
+    time: Float[Array, ""]
+    """[s]"""
 
 
 @dataclass(frozen=True)
@@ -34,6 +53,7 @@ class Foraging:
     source_radius: Annotated[float, Above(0, 75, "rd")] = 2.0
     """Radius of a source [rd]."""
 
+    shares_program: ClassVar[bool] = True
     measured: ClassVar[dict[str, Quantity]] = {
         "items": Quantity("items brought home"),
         "rate": Quantity("items brought home per time", "1/min"),
@@ -41,7 +61,7 @@ class Foraging:
     }
     drawn: ClassVar[dict[str, Look]] = {"dump": Look((250, 205, 50), "square"), "sources": Look((120, 190, 110))}
 
-    def lay_out(self, config: SwarmConfig, n_robots: int, rng: Any, shared: Any, cell: float) -> tuple[Array, Things]:
+    def lay_out(self, config: SwarmConfig, n_robots: int, rng: Any, shared: Any, cell: float) -> tuple[Array, Sources]:
         """See `Task.lay_out`.
 
         Raises:
@@ -60,9 +80,9 @@ class Foraging:
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
         position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
         alike = replace(config.gripper, spread_tool_object=0.0, spread_object_substrate=0.0)
-        own = {"centres": np.asarray(centres), "limits": limits, "home": np.zeros(arena.n_dust, bool)}
-        own |= {"items": np.int32(0), "moves": np.int32(0), "time": np.float32(0)}
-        return poses, Things(lying(alike, position, draw_radii(arena, shared), rng), own)
+        items = lying(alike, position, draw_radii(arena, shared), rng)
+        none = np.zeros(arena.n_dust, bool)
+        return poses, Sources(items, np.asarray(centres), limits, none, np.int32(0), np.int32(0), np.float32(0))
 
     def _places(self, limits: Array, n_items: int, key: Array) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
         """New places of all sources, and of items relative to them [mm]."""
@@ -72,40 +92,50 @@ class Foraging:
     def goal(self, config: SwarmConfig, n_robots: int) -> None:
         """Sources always come back."""
 
-    def advance(self, things: Things, around: Around, key: Array) -> tuple[Things, Sensed]:
-        """Carry, release and lift items; sources of which nothing is left move."""
+    def advance(self, state: Sources, inputs: TaskInputs, key: Array) -> tuple[Sources, Sensed]:
+        """Carry, release and pick up items; sources of which nothing is left move."""
         grip_key, place_key = jax.random.split(key)
-        own, old = things.own, things.balls
-        balls, sensed = grip(old, around, grip_key)
+        old = state.items
+        items, sensed = grip(old, inputs, grip_key)
         source = np.arange(len(old.radius)) % self.sources
-        moves = ~jnp.zeros(self.sources, bool).at[source].max(~balls.is_delivered)
-        places, spread = self._places(own["limits"], len(source), place_key)
-        centres, returns = jnp.where(moves[:, None], places, own["centres"]), moves[source]
-        position = jnp.where(returns[:, None], centres[source] + spread, balls.position)
-        home = balls.is_delivered & ~old.is_delivered
-        more = {"items": home.sum(dtype=jnp.int32), "moves": moves.sum(dtype=jnp.int32)}
-        more["time"] = jnp.float32(around.config.drive.control_period)
-        own = own | {"centres": centres, "home": home} | {name: own[name] + value for name, value in more.items()}
-        return Things(balls._replace(position=position, is_delivered=balls.is_delivered & ~returns), own), sensed
+        moves = ~jnp.zeros(self.sources, bool).at[source].max(~items.is_delivered)
+        places, spread = self._places(state.limits, len(source), place_key)
+        centres, returns = jnp.where(moves[:, None], places, state.centres), moves[source]
+        position = jnp.where(returns[:, None], centres[source] + spread, items.position)
+        is_home = items.is_delivered & ~old.is_delivered
+        new = Sources(
+            items=items._replace(position=position, is_delivered=items.is_delivered & ~returns),
+            centres=centres,
+            limits=state.limits,
+            is_home=is_home,
+            n_home=state.n_home + is_home.sum(dtype=jnp.int32),
+            moves=state.moves + moves.sum(dtype=jnp.int32),
+            time=state.time + jnp.float32(inputs.config.drive.control_period),
+        )
+        return new, sensed
 
-    def progress(self, things: Things) -> Int[Array, ""]:
+    def balls(self, state: Sources) -> Balls:
+        """The items."""
+        return state.items
+
+    def progress(self, state: Sources) -> Int[Array, ""]:
         """Items brought home."""
-        return things.own["items"]
+        return state.n_home
 
-    def reward(self, before: Things, after: Things, around: Around) -> Float[Array, "N"]:
+    def reward(self, before: Sources, after: Sources, inputs: TaskInputs) -> Float[Array, "N"]:
         """1 for a robot that brings an item home."""
-        return jnp.zeros(len(around.poses)).at[after.balls.holder].add(after.own["home"].astype(jnp.float32))
+        return jnp.zeros(len(inputs.poses)).at[after.items.holder].add(after.is_home.astype(jnp.float32))
 
-    def metrics(self, things: Things) -> dict[str, Array]:
+    def metrics(self, state: Sources) -> dict[str, Array]:
         """Items brought home, also per minute, and how often sources moved."""
-        own, time = things.own, jnp.maximum(things.own["time"], 1e-3)
-        return {"items": own["items"], "rate": 60.0 * own["items"] / time, "moves": own["moves"]}
+        rate = 60.0 * state.n_home / jnp.maximum(state.time, 1e-3)
+        return {"items": state.n_home, "rate": rate, "moves": state.moves}
 
-    def areas(self, config: SwarmConfig, things: Things) -> dict[str, Float[Array, "M 3"]]:
+    def areas(self, config: SwarmConfig, state: Sources) -> dict[str, Float[Array, "M 3"]]:
         """Home and the sources."""
         radius = jnp.full((self.sources, 1), mm_from_rd(self.source_radius), jnp.float32)
         dump = jnp.array([[0.0, 0.0, mm_from_rd(config.arena.dump_size / 2)]])
-        return {"dump": dump, "sources": jnp.hstack([things.own["centres"], radius])}
+        return {"dump": dump, "sources": jnp.hstack([state.centres, radius])}
 
 
 def _between(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:

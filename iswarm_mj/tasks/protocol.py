@@ -8,8 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 
@@ -31,16 +33,7 @@ class Look(NamedTuple):
     shape: Literal["square", "disc"] = "disc"
 
 
-class Things(NamedTuple):
-    """What changes in a world beside the robots."""
-
-    balls: Balls
-    """K of them, which may be none."""
-    own: Any = None
-    """The task's own pytree of arrays."""
-
-
-class Around(NamedTuple):
+class TaskInputs(NamedTuple):
     """A world as its task finds it when a control step begins."""
 
     poses: Float[Array, "N 3"]
@@ -51,17 +44,20 @@ class Around(NamedTuple):
     picks: Bool[Array, "N"]
     """Robots that pick up what their tools reach."""
     conditions: Conditions
-    """Noise, voltages and places of the world."""
+    """Noise, voltages and places of this world."""
     config: SwarmConfig
-    """What worlds of one run have in common."""
+    """Of the run; where a world has a configuration of its own, `conditions` has its values. With `shares_program`,
+    what worlds of a run may differ in has its default here."""
     robot: Robot
     """Geometry of a robot."""
-    voltage: Any = None
-    """That the robots' capacitors have (N,) [V]; None: as much as a gripper asks for."""
+    decide_attempts: Decider = by_balance
+    """Decides whether attempts to pick up and to release balls succeed."""
+    voltage: Float[Array, "N"] | None = None
+    """Of the robots' capacitors [V]; None: as much as a gripper asks for."""
 
 
 class Sensed(NamedTuple):
-    """What N robots sense of the task; with what they hear it makes the `Observation`."""
+    """What N robots sense of the task, and what it does to them; with what they hear it makes the `Observation`."""
 
     at_dust: Bool[Array, "N"]
     """A ball lies beside or beneath the robot."""
@@ -69,16 +65,22 @@ class Sensed(NamedTuple):
     """From the robot to that ball, in the robot's frame [mm]."""
     on_dump: Bool[Array, "N"]
     """The robot is on the dump."""
+    is_loaded: Bool[Array, "N"]
+    """The robot carries something."""
     grasp_failed: Bool[Array, "N"]
-    """The robot tried to lift a ball in this step, and the ball stayed on the floor."""
+    """The robot tried to pick up a ball in this step, and the ball stayed on the floor."""
+    is_busy: Bool[Array, "N"]
+    """The robot stays where it is in this step, whatever it commands."""
+    tool_voltage_squared: Float[Array, "N"]
+    """Sum of V^2 over the attempts for which the robot charged its tool in this step [V^2]."""
     own: Mapping[str, Array]
     """Of each of `Task.senses`, an array whose first axis is that of the robots."""
 
 
 def only(n_robots: int, **own: Array) -> Sensed:
     """What robots sense of a task without balls and dump: these quantities alone."""
-    no = jnp.zeros(n_robots, bool)
-    return Sensed(no, jnp.zeros((n_robots, 2)), no, no, own)
+    no, zero = jnp.zeros(n_robots, bool), jnp.zeros(n_robots)
+    return Sensed(no, jnp.zeros((n_robots, 2)), no, no, no, no, zero, own)
 
 
 @runtime_checkable
@@ -91,14 +93,21 @@ class Task(Protocol):
 
     Three attributes of its class are dictionaries, and may be left out: `senses`, a `Quantity` for each thing that
     robots sense beside balls and dump (`Sensed.own`, `Observation.sensed`); `measured`, one for each metric; `drawn`, a
-    `Look` for each kind of areas (`DrawnTask.areas`). A tuple may be, too: `unused`, settings that have no effect in
-    the task, as "arena.n_dust", or "gripper" for all of the group, whose flags `iswarm run` then refuses.
+    `Look` for each kind of areas (`DrawnTask.areas`). A tuple may be left out, too: `unused`, settings that have no
+    effect in the task, as "arena.n_dust", or "gripper" for all of the group, whose flags `iswarm run` then refuses.
+
+    Two flags may be True. `shares_program`: the task reads nothing of `TaskInputs.config` in which worlds of a run may
+    differ (`simulation.common.DIFFERENT`), so that runs of different settings share a compiled program.
+    `batch_invariant`, of strategies too: the compiled program was seen to round alike for one world and for more, which
+    otherwise costs a single world a second computation of each decision.
     """
 
     def lay_out(
         self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
-    ) -> tuple[Float[np.ndarray, "N 3"], Things]:
-        """Return poses of the robots (x, y [mm], yaw [rad]) and all else at the start; see `tasks.layout`.
+    ) -> tuple[Float[np.ndarray, "N 3"], Any]:
+        """Return poses of the robots (x, y [mm], yaw [rad]) and the state of the task at the start, a pytree of arrays.
+
+        Robots must lie within the walls, outside of obstacles, and may not overlap; see `tasks.layout`.
 
         Args:
             config: of the world.
@@ -118,31 +127,31 @@ class Task(Protocol):
         """
         ...
 
-    def advance(self, things: Things, around: Around, key: Array) -> tuple[Things, Sensed]:
+    def advance(self, state: Any, inputs: TaskInputs, key: Array) -> tuple[Any, Sensed]:
         """Take a control step of all but the robots, and return what they sense of it; JAX.
 
         Args:
-            things: from the step before.
-            around: the world as the step begins.
+            state: from the step before.
+            inputs: the world as the step begins.
             key: random key of this world and step.
         """
         ...
 
-    def progress(self, things: Things) -> Int[Array, ""]:
+    def progress(self, state: Any) -> Int[Array, ""]:
         """Return how far the robots are, int32; a world is finished at the goal, or at `RunSettings.stop_at`; JAX."""
         ...
 
-    def reward(self, before: Things, after: Things, around: Around) -> Float[Array, "N"]:
+    def reward(self, before: Any, after: Any, inputs: TaskInputs) -> Float[Array, "N"]:
         """Return the reward of each robot for a control step, for learning; JAX.
 
         Args:
-            before: the step before.
+            before: state of the task before the step.
             after: what `advance` made of it.
-            around: the world in which it did.
+            inputs: that `advance` had.
         """
         ...
 
-    def metrics(self, things: Things) -> dict[str, Array]:
+    def metrics(self, state: Any) -> dict[str, Array]:
         """Return the scalars that `measured` names so far, float32, int32 or bool; JAX."""
         ...
 
@@ -151,11 +160,41 @@ class Task(Protocol):
 class DrawnTask(Task, Protocol):
     """A task with areas on the floor, which recordings and pictures show."""
 
-    def areas(self, config: SwarmConfig, things: Things) -> dict[str, Float[Array, "M 3"]]:
+    def areas(self, config: SwarmConfig, state: Any) -> dict[str, Float[Array, "M 3"]]:
         """Return the areas of each of `drawn`: x, y and half the width, or the radius [mm]; JAX.
 
         Args:
             config: of the world.
-            things: in any control step.
+            state: of the task, in any control step.
         """
         ...
+
+
+@runtime_checkable
+class BallTask(Task, Protocol):
+    """A task with balls, which recordings and pictures show, and whose attempts are counted."""
+
+    def balls(self, state: Any) -> Balls:
+        """Return the K balls; JAX or NumPy, with any leading axes."""
+        ...
+
+
+@runtime_checkable
+class ScoredTask(BallTask, Protocol):
+    """A task with a fitness, which results report with all measures of its balls."""
+
+    def fitness(self, measures: Measures, config: SwarmConfig, n_robots: int, steps: int) -> float:
+        """Return the fitness of a world.
+
+        Args:
+            measures: of the world.
+            config: of the run.
+            n_robots: N.
+            steps: of the run at most.
+        """
+        ...
+
+
+def balls_of(task: Task, state: Any) -> Balls | None:
+    """Return the balls of a task, which may have a first axis of worlds as its state has; None if it has none."""
+    return task.balls(state) if isinstance(task, BallTask) else None

@@ -7,12 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.signatures import compare
-from iswarm_mj.tasks.protocol import Around, Sensed, Things
+from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 
@@ -63,30 +62,28 @@ def as_task(given: Any) -> Any:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), task)
 
 
-def check_start(task: Any, poses: Any, things: Any, n_robots: int) -> None:
-    """Check what `Task.lay_out` returned for N robots.
+def check_layout(task: Any, poses: Any, n_robots: int) -> None:
+    """Check the poses that `Task.lay_out` returned for N robots.
 
     Raises:
-        UserError: the poses are not finite numbers (N, 3), or the things are none.
+        UserError: they are not finite numbers (N, 3).
     """
-    name = f"{type(task).__name__}.lay_out"
     is_pose = isinstance(poses, np.ndarray) and poses.shape == (n_robots, 3) and poses.dtype.kind == "f"
     if not is_pose or not np.isfinite(poses).all():
         got = f"{poses.dtype}{list(poses.shape)}" if isinstance(poses, np.ndarray) else f"a {type(poses).__name__}"
         got = "numbers that are not" if is_pose else got
+        name = f"{type(task).__name__}.lay_out"
         raise UserError(f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})")
-    if not isinstance(things, Things) or not isinstance(things.balls, Balls):
-        raise UserError(f"{name} must return Things with Balls second, of none tasks.layout.no_balls()")
 
 
-def check_task(task: Any, config: SwarmConfig, robot: Robot, things: Things, n_robots: int) -> dict[str, Any]:
+def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robots: int) -> dict[str, Any]:
     """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
 
     Args:
         task: as `as_task` returned it.
         config: of the run.
         robot: its geometry.
-        things: at the start of a world.
+        state: of the task at the start of a world.
         n_robots: N.
 
     Raises:
@@ -101,28 +98,28 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, things: Things, n_r
 
     def shapes(method: str, *arguments: Any) -> Any:
         def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
-            around = Around(*world, conditions=conditions, config=config, robot=robot)
+            inputs = TaskInputs(*world, conditions=conditions, config=config, robot=robot)
             match method:
                 case "advance":
-                    given = (given[0], around, given[1])
+                    given = (given[0], inputs, given[1])
                 case "reward":
-                    given = (*given, around)
+                    given = (*given, inputs)
             return getattr(own, method)(*given)
 
         with explained(f"{name}.{method}"):
             return jax.eval_shape(call, task, world, conditions, *arguments)
 
-    before = jax.eval_shape(lambda given: given, things)
+    before = jax.eval_shape(lambda given: given, state)
     returned = shapes("advance", before, jax.random.key(0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
-        raise UserError(f"{name}.advance must return (Things, Sensed) (got a {type(returned).__name__})")
+        raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
     after, sensed = returned
-    compare(f"{name}.advance", after, before, "things")
+    compare(f"{name}.advance", after, before, "state")
     own = _declared(f"{name}.advance", "senses", task, dict(sensed.own))
     for key, found in own.items():
         if found.shape[:1] != here:
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
-    compare(f"{name}.advance", sensed, Sensed(flags, plane, flags, flags, sensed.own), "sensed")
+    compare(f"{name}.advance", sensed, Sensed(flags, plane, flags, flags, flags, flags, floats, sensed.own), "sensed")
     compare(f"{name}.progress", shapes("progress", before), whole)
     compare(f"{name}.reward", shapes("reward", before, after), floats)
     for key, found in _declared(f"{name}.metrics", "measured", task, shapes("metrics", before)).items():
@@ -131,7 +128,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, things: Things, n_r
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
     if getattr(task, "drawn", None):
         with explained(f"{name}.areas"):
-            drawn = jax.eval_shape(lambda own, things: own.areas(config, things), task, before)
+            drawn = jax.eval_shape(lambda own, state: own.areas(config, state), task, before)
         for key, found in _declared(f"{name}.areas", "drawn", task, drawn).items():
             if found.shape[1:] != (3,):
                 raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")

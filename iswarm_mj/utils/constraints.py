@@ -3,7 +3,7 @@
 import functools
 import math
 import numbers
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from iswarm_mj.utils.errors import ConfigError
@@ -18,6 +18,8 @@ class Within:
     unit: str = ""
     reason: str = ""
     """Why there is no more, where that is not obvious."""
+    source: tuple[type, str] | None = field(default=None, compare=False)
+    """Class and field whose limits these are, where `constraint_of` returned them for another one."""
 
     def allows(self, value: Any) -> bool:
         """Return whether the value lies within; NaN, infinite values and whole numbers beyond all floats never do."""
@@ -131,7 +133,8 @@ def choices(cls: type, name: str) -> tuple[Any, ...]:
 
 def constraint_of(cls: type, name: str) -> Within | None:
     """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""
-    return next((constraint for known, _, constraint in _rules(cls) if known == name), None)
+    found = next((constraint for known, _, constraint in _rules(cls) if known == name), None)
+    return found if found is None or found.source is not None else replace(found, source=(cls, name))
 
 
 @functools.cache

@@ -105,7 +105,7 @@ def _time(run: Run, warm_up: int, record: bool, hosts: Hosts) -> Times:
             before, started = run.step, time.perf_counter()
             _advance(run, recorder, hosts)
             laps.append((time.perf_counter() - started) / (run.step - before))
-    return Times(len(run.worlds), laps, first_call_s, int(run.delivered().sum()), run.peak_memory_gb(), run.devices)
+    return Times(len(run.worlds), laps, first_call_s, int(run.progress().sum()), run.peak_memory_gb(), run.devices)
 
 
 def _advance(run: Run, recorder: Recorder | None, hosts: Hosts) -> None:

@@ -11,10 +11,10 @@ from iswarm_mj.gripper.bench.attempt_log import listening
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING
 from iswarm_mj.simulation.distributed import ALONE, Hosts
-from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.tasks.cleaning import Cleaning
+from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import BUSY, postponed, saved
@@ -113,7 +113,7 @@ def _begin(
             make_output_directory(place)
         unfinished = Unfinished(run, settings, out, hosts)
         stack.enter_context(saved(unfinished.save))
-        name = RECORDING if isinstance(run.task, Cleaning) else OTHER_RECORDING
+        name = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING
         recorders = []
         for index in range(len(recorded)):
             own = shown if index == 0 else shown._replace(viewer=None)

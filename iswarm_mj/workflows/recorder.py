@@ -11,6 +11,7 @@ from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
 from iswarm_mj.output.task_arrays import watch
+from iswarm_mj.output.trajectory import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
@@ -73,9 +74,11 @@ class Recorder:
 
         self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
         number = run.worlds[run.settings.record_worlds[index]].index
-        self._scene = scene_of(run.config, run.robot, run.start, index, number, self._recorded, run.payload, run.task)
+        self._scene = scene_of(
+            run.config, run.robot, run.start, index, number, self._recorded, run.payload, task=run.task
+        )
         own = run.worlds[run.settings.record_worlds[index]].config or run.config
-        self._watched = watch(run.task, own)
+        self._watched, self._task, self._robot = watch(run.task, own), run.task, run.robot
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
         self._pending: list[StepRecord] = [run.start]
@@ -132,17 +135,20 @@ class Recorder:
                 if time.monotonic() - self._shown_at >= LIVE_SECONDS:
                     self._show(self._live)
 
+    def _frames_of(self, records: list[StepRecord]) -> Frames:
+        return frames_of(records, self._index, self._recorded, self._watched, task=self._task, robot=self._robot)
+
     def _show(self, live: "LiveRecording") -> None:
         """Send what the viewer has not had."""
         if self._unseen:
             unseen, self._unseen = self._unseen, []
-            live.append(frames_of(unseen, self._index, self._recorded, self._watched))
+            live.append(self._frames_of(unseen))
             self._shown_at = time.monotonic()
 
     def _write(self) -> None:
         if self._pending:
             pending, self._pending = self._pending, []
-            block = frames_of(pending, self._index, self._recorded, self._watched)
+            block = self._frames_of(pending)
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())

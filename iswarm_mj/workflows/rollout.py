@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 from typing import Any, NamedTuple, cast
@@ -13,10 +12,12 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start, start_with
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import EngineSettings, MjxSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -24,7 +25,6 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
-from iswarm_mj.tasks.signatures import check_object
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
@@ -67,7 +67,7 @@ def rollout(
     steps: int,
     engine: EngineSettings | None = None,
     strategy_per_world: bool = False,
-    task: Task | Any = CLEANING,
+    task: Task | Any = None,
     stop_at: int | None = None,
     every: int = 10,
     poses_of: Sequence[int] = (),
@@ -91,7 +91,7 @@ def rollout(
         steps: control steps at most.
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
-        task: what the robots are to do, see `tasks.protocol.Task`.
+        task: what the robots are to do, see `tasks.protocol.Task`; cleaning by default.
         stop_at: a world is finished with this progress, in cleaning balls delivered; None for all there is to do.
         every: deliveries are counted after every so many control steps, and after the last.
         poses_of: W numbers of worlds whose poses after each step are kept.
@@ -101,7 +101,6 @@ def rollout(
         UserError: keys, robots, settings or a strategy that do not fit; or the recording cannot be written.
     """
     _check_keys(keys)
-    check_object(task)
     check_kind("config", config, SwarmConfig)
     check_kind("record", record, (str, Path, NoneType))
     check_kind("poses_of", poses_of, (list, tuple, range))
@@ -116,12 +115,15 @@ def rollout(
     is_genome = isinstance(strategy, Genome)
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine
-    engine = replace(engine, chunk=every) if isinstance(engine, PlanarSettings | MjxSettings) else engine
+    check_kind("engine", engine, EngineSettings)
+    engine = engine.in_chunks(every)
+    task, robot = CLEANING if task is None else task, read_robot()
     starts: dict[bytes, Start] = {}  # worlds of the same key begin alike
     worlds = []
     for index, (data, key) in enumerate(_each(keys)):
         if data.tobytes() not in starts:
-            starts[data.tobytes()] = _start(config, n_robots, data, task)
+            rng = np.random.default_rng(data)
+            starts[data.tobytes()] = start_with(config, task, robot, n_robots, rng, rng)
         worlds.append(World(genome, n_robots, index=index, start=starts[data.tobytes()], key=key))
     run = Run(
         config,
@@ -186,11 +188,6 @@ def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:
     impl, rows = jax.random.key_impl(keys), np.asarray(jax.random.key_data(keys))
     for data in cast(Any, rows):  # NumPy's arrays do, too
         yield data, jax.random.wrap_key_data(data, impl=impl)
-
-
-def _start(config: SwarmConfig, n_robots: int, data: np.ndarray, task: Task) -> Start:
-    rng = np.random.default_rng(data)
-    return start_with(config, n_robots, rng, rng, task=task)
 
 
 def _check_keys(keys: jax.Array) -> None:

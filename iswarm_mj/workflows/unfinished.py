@@ -6,9 +6,9 @@ from typing import Any
 
 from iswarm_mj.output import results
 from iswarm_mj.simulation.distributed import ALONE, Hosts
-from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.measures import Measures
 
 
 class Unfinished:

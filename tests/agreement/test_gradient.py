@@ -11,9 +11,10 @@ import pytest
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.initial import start_with
-from iswarm_mj.simulation.settings import MjxSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.step import control_step, drive_phases
 from iswarm_mj.simulation.worlds import World, starts_of

@@ -11,9 +11,10 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.obstacles import corners, distances, numbers

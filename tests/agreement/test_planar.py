@@ -12,10 +12,12 @@ from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command

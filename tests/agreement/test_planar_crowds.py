@@ -13,10 +13,11 @@ import pytest
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar import batch_engine, physics
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow

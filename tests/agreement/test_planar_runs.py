@@ -11,8 +11,10 @@ import pytest
 from scipy.stats import ks_2samp
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 
@@ -36,7 +38,7 @@ def outcomes(engine, preset, seed):
     while not run.is_over:
         run.advance()
         if early is None and run.step >= EARLY:
-            early = run.delivered()
+            early = run.progress()
     run.raise_faults()
     measures = [run.measures(world) for world in range(N_WORLDS)]
     return {

@@ -6,7 +6,7 @@ import pytest
 
 from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.main import COMMANDS
-from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import UserError
 

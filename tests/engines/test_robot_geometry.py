@@ -18,16 +18,18 @@ from helpers_robot_geometry import CONFIG, InC, InJax, N
 from helpers_rrd import read
 from helpers_runs import check_balls, records, run_of
 from helpers_sensing import place
+from helpers_worlds import start_of
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import models_directory, read_robot
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.output.frames import scene_of
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import led_positions, receive
-from iswarm_mj.simulation.initial import Start, draw_start
+from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -174,7 +176,7 @@ class TestContacts:
 @pytest.mark.parametrize(("with_file", "collisions"), [(True, 0), (False, 1)])
 def test_run_takes_the_file(file, with_file, collisions):
     """Two robots 1.1 mm one behind the other, which stand still: only those of 2 mm touch."""
-    balls = draw_start(CONFIG, N, 0, 0).balls
+    balls = start_of(CONFIG, N, 0, 0).balls
     start = Start(place((0, 10, 0), (1.1, 10, 0), ASIDE), balls, np.zeros(N, bool))
     settings = RunSettings(N, 1)
     worlds = [World(PRESETS["type1"], N, start=start)]

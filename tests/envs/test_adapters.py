@@ -10,8 +10,9 @@ from gymnasium.vector import AutoresetMode
 from helpers_envs import FIELDS, SMALL
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs import parallel_env, single_env, vector_env
-from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings
 from iswarm_mj.utils.errors import UserError
 
 FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}

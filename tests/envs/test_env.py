@@ -11,8 +11,11 @@ from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
 from iswarm_mj import make_env
 from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
@@ -80,7 +83,7 @@ def test_worlds_do_what_they_do_in_a_run(engine, config):
         np.testing.assert_array_equal(seen["heard_number"][0], memory["heard"][0, 0])
         np.testing.assert_array_equal(seen["is_heard"][0], memory["is_heard"][0, 0])
         np.testing.assert_array_equal(seen["at_dust"][0, :, 0], memory["at_dust"][0, 0])
-        np.testing.assert_array_equal(state.metrics["picked"], record.swarm.balls.was_picked.sum(axis=-1)[0])
+        np.testing.assert_array_equal(state.metrics["picked"], record.swarm.task.was_picked.sum(axis=-1)[0])
         heard += seen["heard_number"].sum()
         waited += seen["waits"].sum() if config is SLOW else 0
         state = env.step(state, action)

@@ -10,8 +10,9 @@ from helpers_envs import SMALL
 
 from iswarm_mj import make_env
 from iswarm_mj.config import StrategyConfig
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Integer
-from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings
 from iswarm_mj.utils.errors import UserError
 
 KEYS = jax.random.split(jax.random.key(5), 3)

@@ -8,14 +8,14 @@ import jax
 import pytest
 from helpers_jobs import jobs_of, outcomes_of
 
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import batches, pool
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.simulation import room
-from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
 MJX = Execution("mjx")

@@ -22,7 +22,7 @@ from iswarm_mj.experiments.analysis.measures import TIME, quartiles, values
 from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.simulation.metrics import Measures, fitness
+from iswarm_mj.tasks.measures import Measures, fitness
 
 
 class TestFindings:

@@ -5,9 +5,10 @@ import pickle
 import numpy as np
 import pytest
 
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 

@@ -11,7 +11,7 @@ from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.analysis import evolution_figures
 from iswarm_mj.experiments.analysis.plots import sizes, unfinished
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.simulation.metrics import Measures, fitness
+from iswarm_mj.tasks.measures import Measures, fitness
 from iswarm_mj.utils.tables import read_table
 
 ROOT = Path(__file__).parents[2]

@@ -12,7 +12,7 @@ from iswarm_mj.experiments.report.result_tables import TABLES
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome, is_outcome, outcome
 from iswarm_mj.experiments.studies import resolved_grasps
-from iswarm_mj.simulation.metrics import Measures
+from iswarm_mj.tasks.measures import Measures
 
 ENTRIES = resolved_grasps.entries(Plan())
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, NOT_RUN, PREDICTED, UNDECIDED
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome, run_job
 from iswarm_mj.experiments.studies import time_step
-from iswarm_mj.simulation.settings import PlanarSettings
 
 ENTRIES = time_step.entries(Plan())
 

@@ -19,9 +19,10 @@ from helpers_search import contents
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import checkpoint, training
 from iswarm_mj.experiments.runner.training import CHECKPOINT, CURVE, WEIGHTS, Training, points, policy, train
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import SHAPE, Neural

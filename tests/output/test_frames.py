@@ -19,7 +19,7 @@ def test_each_world_has_its_own_scene(run):
     scenes = [scene_of(run.config, run.robot, run.start, world, world + 3) for world in (0, 1)]
     assert [(scene.is_scout.sum(), scene.world) for scene in scenes] == [(2, 3), (8, 4)]
     for scene, start in zip(scenes, run.starts, strict=True):
-        np.testing.assert_array_equal(scene.ball_radius, start.balls.radius)
+        np.testing.assert_array_equal(scene.ball_radius, start.task.radius)
     assert (scenes[0].ball_radius != scenes[1].ball_radius).all()
 
 
@@ -27,7 +27,7 @@ def test_each_world_has_its_own_scene(run):
 def test_a_robot_is_loaded_whatever_it_held_before(run, held):
     """Of two balls that robot 5 picked up, one lies on the floor again."""
     swarm = run.start.swarm
-    holder, is_held = np.zeros_like(swarm.balls.holder), np.zeros_like(swarm.balls.is_held)
+    holder, is_held = np.zeros_like(swarm.task.holder), np.zeros_like(swarm.task.is_held)
     holder[0, 1, [3, 7]], is_held[0, 1, held] = 5, True
-    record = run.start._replace(swarm=swarm._replace(balls=swarm.balls._replace(holder=holder, is_held=is_held)))
+    record = run.start._replace(swarm=swarm._replace(task=swarm.task._replace(holder=holder, is_held=is_held)))
     assert [np.argwhere(frames_of([record], world).is_loaded).tolist() for world in (0, 1)] == [[], [[0, 5]]]

@@ -9,10 +9,10 @@ import pytest
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import TRAJECTORY
-from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers_mjx import TINY, N, mjx, poses, settings
 from helpers_recorded import of_world
+from helpers_worlds import centres
 
 import iswarm_mj
 from iswarm_mj import PRESETS, MujocoSettings, PlanarSettings, Run
@@ -145,7 +146,7 @@ class TestEveryEngine:
         _, records, saved, _ = done
         for place, world in enumerate((2, 0)):
             balls, table = (
-                jax.tree.map(lambda a, place=place: a[:, place], records.swarm.balls),
+                jax.tree.map(lambda a, place=place: a[:, place], records.swarm.task),
                 of_world(saved.balls, world),
             )
             state = np.where(balls.is_held, "held", np.where(balls.is_delivered, "delivered", "lying"))
@@ -153,7 +154,7 @@ class TestEveryEngine:
             holder = np.where(balls.is_held, balls.holder, np.nan)
             np.testing.assert_array_equal(array(table, "holder", holder.shape), holder)
             found = np.stack([array(table, name, holder.shape) for name in "xyz"], axis=-1)
-            np.testing.assert_allclose(found, 1e-3 * records.balls[:, place], atol=1e-7)
+            np.testing.assert_allclose(found, 1e-3 * centres(records)[:, place], atol=1e-7)
             np.testing.assert_allclose(array(table, "radius", holder.shape), balls.radius, rtol=1e-6)
             steps = of_world(saved.steps, world)
             assert steps["time"].to_pylist() == list(range(26)) and all(steps["is_running"].to_pylist())

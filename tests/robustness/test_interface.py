@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pytest
 from helpers_broken_files import ODD_VALUES
+from helpers_worlds import start_of
 
 import iswarm_mj
 from iswarm_mj import (
@@ -23,7 +24,6 @@ from iswarm_mj import (
     rollout,
 )
 from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
@@ -66,9 +66,9 @@ def odd_settings(rng, cls):
 
 def odd_start(rng, config):
     """How a world begins, with something in it that cannot be."""
-    start = draw_start(config, N, 0, 0)
-    part = [*start.balls._fields, "poses", "is_alive"][rng.integers(len(start.balls) + 2)]
-    values = np.array(getattr(start, part) if part in start._fields else getattr(start.balls, part))
+    start = start_of(config, N, 0, 0)
+    part = [*start.task._fields, "poses", "is_alive"][rng.integers(len(start.task) + 2)]
+    values = np.array(getattr(start, part) if part in start._fields else getattr(start.task, part))
     match rng.integers(5):
         case 0:
             values = values[:-1]
@@ -82,7 +82,7 @@ def odd_start(rng, config):
         case 4:
             values = values.astype(str)
     changed = {part: values}
-    return start._replace(**changed) if part in start._fields else start._replace(balls=start.balls._replace(**changed))
+    return start._replace(**changed) if part in start._fields else start._replace(task=start.task._replace(**changed))
 
 
 def misuse(rng, small):

@@ -10,12 +10,12 @@ from dataclasses import fields, replace
 import jax
 import numpy as np
 import pytest
+from helpers_worlds import start_of
 
 from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.floor import probe_tips
 from iswarm_mj.simulation.common import DIFFERENT, check_common
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Above, choices, constraint_of
@@ -60,14 +60,14 @@ OF_WORLDS = [(part, name) for part, name in SETTINGS if name in DIFFERENT[part]]
 
 def busy_start(config, rng):
     """Robots in a grid: those over the dump hold a ball, most of the others have one at the tip."""
-    start = draw_start(config, N_ROBOTS, int(rng.integers(1000)), 0)
+    start = start_of(config, N_ROBOTS, int(rng.integers(1000)), 0)
     poses = np.column_stack([PLACES, rng.uniform(-np.pi, np.pi, N_ROBOTS)])
     tips = np.asarray(probe_tips(poses.astype(np.float32), np.asarray(read_robot().probe_tip, np.float32)))
-    balls = {name: np.array(values) for name, values in start.balls._asdict().items()}
+    balls = {name: np.array(values) for name, values in start.task._asdict().items()}
     balls["position"][:N_ROBOTS] = tips
     balls["holder"][ON_DUMP] = ON_DUMP
     balls["is_held"][ON_DUMP] = balls["was_picked"][ON_DUMP] = True
-    return start._replace(poses=poses, balls=start.balls._replace(**balls))
+    return start._replace(poses=poses, balls=start.task._replace(**balls))
 
 
 def drawn(rng, small):

@@ -13,13 +13,14 @@ import rerun as rr
 from helpers_attack import seconds
 from helpers_files import memory_mb
 from helpers_swarm_recording import make_frames, make_scene
+from helpers_worlds import start_of
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.sensors.floor import probe_tips
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import FINE, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import mm_from_m, mm_from_rd
@@ -40,10 +41,10 @@ PARTS = 200
 def swarm(n_robots, steps, refinement):
     """A recorded run that never ends early, since one ball sticks for ever."""
     config, genome = SwarmConfig(), PRESETS["type1"]
-    start = draw_start(config, n_robots, 0, 0)
-    works = start.balls.work_object_substrate.copy()
+    start = start_of(config, n_robots, 0, 0)
+    works = start.task.work_object_substrate.copy()
     works[0] = 10.0
-    start = start._replace(balls=start.balls._replace(work_object_substrate=works))
+    start = start._replace(task=start.task._replace(work_object_substrate=works))
     worlds = [World(genome, n_robots, start=start)]
     return Run(config, genome, RunSettings(n_robots, steps), PlanarSettings(1, refinement), worlds=worlds)
 
@@ -80,7 +81,7 @@ def check(run, before, record):
     assert max(np.abs(x).max(), np.abs(y).max()) <= mm_from_rd(config.arena.size) / 2 + OUTSIDE_MM
 
 
-def soak(n_robots, steps, budget_s, out, tell=print, refinement=FINE):
+def soak(n_robots, steps, budget_s, out, tell=print, refinement=PlanarSettings.refinement):
     """Memory after each part of a run [MB], which ends when the time is up; `tell` is given a line for each part."""
     run = swarm(n_robots, steps, refinement)
     recorder, before, end = Recorder(run, out / "clean.rrd", 0, out), run.start, time.monotonic() + budget_s
@@ -109,7 +110,9 @@ def test_a_short_run_keeps_its_memory(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("n_robots", "steps", "refinement"), [(20, 1_000_000, FINE), (283, 100_000, 1)])
+@pytest.mark.parametrize(
+    ("n_robots", "steps", "refinement"), [(20, 1_000_000, PlanarSettings.refinement), (283, 100_000, 1)]
+)
 def test_memory_is_flat(n_robots, steps, refinement, request, tmp_path, capsys):
     def tell(line):  # on the terminal at once, so that it is known how far a run came that is ended
         with capsys.disabled():

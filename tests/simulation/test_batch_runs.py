@@ -11,11 +11,11 @@ import jax
 import numpy as np
 import pytest
 from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N, poses, ran, settings
+from helpers_worlds import centres, start_of
 
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation import worlds as worlds_of_runs
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import FaultKind, UserError
@@ -55,7 +55,7 @@ class TestAgainstTheEngineForCpus:
             np.testing.assert_array_equal(getattr(ours.links, name), getattr(theirs.links, name))
         for name in ("step", "has_priority", "collisions", "is_running"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
-        np.testing.assert_allclose(ours.balls, theirs.balls, atol=0.02)
+        np.testing.assert_allclose(centres(ours), centres(theirs), atol=0.02)
         assert ours.links.valid.sum() > 100 and ours.collisions.max() > 0
 
     def test_worlds_of_other_sizes_and_genomes(self):
@@ -86,7 +86,7 @@ def test_what_is_recorded_is_what_happened(batch):
 def test_a_fault_ends_its_world_alone(batch, monkeypatch):
     """Robot 3 of world 1 begins nowhere."""
     monkeypatch.setattr(worlds_of_runs, "check_start", lambda *_: None)  # which would refuse it
-    start = draw_start(TINY, N, SEED, 1)
+    start = start_of(TINY, N, SEED, 1)
     start.poses[3, 0] = np.nan
     worlds = [WORLD, replace(WORLD, index=1, start=start), replace(WORLD, index=2)]
     run, record = planar_run(warp(), worlds, steps=40)
@@ -109,7 +109,7 @@ import json
 import sys; sys.path.insert(0, "tests")
 import conftest  # keeps what is compiled
 from helpers_mjx import *
-from iswarm_mj.simulation.settings import PlanarSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 run = Run(TINY, PRESETS["type1"], settings(steps=40), PlanarSettings(impl="warp", chunk=5))
 record = ran(run)
 sums = [record.poses[-1].astype(float).sum((1, 2)).tolist(), poses(run).astype(float).sum((1, 2)).tolist()]

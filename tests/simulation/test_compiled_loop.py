@@ -10,12 +10,14 @@ import jax
 import numpy as np
 import pytest
 from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, mjx_run, poses, ran, settings
+from helpers_worlds import centres, start_of
 
 from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mjx.arena import contact_capacity
-from iswarm_mj.simulation.initial import draw_start
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start import Plan, start_loop
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -67,7 +69,7 @@ class TestAgainstMujocoInC:
         np.testing.assert_allclose(ours.links.distance, theirs.links.distance, atol=0.02)
         for name in ("step", "has_priority", "collisions", "is_running"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
-        np.testing.assert_allclose(ours.balls, theirs.balls, atol=0.02)
+        np.testing.assert_allclose(centres(ours), centres(theirs), atol=0.02)
         np.testing.assert_allclose(ours.speed, theirs.speed, rtol=1e-3)
         assert ours.links.valid.sum() > 100 and ours.collisions.max() > 0
 
@@ -99,7 +101,7 @@ def test_worlds_of_other_conditions():
     grips, hears = mjx_run([WORLD, humid, loose], steps=20)[0], mjx_run([WORLD, deaf, dead], steps=20)[0]
     assert not grips.faults and not hears.faults
     picked = [grips.measures(w).picked for w in range(3)]
-    carried = grips.arrays()[1].swarm.balls.carried_steps.sum(axis=1)
+    carried = grips.arrays()[1].swarm.task.carried_steps.sum(axis=1)
     assert picked[0] > 0 and picked[1] == 0 and picked[2] > 0
     assert carried[0] > 2 * carried[2] > 0
     hops = np.asarray(hears.arrays()[1].swarm.memory.dust.hop)
@@ -110,7 +112,7 @@ def test_worlds_of_other_conditions():
 class TestFaults:
     def test_a_heap_ends_its_world_alone(self, batch):
         """All robots of world 1 begin at one place, where more pairs of them touch than the buffers have room for."""
-        start = draw_start(TINY, N, SEED, 1)
+        start = start_of(TINY, N, SEED, 1)
         heap = start._replace(poses=start.poses * [0.1, 0.1, 1])
         assert contact_capacity(TINY, N).pairs < N * (N - 1) / 2
         run, record = mjx_run(of_one_kind(WORLD, replace(WORLD, start=heap), WORLD), steps=40)
@@ -126,7 +128,7 @@ class TestFaults:
         assert run.step == 40
 
     def test_the_run_ends_with_the_last_world(self):
-        start = draw_start(TINY, N, SEED, 0)
+        start = start_of(TINY, N, SEED, 0)
         heap = replace(WORLD, start=start._replace(poses=start.poses * [0.1, 0.1, 1]))
         run, record = mjx_run(of_one_kind(heap, heap, heap), steps=40)
         assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.tasks import layout
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
@@ -99,7 +99,7 @@ def test_seeds_and_worlds(small):
     """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
 
     def values(seed, world):
-        poses, balls, *_ = draw_start(small, 30, seed, world)
+        poses, balls, *_ = start_of(small, 30, seed, world)
         return [poses, balls.position, balls.work_tool_object, balls.work_object_substrate, balls.radius]
 
     first = values(3, 0)
@@ -111,13 +111,13 @@ def test_seeds_and_worlds(small):
 
 def test_worlds_of_neighbouring_seeds_begin_differently(small):
     """World 1 of seed 0 is not world 0 of seed 1."""
-    starts = [draw_start(small, 3, seed, world) for seed in range(4) for world in range(4)]
-    for values in zip(*((s.poses, s.balls.position, s.balls.work_tool_object) for s in starts), strict=True):
+    starts = [start_of(small, 3, seed, world) for seed in range(4) for world in range(4)]
+    for values in zip(*((s.poses, s.task.position, s.task.work_tool_object) for s in starts), strict=True):
         assert len({value.tobytes() for value in values}) == 16
 
 
 def test_nothing_is_held_at_the_start(small):
-    _, balls, is_alive, _ = draw_start(small, 30, 0, 0)
+    _, balls, is_alive, _ = start_of(small, 30, 0, 0)
     assert balls.position.shape == (24, 2)
     assert is_alive.shape == (30,) and is_alive.all()
     for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):
@@ -127,7 +127,7 @@ def test_nothing_is_held_at_the_start(small):
 @pytest.mark.parametrize("fraction, n_dead", [(0.5, 15), (0.16, 5), (1.0, 30)])
 def test_a_share_of_the_robots_is_dead_from_the_start(small, fraction, n_dead):
     """Others in each world; poses and balls do not depend on it."""
-    one, other, healthy = (draw_start(small, 30, 0, *which) for which in ((0, fraction), (1, fraction), (0,)))
+    one, other, healthy = (start_of(small, 30, 0, *which) for which in ((0, fraction), (1, fraction), (0,)))
     assert (~one.is_alive).sum() == (~other.is_alive).sum() == n_dead
     assert n_dead == 30 or not np.array_equal(one.is_alive, other.is_alive)
     np.testing.assert_array_equal(one.poses, healthy.poses)

@@ -8,9 +8,11 @@ import pytest
 from helpers_runs import N, end_of, poses_of
 
 from iswarm_mj.config import READINGS
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation import share
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.share import WORLDS, Share, shares_of
 from iswarm_mj.strategy.genome import PRESETS
 

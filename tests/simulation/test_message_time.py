@@ -13,11 +13,12 @@ from helpers_sensing import lay
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import Situation, decide
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of

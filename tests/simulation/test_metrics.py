@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.simulation.metrics import Measures, fitness, measure
+from iswarm_mj.tasks.measures import Measures, fitness, measure
 
 
 def score(delivered, picked, collisions=0, finished_at=None, n_robots=280):

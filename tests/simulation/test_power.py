@@ -8,10 +8,11 @@ import pytest
 from helpers_sensing import lay
 
 from iswarm_mj.config import DriveConfig, EnergyConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD

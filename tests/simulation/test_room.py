@@ -3,11 +3,14 @@
 from types import SimpleNamespace
 
 import pytest
-
-from iswarm_mj.simulation import room
 from iswarm_mj.simulation.room import check_room, needed_memory
+
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation import room
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import ConfigError
 
 HOST = MujocoSettings()

@@ -34,7 +34,7 @@ class TestBalls:
         carried = np.zeros(24, int)
         for record in records(run):
             check_balls(run, record)
-            old, new = before.swarm.balls, record.swarm.balls
+            old, new = before.swarm.task, record.swarm.task
             assert (new.is_delivered >= old.is_delivered).all()
             stays = (old.is_lying & new.is_lying) | old.is_delivered
             np.testing.assert_array_equal(record.balls[stays], before.balls[stays])
@@ -44,7 +44,7 @@ class TestBalls:
             n_held.append(new.is_held.sum())
             before = record
         assert max(n_held) >= 5 and run.measures(0).delivered == 24 == run.measures(0).picked
-        np.testing.assert_array_equal(was_picked, before.swarm.balls.was_picked[0])
+        np.testing.assert_array_equal(was_picked, before.swarm.task.was_picked[0])
         assert run.measures(0).mean_carriage_steps == pytest.approx(carried.mean())
 
     def test_nothing_is_lost_when_robots_drop_some(self, small):
@@ -53,7 +53,7 @@ class TestBalls:
         run, falls, last = run_of(small, worlds=[world]), 0, None
         for record in records(run):
             check_balls(run, record)
-            balls = record.swarm.balls
+            balls = record.swarm.task
             if last is not None:
                 falls += int((last.is_held & balls.is_lying).sum())
             last = balls
@@ -184,7 +184,7 @@ def test_the_start_is_recorded_too(small):
     start = first_step(run.start)
     assert start.step.tolist() == [0] and not start.links.valid.any() and not start.collisions.any()
     np.testing.assert_array_equal(start.poses[0], run.starts[0].poses)
-    np.testing.assert_allclose(start.balls[0, :, :2], run.starts[0].balls.position, atol=1e-6)
+    np.testing.assert_allclose(start.task[0, :, :2], run.starts[0].task.position, atol=1e-6)
 
 
 def test_only_recorded_worlds_are_returned(small):
@@ -254,7 +254,7 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
         before = after
         assert not dead[links.sender[0][links.valid[0]]].any()
         assert not record.has_priority[0, dead].any()
-        balls = record.swarm.balls
+        balls = record.swarm.task
         assert not dead[balls.holder[0][balls.is_held[0]]].any()
         heard |= links.valid.any()
     assert heard and alone > 20  # the dead move only when pushed

@@ -50,7 +50,7 @@ class TestSeedsAndWorlds:
             alone = run_of(small, worlds=[World(TYPE1, N, index=world)], steps=5)
             for one, many in zip(records(alone), together, strict=True):
                 np.testing.assert_allclose(one.poses[0], many.poses[world], atol=1e-3)
-                np.testing.assert_array_equal(one.swarm.balls.is_held[0], many.swarm.balls.is_held[world])
+                np.testing.assert_array_equal(one.swarm.task.is_held[0], many.swarm.task.is_held[world])
 
     def test_empty_places_do_not_matter(self, small):
         """Not in the last bit; only the mean of all robots' speeds is a sum in another order."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers_runs import N, first_step, poses_of, records, run_of
+from helpers_worlds import start_of
 from scipy.stats import mannwhitneyu
 
 from iswarm_mj.engines.arena import compile_arena
@@ -12,7 +13,7 @@ from iswarm_mj.engines.base import Motion, Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import Decision, Situation, Spoken
-from iswarm_mj.simulation.initial import Start, draw_start
+from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, account, ball_centres, drive_phases, limited
 from iswarm_mj.simulation.step import record as record_of
@@ -114,16 +115,16 @@ class TestWalls:
 def quarter_turn(start):
     """The same world, turned by a quarter: dust to the north and south."""
     x, y, yaw = start.poses.T
-    balls = start.balls.position
+    balls = start.task.position
     turned = np.column_stack([-balls[:, 1], balls[:, 0]])
-    return Start(np.column_stack([-y, x, yaw + np.pi / 2]), start.balls._replace(position=turned), start.is_alive)
+    return Start(np.column_stack([-y, x, yaw + np.pi / 2]), start.task._replace(position=turned), start.is_alive)
 
 
 def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
     """Nor did its robots hear anything or move; the other world's did."""
     poses, lit = np.array([[(-8, 0, 0), (8, 0, 0)]] * 2, float), np.ones((2, 2, 4), bool)
     engine, bodies = placed(small, poses)
-    balls = draw_start(small, 2, 0, 0).balls
+    balls = start_of(small, 2, 0, 0).balls
     balls = type(balls)(*(np.stack([values, values]) for values in balls))
     decision = Decision(
         swarm=SwarmState(None, balls, np.ones((2, 2), bool)),
@@ -148,7 +149,7 @@ def starts_as_they_are_and_turned(config):
     """Worlds of all seeds, and the same turned by a quarter."""
     worlds = []
     for seed in SEEDS:
-        start = draw_start(config, N, seed, 0)
+        start = start_of(config, N, seed, 0)
         off_grid = start.poses + np.random.default_rng(seed).uniform(-0.2, 0.2, (N, 3))  # no two at equal distances
         start = start._replace(poses=off_grid)
         worlds += [World(Genome(), N, seed, start=s) for s in (start, quarter_turn(start))]
@@ -174,7 +175,7 @@ def outcomes(config):
     run = run_of(config, Genome(), worlds=starts_as_they_are_and_turned(config), steps=50)
     picked, delivered = [], []
     for record in records(run):
-        balls = record.swarm.balls
+        balls = record.swarm.task
         picked.append(balls.was_picked.sum(axis=1))
         delivered.append(balls.is_delivered.sum(axis=1))
     return np.column_stack([picked[19], delivered[49]]).reshape(14, 2, 2).swapaxes(0, 1)
@@ -207,7 +208,7 @@ def test_held_balls_hang_at_the_tips(small):
     run = run_of(small, Genome(), steps=1)
     poses = np.zeros((1, N, 3))
     poses[0, 1] = (5, 7, np.arctan2(4, 3))
-    balls = first_step(run.start).swarm.balls
+    balls = first_step(run.start).swarm.task
     is_held, holder = balls.is_held.copy(), balls.holder.copy()
     is_held[0, 0], holder[0, 0] = True, 1
     robot = replace(run.robot, probe_tip=(0.9, 0.1), tip_height=0.05)
@@ -248,7 +249,7 @@ class TestAccount:
         for world, robot in refused:
             is_refused[world, robot] = True
         is_delivered = np.arange(24) < np.full((3, 1), delivered)
-        swarm = state.swarm._replace(balls=state.swarm.balls._replace(is_delivered=is_delivered))
+        swarm = state.swarm._replace(task=state.swarm.task._replace(is_delivered=is_delivered))
         running = np.array([True, False, False])
         situation = Situation(poses=None, sight=None, step=np.int32(6), is_running=running)
         decision = Decision(swarm, None, None, None, None, progress=is_delivered.sum(axis=1))

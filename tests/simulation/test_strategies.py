@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from helpers_rrd import read
 
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command

@@ -9,12 +9,13 @@ import pytest
 from helpers_mjx import compilations
 from helpers_runs import N, poses_of, records, run_of
 from helpers_small import SMALL
+from helpers_worlds import start_of
 
 from iswarm_mj.config import GripperConfig, OpticsConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies, world_params
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -50,14 +51,14 @@ class TestManyWorlds:
             yaw = rng.uniform(-np.pi, np.pi, world.n_robots)
             np.testing.assert_array_equal(start.poses, np.column_stack([at, yaw]))
             offset = 3 * rng.uniform(-0.5, 0.5, (n, 2)) + np.where(np.arange(n) < n // 2, -5, 5)[:, None] * [1, 0]
-            np.testing.assert_array_equal(start.balls.position, (offset * RD).astype(np.float32))
+            np.testing.assert_array_equal(start.task.position, (offset * RD).astype(np.float32))
             humid = 2.0 if gripper == DAMP else 1.0  # at 80 and at 10 %
             for what in ("tool_object", "object_substrate"):
                 sigma = np.sqrt(np.log1p(getattr(gripper, f"spread_{what}") ** 2))
                 work = humid * getattr(gripper, f"work_{what}") * np.exp(sigma * rng.standard_normal(n))
-                np.testing.assert_array_equal(getattr(start.balls, f"work_{what}"), work.astype(np.float32))
+                np.testing.assert_array_equal(getattr(start.task, f"work_{what}"), work.astype(np.float32))
             radii = np.random.default_rng([world.seed, 2**32 - 1]).uniform(15e-6, 25e-6, n)
-            np.testing.assert_array_equal(start.balls.radius, radii.astype(np.float32))
+            np.testing.assert_array_equal(start.task.radius, radii.astype(np.float32))
             is_dead = np.isin(np.arange(world.n_robots), rng.permutation(world.n_robots)[: self.dead(world)])
             np.testing.assert_array_equal(start.is_alive, ~is_dead)
 
@@ -120,7 +121,7 @@ class TestWorldsOfDifferentSize:
                 assert not record.poses[world, n_robots:].any()
                 assert not record.links.valid[world, n_robots:].any()
                 assert (record.links.sender[world][record.links.valid[world]] < n_robots).all()
-                balls = record.swarm.balls
+                balls = record.swarm.task
                 assert (balls.holder[world][balls.is_held[world]] < n_robots).all()
                 assert not record.has_priority[world, n_robots:].any()
             _, state = run.arrays()
@@ -130,15 +131,15 @@ class TestWorldsOfDifferentSize:
 class TestWhatDoesNotFit:
     @pytest.mark.parametrize("field", ["poses", "is_alive"])
     def test_starts_of_other_sizes(self, small, field):
-        start = draw_start(small, 5, 0, 0)
+        start = start_of(small, 5, 0, 0)
         start = start._replace(**{field: getattr(start, field)[:4]})
         with pytest.raises(ConfigError, match=rf"start\.{field} must be an array of shape \(5"):
             Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
 
     def test_starts_with_other_balls(self, small):
-        start = draw_start(small, 5, 0, 0)
-        start = start._replace(balls=start.balls._replace(radius=start.balls.radius[:7]))
-        with pytest.raises(ConfigError, match=r"start\.balls\.radius must be an array of shape \(24,\) \(got \(7,\)\)"):
+        start = start_of(small, 5, 0, 0)
+        start = start._replace(task=start.task._replace(radius=start.task.radius[:7]))
+        with pytest.raises(ConfigError, match=r"start\.task\.radius must be an array of shape \(24,\) \(got \(7,\)\)"):
             Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
 
     @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])

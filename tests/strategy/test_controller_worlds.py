@@ -122,7 +122,7 @@ def moved(poses, state, angle, shift=(0.0, 0.0)):
     """The same world, turned about the origin and shifted."""
     poses = np.column_stack([turned(poses[:, :2], angle) + shift, poses[:, 2] + angle])
     position = jnp.asarray(turned(np.asarray(state.balls.position, float), angle) + shift, jnp.float32)
-    return poses, state._replace(balls=state.balls._replace(position=position))
+    return poses, state._replace(task=state.task._replace(position=position))
 
 
 def alike(one, other):

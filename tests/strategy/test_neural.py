@@ -8,8 +8,11 @@ from helpers_sensing import senses_nothing
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import INPUTS, SHAPE, SHIPPED, SIGNALS, WAYS, Neural, untrained
 from iswarm_mj.strategy.payloads import layout_of

@@ -14,13 +14,14 @@ from helpers_sensing import crowd, lay, place, remember
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.sensors.channel import Channel, exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.messages import Layout
 from iswarm_mj.simulation import decide
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.genome import PRESETS, Genome

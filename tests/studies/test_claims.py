@@ -8,12 +8,13 @@ import pytest
 from helpers_runs import engine_of
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.experiments.analysis.statistics import compare
-from iswarm_mj.simulation.metrics import Measures
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import read_table
 
 pytestmark = pytest.mark.slow

@@ -8,8 +8,9 @@ import pytest
 from iswarm_mj.config import SENDERS_IN_SIGHT, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import senses_nothing
+from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.simulation.initial import draw_start
-from iswarm_mj.simulation.settings import PlanarSettings
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import Around, Things
@@ -33,11 +33,11 @@ def test_light_by_hand():
 
 
 def test_either_spot_is_the_brighter_one():
-    starts = [draw_start(CONFIG, 50, 0, index, task=TASK) for index in range(40)]
+    starts = [start_of(CONFIG, 50, 0, index, task=TASK) for index in range(40)]
     east = [float(start.own["east"]) for start in starts]
     assert set(east) == {-1.0, 1.0} and abs(np.mean(east)) < 0.5
     start = starts[0]
-    task, things = as_task(TASK), Things(start.balls, start.own)
+    task, things = as_task(TASK), Things(start.task, start.own)
     assert check_task(task, CONFIG, read_robot(), things, 50).keys() == {"light"}
     assert TASK.areas(CONFIG, things)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
 
@@ -64,12 +64,12 @@ def test_either_spot_is_the_brighter_one():
 )
 def test_spots_beyond_the_walls_are_refused(task, size, words):
     with pytest.raises(ConfigError, match=words):
-        draw_start(SwarmConfig(ArenaConfig(size=size)), 5, 0, 0, task=task)
+        start_of(SwarmConfig(ArenaConfig(size=size)), 5, 0, 0, task=task)
 
 
 @pytest.mark.parametrize("spots", [{"spot_offset": 16.0}, {"spot_radius": 25.0, "spot_offset": 0.0}])
 def test_spots_may_touch_the_walls(spots):
-    assert len(draw_start(SwarmConfig(ArenaConfig(size=50)), 5, 0, 0, task=Aggregation(**spots)).poses) == 5
+    assert len(start_of(SwarmConfig(ArenaConfig(size=50)), 5, 0, 0, task=Aggregation(**spots)).poses) == 5
 
 
 def advanced(poses, present, east=1.0, key=0):

@@ -4,18 +4,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_runs import N, first_step, records, run_of
+from helpers_worlds import start_of
 
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.tasks.cleaning import CLEANING, POINTS
 from iswarm_mj.tasks.protocol import Around, Things
 from iswarm_mj.tasks.signatures import check_task
 
 
 def test_it_is_a_task(small):
-    start = draw_start(small, N, 0, 0)
-    assert check_task(CLEANING, small, read_robot(), Things(start.balls), N) == {}
+    start = start_of(small, N, 0, 0)
+    assert check_task(CLEANING, small, read_robot(), Things(start.task), N) == {}
 
 
 def test_rewards_are_the_balls_part_of_the_fitness(small):
@@ -27,7 +27,7 @@ def test_rewards_are_the_balls_part_of_the_fitness(small):
         around = Around(
             jnp.asarray(after.poses[0]), there, there, there, conditions_of(run.config), run.config, run.robot
         )
-        old, new = (Things(jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.balls)) for r in (before, after))
+        old, new = (Things(jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.task)) for r in (before, after))
         reward = np.asarray(CLEANING.reward(old, new, around))
         at_work = np.flatnonzero(reward)
         changed = np.asarray(

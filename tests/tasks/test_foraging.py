@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from helpers_runs import records
 from helpers_sensing import senses_nothing
+from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.simulation.initial import draw_start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
 from iswarm_mj.tasks.protocol import Things
 from iswarm_mj.tasks.signatures import as_task, check_task
@@ -26,19 +27,19 @@ TASK = Foraging(sources=2, source_radius=1.0)
 
 def test_items_begin_at_their_sources():
     for index in range(5):
-        start = draw_start(SMALL, 6, 1, index, task=TASK)
-        away = start.balls.position - start.own["centres"][np.arange(4) % 2]
+        start = start_of(SMALL, 6, 1, index, task=TASK)
+        away = start.task.position - start.own["centres"][np.arange(4) % 2]
         assert np.hypot(*away.T).max() <= RD + 1e-4
         distance = np.hypot(*start.own["centres"].T) / RD
         assert (distance >= 3.25 - 1e-4).all() and (distance <= 6.5 + 1e-4).all()
-    assert check_task(as_task(TASK), SMALL, read_robot(), Things(start.balls, start.own), 6) == {}
+    assert check_task(as_task(TASK), SMALL, read_robot(), Things(start.task, start.own), 6) == {}
 
 
 def test_sources_beyond_the_walls_are_refused():
     with pytest.raises(
         ConfigError, match=r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make"
     ):
-        draw_start(SMALL, 5, 0, 0, task=Foraging(source_radius=7.6))
+        start_of(SMALL, 5, 0, 0, task=Foraging(source_radius=7.6))
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def test_sources_beyond_the_walls_are_refused():
 def test_sources_that_cannot_be_are_refused(task, message):
     """One without items would run dry at each step."""
     with pytest.raises(ConfigError, match=message):
-        draw_start(SMALL, 5, 0, 0, task=task)
+        start_of(SMALL, 5, 0, 0, task=task)
 
 
 def test_a_source_moves_when_its_last_item_is_home():
@@ -61,18 +62,18 @@ def test_a_source_moves_when_its_last_item_is_home():
     run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
     before, items, moved = jax.tree.map(lambda a: a[0], run.start), 0, 0
     for after in records(run):
-        old, new = before.swarm.balls, after.swarm.balls
-        home = after.swarm.own["home"][0]
+        old, new = before.swarm.task, after.swarm.task
+        home = after.swarm.task["home"][0]
         assert (old.is_held[0][home]).all() and not new.is_held[0][home].any()
         items += home.sum()
-        moves = (after.swarm.own["centres"] != before.swarm.own["centres"]).any(axis=-1)[0]
+        moves = (after.swarm.task["centres"] != before.swarm.task["centres"]).any(axis=-1)[0]
         source = np.arange(4) % 2
         for place in range(2):
             was_last = (new.is_delivered[0] | home)[source == place].all() or moves[place]
             assert moves[place] == (was_last and home[source == place].any())
         back = moves[source]
         assert not new.is_delivered[0][back].any()
-        away = new.position[0] - after.swarm.own["centres"][0][source]
+        away = new.position[0] - after.swarm.task["centres"][0][source]
         assert (np.hypot(*away[back].T) <= RD + 1e-4).all()
         assert (new.is_delivered[0][~back] == (old.is_delivered[0] | home)[~back]).all()
         moved, before = moved + moves.sum(), after

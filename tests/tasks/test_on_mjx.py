@@ -6,8 +6,9 @@ import pytest
 from helpers_mjx import mjx
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.foraging import Forager, Foraging
 from iswarm_mj.utils.units import RD
@@ -33,7 +34,7 @@ def test_aggregation():
     run, mine = records(task, Beeclust(), mjx(chunk=25))
     _, planar = records(task, Beeclust(), PlanarSettings(1))
     np.testing.assert_array_equal(mine.poses[0], planar.poses[0])
-    own = mine.swarm.own
+    own = mine.swarm.task
     for world in range(2):
         for step in range(1, 76):
             light = np.asarray(task.light(mine.poses[step - 1, world], own["east"][step, world]))
@@ -48,7 +49,7 @@ def test_aggregation():
 def test_foraging():
     """Items that are home were held by a robot on the dump; as many as the task counts."""
     run, found = records(Foraging(sources=2, source_radius=1.0), Forager(), mjx(chunk=25))
-    balls, own = found.swarm.balls, found.swarm.own
+    balls, own = found.swarm.task, found.swarm.task
     home = own["home"]
     assert (np.cumsum(home.sum(axis=-1), axis=0) == own["items"]).all() and own["items"][-1].sum() > 0
     step, world, ball = np.nonzero(home)

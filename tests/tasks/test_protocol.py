@@ -11,10 +11,12 @@ import pytest
 from helpers_rrd import read
 from helpers_tasks import Eastward
 
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.protocol import Quantity
@@ -74,7 +76,7 @@ def test_runs_on_every_engine(small, engine):
     before = np.concatenate([start[None], record.poses[:-1]])[..., 0]
     np.testing.assert_allclose(record.swarm.memory["gap"], 2.0 - before, atol=1e-5)
     is_east = before > 2.0
-    np.testing.assert_array_equal(record.swarm.own["is_east"], is_east)
+    np.testing.assert_array_equal(record.swarm.task["is_east"], is_east)
     assert is_east[-1].sum() not in (0, 2 * N)
     for world in range(2):
         assert run.progress()[world] == is_east[-1, world].sum()

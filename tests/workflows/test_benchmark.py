@@ -4,8 +4,10 @@ import json
 
 import pytest
 
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.workflows.benchmark import bench
 

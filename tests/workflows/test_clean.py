@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers_rrd import read
 from helpers_runs import engine_of, first_step, records, run_of, spoil
+from helpers_worlds import centres
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.trajectory import ABOUT, ARRAYS, Scene
@@ -64,7 +65,7 @@ def test_result_has_all_that_was_promised(done, small):
     assert content["config"] == json.loads(json.dumps(asdict(small)))
     assert content["genome"] == asdict(PRESETS["type1"])
     assert content["config"].keys() == {f.name for f in fields(SwarmConfig)}
-    balls = recorded[-1].swarm.balls
+    balls = recorded[-1].swarm.task
     assert content["delivered"] == balls.is_delivered.sum() > 0
     assert content["picked"] == balls.was_picked.sum()
     assert content["collisions"] == recorded[-1].collisions[0] > 0
@@ -98,7 +99,7 @@ def test_trajectory_is_in_si(done):
     poses = np.stack([record.poses[0] for record in recorded])
     np.testing.assert_allclose(frames["pose"][..., :2], 1e-3 * poses[..., :2], atol=1e-8)
     np.testing.assert_allclose(frames["pose"][..., 2], poses[..., 2], atol=1e-5)
-    balls = np.stack([record.balls[0] for record in recorded])
+    balls = np.stack([centres(record)[0] for record in recorded])
     np.testing.assert_allclose(frames["ball_position"], 1e-3 * balls, atol=1e-8)
     np.testing.assert_allclose(frames["mean_speed"], [1e-3 * record.speed[0] for record in recorded], rtol=1e-5)
     for name in ("dust", "dump"):
@@ -128,7 +129,7 @@ def test_trajectory_has_hop_counts_messages_commands_and_senders(done):
     measured = [1e-3 * record.measured_distance[0] for record in recorded]
     np.testing.assert_allclose(frames["link_distance"], measured, rtol=1e-6)
     np.testing.assert_array_equal(frames["link_heard"], [record.is_heard[0] for record in recorded])
-    balls = [record.swarm.balls.holder[0] for record in recorded]
+    balls = [record.swarm.task.holder[0] for record in recorded]
     np.testing.assert_array_equal(frames["ball_holder"], balls)
     assert frames["is_running"].all() and frames["scene_is_alive"].all() and frames["scene_world"] == 0
 
@@ -141,7 +142,7 @@ def test_scene(done):
     np.testing.assert_allclose(frames["scene_dust_areas"] / ROBOT_DIAMETER, areas)
     np.testing.assert_allclose(frames["scene_robot_size"], [2e-3, 2e-3, 1e-3])
     assert frames["scene_is_scout"].sum() == 2 and frames["scene_control_period"] == 1.0
-    np.testing.assert_array_equal(frames["scene_ball_radius"], recorded[0].swarm.balls.radius[0])
+    np.testing.assert_array_equal(frames["scene_ball_radius"], recorded[0].swarm.task.radius[0])
     centres = frames["ball_position"][0, :, :2] / ROBOT_DIAMETER
     for x_min, y_min, x_max, y_max in areas:
         assert ((centres >= [x_min, y_min]) & (centres <= [x_max, y_max])).all(axis=1).sum() == 12

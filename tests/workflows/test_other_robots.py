@@ -11,10 +11,13 @@ from helpers_sensing import remember, senses_nothing
 
 from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.sensors.messages import Layout, Message
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.avoidance import is_avoided, listening_sides
 from iswarm_mj.strategy.controller import approach, avoid
 from iswarm_mj.strategy.genome import PRESETS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers_mjx import TINY, N, compilations, mjx
 
-from iswarm_mj.simulation.settings import MujocoSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import draw_radii, place_robots

@@ -27,7 +27,7 @@ from iswarm_mj.gripper.laws.detachment import (
 )
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.simulation.metrics import Measures, fitness
+from iswarm_mj.tasks.measures import Measures, fitness
 
 _WHERE = "section 3.2.1"
 _R, _V = 20e-6, 40.0

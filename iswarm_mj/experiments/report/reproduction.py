@@ -6,9 +6,9 @@ from dataclasses import asdict
 from typing import Any
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS, Result
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.simulation.settings import FINE
 from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.serialization import completed
@@ -45,8 +45,8 @@ def _experiment(settings: Mapping[str, Any]) -> str:
 
 def _engine(settings: Mapping[str, Any]) -> str:
     """Flags of the engine unless they are the defaults; tables of searches do not contain the default engine."""
-    engine, refinement = settings.get("engine", "mujoco"), settings.get("refinement", FINE)
-    finer = "" if refinement == FINE else f" --refinement {refinement}"
+    engine, refinement = settings.get("engine", "mujoco"), settings.get("refinement", PlanarSettings.refinement)
+    finer = "" if refinement == PlanarSettings.refinement else f" --refinement {refinement}"
     return "" if engine == "mujoco" else f" --engine {engine}{finer}"
 
 

@@ -2,20 +2,23 @@
 
 import math
 from collections.abc import Generator, Sequence
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
+from iswarm_mj.engines.registry import ENGINES, engine_settings
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
 from iswarm_mj.simulation.common import common
-from iswarm_mj.simulation.metrics import Measures
-from iswarm_mj.simulation.room import most_worlds
+from iswarm_mj.simulation.memory_check import most_worlds
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import MjxSettings, PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.tasks.layout import free_cells
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.jax_setup import can_use_warp
 
-FIRST_CAPACITY = {"jax": 1.0, "warp": 4.0}
+FIRST_CAPACITY: dict[str | None, float] = {"jax": 1.0, "warp": 4.0}
 """Initial size of the contact buffers, by implementation, relative to `engines.mjx.arena.contact_capacity`."""
 MAX_CAPACITY = 8.0
 """Largest size. A batch whose buffers are full starts again with buffers twice as large, up to this.
@@ -31,14 +34,23 @@ world in which robots jam most."""
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
-def implementation() -> Literal["jax", "warp"]:
-    """MJX's implementation for batches: warp where it can be used, else jax."""
-    return "warp" if can_use_warp() else "jax"
+def first_settings(engine: str, threads: int, refinement: int, prefer_host: bool = False) -> EngineSettings:
+    """Return settings of an engine for batches: on an NVIDIA GPU those for it, with contact buffers to begin with.
+
+    Args:
+        engine: its name.
+        threads: on the host.
+        refinement: of engines that have one.
+        prefer_host: use an implementation on the host, where there is one.
+    """
+    impls = ENGINES[engine].implementations
+    impl = None if not impls else "warp" if can_use_warp() and not prefer_host else impls[0]
+    return engine_settings(
+        engine, threads=threads, refinement=refinement, impl=impl, contact_capacity=FIRST_CAPACITY.get(impl)
+    )
 
 
-def run_batches(
-    jobs: Sequence[Job], planar: PlanarSettings | None = None
-) -> Generator[tuple[int, Outcome], None, None]:
+def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> Generator[tuple[int, Outcome], None, None]:
     """Yield (index of the job, outcome), a batch at a time: jobs with all in common that worlds share are one batch.
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
@@ -46,7 +58,7 @@ def run_batches(
 
     Args:
         jobs: the runs.
-        planar: settings of the engine planar; None for mjx.
+        engine: settings of a compiled engine.
 
     Raises:
         SimulationFault: a run could not go on.
@@ -55,18 +67,18 @@ def run_batches(
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
         alike.setdefault((common(job.config), job.steps, job.stop_at), []).append(index)
-    for indices in (part for every in alike.values() for part in _parts(every, jobs, planar)):
+    for indices in (part for every in alike.values() for part in _parts(every, jobs, engine)):
         batch = [jobs[index] for index in indices]
-        found = _measured(batch) if planar is None else _measures(batch, _run(batch, planar))
+        found = _measured(batch, engine)
         for index, job, measures in zip(indices, batch, found, strict=True):
             yield index, outcome(job, measures, measures.finished_at or job.steps)
 
 
-def _parts(indices: Sequence[int], jobs: Sequence[Job], planar: PlanarSettings | None) -> list[list[int]]:
-    """Jobs in batches: of similar size with mjx, as many as the memory has room for with planar."""
-    if planar is None:
+def _parts(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
+    """Jobs in batches: of similar size with contact buffers, else as many as the memory has room for."""
+    if has_buffers(engine):
         return _of_similar_size(indices, jobs)
-    most = most_worlds(planar, max(jobs[index].n_robots for index in indices))
+    most = most_worlds(engine, max(jobs[index].n_robots for index in indices))
     n_parts = max(1, math.ceil(len(indices) / most))
     return [list(indices[len(indices) * k // n_parts : len(indices) * (k + 1) // n_parts]) for k in range(n_parts)]
 
@@ -82,16 +94,20 @@ def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job]) -> list[list[i
     return parts
 
 
-def _measured(jobs: Sequence[Job]) -> list[Measures]:
-    """Measures of jobs of equal settings, with contact buffers as large as they need."""
-    impl = implementation()
-    contact_capacity = FIRST_CAPACITY[impl]
+def _measured(jobs: Sequence[Job], engine: EngineSettings) -> list[Measures]:
+    """Measures of jobs of equal settings, with contact buffers as large as they need, if the engine has any."""
     while True:
-        run = _run(jobs, MjxSettings(impl, contact_capacity=contact_capacity))
+        run = _run(jobs, engine)
         is_full = [bool(fault.kind & _BUFFER_FULL) for fault in run.faults]
-        if not is_full or not all(is_full) or 2 * contact_capacity > MAX_CAPACITY:
+        larger = 2 * getattr(engine, "contact_capacity", math.inf)
+        if not is_full or not all(is_full) or larger > MAX_CAPACITY:
             return _measures(jobs, run)
-        contact_capacity *= 2
+        engine = replace(engine, contact_capacity=larger)
+
+
+def has_buffers(engine: EngineSettings) -> bool:
+    """Return whether an engine has contact buffers, whose room costs time."""
+    return hasattr(engine, "contact_capacity")
 
 
 def _measures(jobs: Sequence[Job], run: Run) -> list[Measures]:
@@ -102,7 +118,7 @@ def _measures(jobs: Sequence[Job], run: Run) -> list[Measures]:
     return [run.measures(world) for world in range(len(jobs))]
 
 
-def _run(jobs: Sequence[Job], engine: MjxSettings | PlanarSettings) -> Run:
+def _run(jobs: Sequence[Job], engine: EngineSettings) -> Run:
     """Run the jobs as worlds of one batch until all have ended or a contact buffer is full.
 
     Batches share a compiled program if their largest swarms round up to the same multiple of `CAPACITY_STEP`.

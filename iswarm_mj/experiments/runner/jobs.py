@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.simulation.metrics import Measures, fitness
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import EngineSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.measures import Measures, fitness
 from iswarm_mj.utils.errors import SimulationFault
 
 CAPACITY_STEP = 64

@@ -11,12 +11,13 @@ from typing import Annotated, Any, Literal, cast
 from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.registry import EngineName, engines_with
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, run_job
 from iswarm_mj.experiments.runner.limits import Workers
-from iswarm_mj.simulation.settings import FINE, EngineSettings, MujocoSettings, PlanarSettings
 from iswarm_mj.utils.constraints import check, constraint_of, validate
-from iswarm_mj.utils.jax_setup import can_use_warp
 from iswarm_mj.utils.progress import Progress
 
 
@@ -24,45 +25,42 @@ from iswarm_mj.utils.progress import Progress
 class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
-    engine: Literal["mujoco", "planar", "mjx"] = "mujoco"
+    engine: EngineName = "mujoco"
     """Physics: mujoco (C, on CPUs), planar (faster), or mjx (JAX). Jobs of equal settings are one batch of
     worlds in this process with mjx, and with planar on an NVIDIA GPU."""
     workers: Workers = 0
     """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = FINE
+    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
     """Of planar, as in `PlanarSettings`."""
 
     def __post_init__(self):
         validate(self)
-        applies = self.engine == "planar" or self.refinement == FINE
-        check("engine", self.engine, "planar with `refinement`", applies)
-        check("backend", self.backend, "processes with `engine` mjx", self.engine != "mjx" or self.backend != "ray")
+        engines = engines_with("refinement")
+        applies = self.engine in engines or self.refinement == PlanarSettings.refinement
+        check("engine", self.engine, f"{' or '.join(engines)} with `refinement`", applies)
+        is_usable = self.backend != "ray" or self.settings.on_host
+        check("backend", self.backend, f"processes with `engine` {self.engine}", is_usable)
+
+    @property
+    def settings(self) -> EngineSettings:
+        """Settings of the engine, of one thread on the host."""
+        from iswarm_mj.experiments.runner.batches import first_settings
+
+        return first_settings(self.engine, 1, self.refinement, prefer_host=self.backend == "ray")
 
     @property
     def in_batches(self) -> bool:
         """Whether jobs are worlds of batches in this process."""
-        return self.engine == "mjx" or (self.engine == "planar" and self.backend == "processes" and can_use_warp())
-
-    @property
-    def planar(self) -> PlanarSettings:
-        """Settings of the engine planar."""
-        return PlanarSettings(1, self.refinement, impl="warp" if self.in_batches else "numba")
-
-    @property
-    def on_cpu(self) -> EngineSettings:
-        """Settings of the engine of a worker, which has one thread; not of batches."""
-        return self.planar if self.engine == "planar" else MujocoSettings(1)
+        return not self.settings.on_host
 
     @property
     def identity(self) -> dict[str, Any]:
         """Settings that identify an engine in files: empty for the default engine."""
-        if self.engine != "mjx":
-            return {} if self.engine == "mujoco" else self.planar.identity
-        from iswarm_mj.experiments.runner.batches import implementation
-
-        return {"engine": self.engine, "impl": implementation()}
+        identity = self.settings.identity
+        identity.pop("solver_iterations", None)
+        return {} if self.engine == Execution.engine else identity
 
 
 def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
@@ -78,16 +76,16 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     if execution.in_batches:
         from iswarm_mj.experiments.runner.batches import run_batches
 
-        return run_batches(jobs, execution.planar if execution.engine == "planar" else None)
+        return run_batches(jobs, execution.settings)
     numbered = sorted(enumerate(jobs), key=lambda item: -item[1].n_robots * item[1].steps)
     if execution.backend == "ray":
         from iswarm_mj.experiments.runner.ray_pool import run_on_ray
 
-        return run_on_ray(numbered, execution.workers, execution.on_cpu)
+        return run_on_ray(numbered, execution.workers, execution.settings)
     workers = execution.workers or cpu_count()
     if workers == 1:
-        return ((index, run_job(job, execution.on_cpu)) for index, job in numbered)
-    return _run_in_processes(numbered, workers, execution.on_cpu)
+        return ((index, run_job(job, execution.settings)) for index, job in numbered)
+    return _run_in_processes(numbered, workers, execution.settings)
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:

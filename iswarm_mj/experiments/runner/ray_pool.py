@@ -6,9 +6,9 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner import worker
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes
-from iswarm_mj.simulation.settings import EngineSettings
 from iswarm_mj.utils.errors import UserError
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from iswarm_mj.experiments.analysis.evolution_best import Best, best_of, by_replicate
 from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
 from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.runner.batches import has_buffers
 from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
 from iswarm_mj.experiments.runner.pool import Execution, progress
 from iswarm_mj.experiments.runner.replicates import Replicates, entry_of, forget_partial, is_entry
@@ -124,7 +125,7 @@ def _begun(out: Path, search: Search, execution: Execution, resume: bool, again:
 def _run_generations(begun: Sequence[_Begun], execution: Execution) -> None:
     """Run all generations; runs in the journals are not repeated."""
     total = sum(each.search.generations * each.search.n_runs for each in begun)
-    is_large = execution.in_batches and execution.engine == "planar"  # whose time hardly grows with its worlds
+    is_large = execution.in_batches and not has_buffers(execution.settings)  # whose time hardly grows with its worlds
     with progress(total, done=sum(len(each.journal.entries) for each in begun)) as bar:
         for each in begun:
             if not each.replicates.learns:

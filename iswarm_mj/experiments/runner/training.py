@@ -14,14 +14,15 @@ from jaxtyping import Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.analysis.learning_figure import draw_learning
 from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
-from iswarm_mj.simulation.settings import EngineSettings
 from iswarm_mj.simulation.strategies import stated
 from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
+from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import remove, remove_parts
@@ -52,7 +53,7 @@ def points(found: Rollout) -> Float[np.ndarray, "B"]:
     """Fitness of each world: 20 for each ball picked up, 20 for each delivered, 40 for those delivered on average over
     time, so that early ones count more. Of tasks without balls the progress stands for balls delivered."""
     after = found.delivered_after
-    return 20.0 * found.picked + 20.0 * after[:, -1] + 40.0 * after.mean(axis=1)
+    return PICKED * found.picked + BROUGHT_HOME * after[:, -1] + 40.0 * after.mean(axis=1)
 
 
 def train(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from iswarm_mj.utils.errors import SimulationFault
 
 if TYPE_CHECKING:
+    from iswarm_mj.engines.settings import EngineSettings
     from iswarm_mj.experiments.runner.jobs import Job, Outcome
-    from iswarm_mj.simulation.settings import EngineSettings
 
 MAX_LOSSES = 3
 """Workers may die this often in a row, without a finished job in between."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.analysis.findings import (
     CONSTRUCTED,
     FAILS,
@@ -38,7 +39,7 @@ from iswarm_mj.experiments.analysis.verdicts import EQUAL, all_of, enough, withi
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import PlanarSettings, RunSettings
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.errors import ConfigError

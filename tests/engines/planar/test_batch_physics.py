@@ -9,7 +9,7 @@ from helpers_planar import both_engines, moved, placed, rounded, same_bits
 from helpers_small import SMALL
 
 from iswarm_mj.engines.base import Phase
-from iswarm_mj.simulation.settings import FINE
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
@@ -47,7 +47,7 @@ def walled_crowd(n_worlds, rng, n_robots=25):
 
 class TestCrowds:
     @pytest.mark.parametrize("tune", [None, long_hulls], ids=["square", "long"])
-    @pytest.mark.parametrize("refinement", [1, FINE])
+    @pytest.mark.parametrize("refinement", [1, PlanarSettings.refinement])
     @pytest.mark.parametrize("place", [crowd, walled_crowd])
     def test_they_end_where_those_of_the_other_engine_end(self, place, refinement, tune):
         rng = np.random.default_rng(1)
@@ -141,7 +141,8 @@ class TestPairsInContact:
             command = Command(rng.uniform(-0.6, 0.6, (2, 60)), rng.uniform(0.0, np.sqrt(2), (2, 60)))
             phases = drive_phases(SMALL.drive, Command(*map(rounded, command)))
             plain, batch = (
-                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool)) for engine in engines(FINE)
+                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool))
+                for engine in engines(PlanarSettings.refinement)
             )
             np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 10)
             np.testing.assert_array_equal(batch.touching, plain.touching)
@@ -157,7 +158,9 @@ class TestBits:
 
     def test_repeats_are_the_same(self):
         start, velocity, present = self.start(np.random.default_rng(8))
-        one, again = (both_move(start, velocity, present=present, refinement=FINE)[1] for _ in range(2))
+        one, again = (
+            both_move(start, velocity, present=present, refinement=PlanarSettings.refinement)[1] for _ in range(2)
+        )
         assert same_bits(one, again) and one.touching.any(axis=(1, 2)).all()
 
     def test_companions_do_not_matter(self):

@@ -1,4 +1,4 @@
-"""The paper's measures of a cleaning run (section 4.6)."""
+"""The paper's measures of a run and its fitness (section 4.6)."""
 
 from typing import NamedTuple
 
@@ -46,16 +46,18 @@ class Measures(NamedTuple):
     """Control steps in which robots waited for energy, summed over robots."""
 
 
-def measure(balls: Balls, world: int, collisions: int, finished_at: int | None, starved: int = 0) -> Measures:
+def measure(balls: Balls | None, world: int, collisions: int, finished_at: int | None, starved: int = 0) -> Measures:
     """Measures of one world of a batch.
 
     Args:
-        balls: of B worlds, (B, K) arrays.
+        balls: of B worlds, (B, K) arrays; None in tasks without.
         world: which of them.
         collisions: counted so far.
         finished_at: step at which the world finished.
         starved: control steps in which robots waited for energy.
     """
+    if balls is None:
+        return Measures(0, 0, collisions, None, finished_at, starved=starved)
     delivered = np.asarray(balls.is_delivered[world])
     impact = np.asarray(balls.impact[world])
     carried = np.asarray(balls.carried_steps[world])[delivered]
@@ -73,6 +75,9 @@ def measure(balls: Balls, world: int, collisions: int, finished_at: int | None, 
     )
 
 
+PICKED, BROUGHT_HOME, EARLY, COLLISION = 20.0, 20.0, 10.0, 0.05
+"""Points of the fitness: for a ball picked up, as many again when it is delivered, for each step left when all balls
+are, and the cost of a collision of a single robot."""
 COUNTED = ("attempts", "failed_grasps", "failed_releases", "releases", "broken_off", "postponed")
 """Counts of each ball."""
 
@@ -85,8 +90,8 @@ def fitness(measures: Measures, n_robots: int, n_dust: int, max_steps: int) -> f
     A swarm that does not deliver all of 72 balls gets at most 2860. One that delivers them in 250 of 800 steps gets
     8380 without collisions; the paper prints 8360.
     """
-    points = 40.0 * measures.delivered + 20.0 * (measures.picked - measures.delivered)
-    points -= 0.05 / n_robots * measures.collisions
+    points = PICKED * measures.picked + BROUGHT_HOME * measures.delivered
+    points -= COLLISION / n_robots * measures.collisions
     if measures.delivered == n_dust and measures.finished_at is not None:
-        points += 10.0 * (max_steps - measures.finished_at)
+        points += EARLY * (max_steps - measures.finished_at)
     return points

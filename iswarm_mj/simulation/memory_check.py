@@ -5,14 +5,17 @@ from typing import Any
 
 import jax
 
-from iswarm_mj.simulation.settings import EngineSettings
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.memory import available_memory, gigabytes
 
-PER_ROBOT = {"mujoco": 1_000, "planar": 1_000, "mjx": 4_000, "mjx jax": 25_000}
-"""Bytes for each robot of each world at least, by engine and implementation; on GPUs after `docs/performance.md`."""
 PER_PAIR = 8
-"""Likewise for each pair of robots of a world: who touches whom, before and after a step [bytes]."""
+"""Memory for each pair of robots of a world: who touches whom, before and after a step [bytes]."""
+
+
+def devices_of(engine: EngineSettings) -> list[Any]:
+    """Return the JAX devices that an engine of compiled programs is to use."""
+    return list(getattr(engine, "devices", None) or jax.local_devices())
 
 
 def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> int:
@@ -23,13 +26,11 @@ def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> int:
         n_worlds: of this process.
         n_robots: places for robots in each world.
     """
-    identity = engine.identity
-    each = PER_ROBOT.get(f"{identity['engine']} {identity.get('impl')}", PER_ROBOT[identity["engine"]])
     n_worlds, n_robots = int(n_worlds), int(n_robots)  # which never overflow
-    return n_worlds * n_robots * (each + PER_PAIR * n_robots)
+    return n_worlds * n_robots * (engine.bytes_per_robot + PER_PAIR * n_robots)
 
 
-def check_room(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:
+def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:
     """Refuse a run for which there is not enough memory.
 
     Args:
@@ -61,7 +62,7 @@ def most_worlds(engine: EngineSettings, n_robots: int) -> float:
 
 def _free_memory(engine: EngineSettings) -> int | None:
     """Bytes that are free on the host, or on the engine's devices if they have memory of their own; None if unknown."""
-    devices: Sequence[Any] = () if engine.on_host else getattr(engine, "devices", None) or jax.local_devices()
+    devices: Sequence[Any] = () if engine.on_host else devices_of(engine)
     if not devices or any(device.platform == "cpu" for device in devices):
         return available_memory()
     stats = [device.memory_stats() or {} for device in devices]

@@ -1,0 +1,66 @@
+"""Settings of the engine `mjx`."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.utils.constraints import Within
+
+if TYPE_CHECKING:
+    from iswarm_mj.engines.base import CompiledEngine
+
+EXACT, FAST = 100, 20
+"""Iterations of the contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo in
+C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
+
+
+@dataclass(frozen=True)
+class MjxSettings(EngineSettings):
+    """MJX: all worlds in one compiled program, on GPUs and CPUs."""
+
+    name: ClassVar[str] = "mjx"
+    implementations: ClassVar[tuple[str, ...]] = ("jax", "warp")
+
+    impl: Literal["jax", "warp"] = "jax"
+    """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
+    solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
+    """Iterations of the contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
+    contact_capacity: Annotated[float, Within(0.01, 100)] = 1.0
+    """Size of the contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
+    chunk: Annotated[int, Within(1, 10_000)] = 25
+    """Control steps that one call of the compiled program takes; faults and progress are seen between calls."""
+    devices: tuple[Any, ...] | None = None
+    """JAX devices that share the worlds; None for all that this process sees."""
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """See `EngineSettings.identity`."""
+        return super().identity | {"impl": self.impl, "solver_iterations": self.solver_iterations}
+
+    @property
+    def on_host(self) -> bool:
+        """See `EngineSettings.on_host`."""
+        return False
+
+    @property
+    def bytes_per_robot(self) -> int:
+        """See `EngineSettings.bytes_per_robot`; measured, see docs/performance.md."""
+        return 25_000 if self.impl == "jax" else 4_000
+
+    @classmethod
+    def usual_impl(cls) -> str:
+        """See `EngineSettings.usual_impl`."""
+        return "jax"
+
+    def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
+        """See `EngineSettings.compiled_engine`."""
+        from iswarm_mj.engines.arena import read_robot
+        from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
+        from iswarm_mj.engines.mjx.engine import MjxEngine
+        from iswarm_mj.utils.units import RD
+
+        config, capacity, robot_file = model.config, model.capacity, model.robot_file
+        width = max(2 * read_robot(robot_file).circumradius / RD, 1.0)  # large robots cover more of the floor
+        buffers = contact_capacity(config, capacity, self.contact_capacity * width**2)
+        arena = compile_mjx_arena(config, capacity, self.impl, n_worlds, buffers, self.solver_iterations, robot_file)
+        return MjxEngine(arena, config, model.n_robots < capacity)

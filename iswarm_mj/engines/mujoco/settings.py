@@ -1,0 +1,37 @@
+"""Settings of the engine `mujoco`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+
+from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.utils.constraints import Within
+
+if TYPE_CHECKING:
+    from iswarm_mj.engines.base import Engine
+
+
+@dataclass(frozen=True)
+class MujocoSettings(EngineSettings):
+    """MuJoCo in C, on CPUs."""
+
+    name: ClassVar[str] = "mujoco"
+
+    threads: Annotated[int, Within(0, 1024)] = 0
+    """Threads for the physics, 0 for one per core; the results do not depend on it."""
+
+    @property
+    def bytes_per_robot(self) -> int:
+        """See `EngineSettings.bytes_per_robot`."""
+        return 1_000
+
+    def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
+        """See `EngineSettings.host_engine`."""
+        from iswarm_mj.engines.arena import compile_arena
+        from iswarm_mj.engines.mujoco.engine import MujocoEngine
+
+        config, capacity = model.config, model.capacity
+        arena = compile_arena(config, model.n_robots, np.zeros(0), robot_file=model.robot_file)
+        return lambda n_worlds, n_threads: MujocoEngine(config, arena, n_worlds, n_threads, capacity)

@@ -1,0 +1,85 @@
+"""What every engine's settings can do: name the engine, estimate its memory, build it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.utils.constraints import check, validate
+
+if TYPE_CHECKING:
+    from iswarm_mj.engines.base import CompiledEngine, Engine
+
+
+class ModelSpec(NamedTuple):
+    """What an engine simulates."""
+
+    config: SwarmConfig
+    """Arena, drive and optics."""
+    n_robots: int
+    """In the largest world."""
+    capacity: int
+    """Places for robots in arrays, at least `n_robots`."""
+    robot_file: Path | None = None
+    """MJCF file of the robots; None for `models/robot.xml`."""
+
+
+@dataclass(frozen=True)
+class EngineSettings(ABC):
+    """Settings of an engine: a frozen dataclass whose fields, with their docstrings, become flags of commands.
+
+    An engine acts on the host, one control step at a time on NumPy arrays, or inside programs that JAX compiles, which
+    take a chunk of control steps. A class that can do one of these defines `host_engine` or `compiled_engine`; settings
+    of compiled engines have fields `chunk` (control steps of a call) and `devices`.
+    """
+
+    name: ClassVar[str]
+    """Of the engine, as `--engine` takes it."""
+    implementations: ClassVar[tuple[str, ...]] = ()
+    """Values of the setting `impl`, where there are several."""
+
+    def __post_init__(self):
+        validate(self)
+        devices = getattr(self, "devices", None)
+        is_given = isinstance(devices, tuple) and len(devices) > 0
+        check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_given)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Name and main settings, as results state them."""
+        return {"engine": self.name}
+
+    @property
+    def on_host(self) -> bool:
+        """Whether the CPU's threads do all."""
+        return True
+
+    @property
+    @abstractmethod
+    def bytes_per_robot(self) -> int:
+        """Memory that each robot of each world takes at least, beside the pairs of robots [bytes]."""
+
+    @classmethod
+    def usual_impl(cls) -> str | None:
+        """Return the value of the setting `impl` for this machine; None where there is only one implementation."""
+        return None
+
+    def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
+        """Return what makes an engine on the host for a number of worlds and of threads."""
+        raise TypeError(f"{type(self).__name__} has no engine on the host")
+
+    def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
+        """Return an engine for programs of JAX.
+
+        Args:
+            model: what it simulates.
+            n_worlds: of a device.
+            platform: of the devices.
+        """
+        raise TypeError(f"{type(self).__name__} has no compiled engine")
+
+    def in_chunks(self, steps: int) -> Self:
+        """Return these settings with so many control steps in a call, where the engine takes several."""
+        return replace(self, **({"chunk": steps} if hasattr(self, "chunk") else {}))

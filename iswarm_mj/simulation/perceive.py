@@ -1,0 +1,144 @@
+"""The first half of a control step: robots communicate, and the task advances. Pure JAX, of one world."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Bool, Float, Int, UInt32
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import Sight
+from iswarm_mj.gripper.attempts import Decider, by_balance
+from iswarm_mj.sensors.channel import Channel, Received, exchange
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
+from iswarm_mj.simulation import power
+from iswarm_mj.simulation.state import SwarmState, WorldParams
+from iswarm_mj.simulation.streams import StepKeys, Stream
+from iswarm_mj.strategy.interface import Observation
+from iswarm_mj.strategy.payloads import layout_of
+from iswarm_mj.tasks.protocol import Sensed, TaskInputs
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
+
+
+class StepInputs(NamedTuple):
+    """What a world's control step begins with, beside its state."""
+
+    poses: Float[Array, "*B N 3"]
+    """x, y [mm] and yaw [rad]."""
+    sight: Sight
+    """Light that the robots receive."""
+    step: Int[Array, ""]
+    """Number of the control step, from 0."""
+    is_running: Bool[Array, "*B"]
+    """Whether the world takes this step."""
+
+
+class Spoken(NamedTuple):
+    """What robots sent as the step began, and whether it arrived."""
+
+    message: UInt32[Array, "*B N"]
+    """The 32 bits that a robot's first LED sent; those of the other LEDs differ in number and check."""
+    is_heard: Bool[Array, "*B N S"]
+    """A message arrived on this side, and its check is right, if that is looked at."""
+    measured_distance: Float[Array, "*B N S"]
+    """Of the sender of a link [mm]."""
+
+
+class Perceived(NamedTuple):
+    """What N robots of a world perceive as a control step begins, after what they said and gripped."""
+
+    observation: Observation
+    swarm: SwarmState
+    """With the task advanced and the capacitors charged; the memory is that of the step before."""
+    sensed: Sensed
+    """What the task let the robots sense."""
+    inputs: TaskInputs
+    """What the task found."""
+    links: Links
+    """Of each side (N, S), the sender whose message it receives unless noise spoils it."""
+    spoken: Spoken
+    transmit: Callable[[dict[str, Any]], Received]
+    """Messages as received, with the same noise at whatever time within this step they are sent."""
+
+
+def perceive(
+    config: SwarmConfig,
+    robot: Robot,
+    params: WorldParams,
+    swarm: SwarmState,
+    begin: StepInputs,
+    keys: StepKeys,
+    payload: dict[str, Any],
+    picks: Bool[Array, "N"],
+) -> Perceived:
+    """Take a world's control step up to what robots know: communicate, and advance the task.
+
+    Args:
+        config: what control steps are compiled for (`common.program_config`).
+        robot: its geometry.
+        params: of the world.
+        swarm: after the step before.
+        begin: poses, light and time, without a leading axis.
+        keys: of the step.
+        payload: what each robot says.
+        picks: which robots pick up what their tools reach.
+    """
+    poses, sight, *_ = begin
+    if config.optics.baud_rate:
+        first_slot = draw_first_slots(config.optics, keys.stream(Stream.SLOTS), len(poses))
+        links = understood(config.optics, sight.links, first_slot, robot.sides)
+        sight = Sight(links, sight.sees_wall & sides_on(config.optics, robot.sides))
+    channel = Channel(params.conditions, layout_of(params.strategy, len(robot.sides)))
+
+    def transmit(payload: dict[str, Any]) -> Received:
+        return exchange(channel, payload, sight.links, keys.channel)
+
+    received = transmit(payload)
+    voltage, is_empty = None, jnp.zeros(len(poses), bool)
+    if swarm.energy is not None:
+        energy = power.charged(config, swarm.energy)
+        voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
+        swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
+    inputs = TaskInputs(
+        poses,
+        params.is_present,
+        swarm.is_alive,
+        picks & ~is_empty,
+        params.conditions,
+        config,
+        robot,
+        decider_of(config),
+        voltage,
+    )
+    task, sensed = params.task.advance(swarm.task, inputs, keys.task)
+    swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded)
+    message = received.message
+    observation = Observation(
+        is_heard=received.is_heard,
+        bearing=sight.links.bearing,
+        distance=received.distance,
+        led=message.led,
+        payload=message.payload,
+        sees_wall=sight.sees_wall,
+        at_dust=sensed.at_dust,
+        ball_vector=sensed.ball_vector,
+        on_dump=sensed.on_dump,
+        is_loaded=sensed.is_loaded,
+        grasp_failed=sensed.grasp_failed,
+        sensed=sensed.own,
+        waits=is_empty | sensed.is_busy,
+    )
+    spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
+    return Perceived(observation, swarm, sensed, inputs, sight.links, spoken, transmit)
+
+
+def decider_of(config: SwarmConfig) -> Decider:
+    """Return what decides whether attempts to pick up and to release succeed: the forces' balance, or the bench."""
+    if config.gripper.resolution == "quasi-static":
+        return by_balance
+    # Here, since the bench is a large part of the package that other runs need not load.
+    from iswarm_mj.gripper.bench.deciders import decider_for
+
+    return decider_for(config.gripper)

@@ -1,0 +1,122 @@
+"""What runs and environments are made of: what the user gives, checked once, and the engine that it asks for."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import NoneType
+from typing import Any, NamedTuple
+
+import jax
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.base import CompiledEngine, Engine
+from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.simulation.common import program_config
+from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.memory_check import check_memory, devices_of
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.tasks import ENDLESS, Job, goal_of, job_of
+from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.tasks.layout import cell_of, check_robots
+from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.signatures import check_object
+from iswarm_mj.utils.constraints import check, check_kind
+from iswarm_mj.utils.jax_setup import configure_jax
+from iswarm_mj.utils.robot import Robot
+
+
+class Setup(NamedTuple):
+    """What a run or an environment is made of, but for what its robots do."""
+
+    config: SwarmConfig
+    """Of the run."""
+    program_config: SwarmConfig
+    """What control steps are compiled for."""
+    settings: RunSettings
+    engine: EngineSettings
+    robot: Robot
+    robot_file: Path | None
+    """As an absolute path; None for `models/robot.xml`."""
+    task: Task
+    """As given."""
+    job: Job
+    """The task for each of `worlds`."""
+    goal: int | None
+    """Progress of the task that finishes a world; None if it never is."""
+    worlds: Sequence[World]
+    starts: Sequence[Start]
+    """How each of them begins."""
+
+    @property
+    def capacity(self) -> int:
+        """Places for robots in each world."""
+        return self.settings.capacity or self.settings.n_robots
+
+    @property
+    def target(self) -> int:
+        """Progress of the task that finishes a world, or that no task reaches."""
+        return ENDLESS if self.goal is None else self.goal
+
+    @property
+    def device(self) -> Any:
+        """JAX device of what is not the engine's, None for the default: engines on the host leave GPUs alone."""
+        return jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
+
+    @property
+    def model(self) -> ModelSpec:
+        """What the engine simulates."""
+        return ModelSpec(self.config, self.settings.n_robots, self.capacity, self.robot_file)
+
+    def host_engine(self) -> Callable[[int, int], Engine]:
+        """Return what makes an engine on the host for a number of worlds and of threads."""
+        return self.engine.host_engine(self.model)
+
+    def compiled_engine(self, n_worlds: int) -> tuple[CompiledEngine, Sequence[Any]]:
+        """Return an engine for programs of JAX, and the devices that share so many worlds."""
+        devices = devices_of(self.engine)[:n_worlds]
+        return self.engine.compiled_engine(self.model, -(-n_worlds // len(devices)), devices[0].platform), devices
+
+
+def set_up(
+    config: SwarmConfig,
+    settings: RunSettings,
+    engine: EngineSettings,
+    task: Any,
+    worlds: Sequence[World],
+    robot_file: Path | str | None = None,
+) -> Setup:
+    """Check what the user gives, and draw how worlds begin.
+
+    Args:
+        config: of all worlds.
+        settings: of the run.
+        engine: that carries it out.
+        task: what the robots are to do.
+        worlds: whose beginnings are drawn.
+        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+
+    Raises:
+        UserError: robots, worlds, a task or settings that do not fit, or too little memory.
+    """
+    configure_jax()
+    check_kind("config", config, SwarmConfig)
+    check_kind("settings", settings, RunSettings)
+    check_kind("engine", engine, EngineSettings)
+    check_kind("robot_file", robot_file, (Path, str, NoneType))
+    file = None if robot_file is None else Path(robot_file).absolute()
+    robot = read_robot(file)
+    are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
+    check("worlds", type(worlds).__name__, "a list of World", are_worlds)
+    largest = max(world.n_robots for world in worlds)
+    check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
+    check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
+    check_object(task)
+    goal = goal_of(task, config, settings)
+    check_robots(config.arena, largest, cell_of(robot))
+    slots, n_leds = config.optics.slots, len(robot.sides)
+    is_long = not config.optics.baud_rate or slots >= n_leds
+    check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
+    starts = starts_of(config, task, robot, worlds)
+    job = job_of(task, config, robot, starts, settings.capacity or largest)
+    program = program_config(config, task, engine.on_host)
+    return Setup(config, program, settings, engine, robot, file, task, job, goal, worlds, starts)

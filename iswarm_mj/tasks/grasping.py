@@ -1,0 +1,75 @@
+"""Balls of a task in the grippers of robots: carried, released and picked up, and where their centres are."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from iswarm_mj.gripper.handling import Balls, Rules, attempts_differ, carry, handle, loaded, working
+from iswarm_mj.sensors.floor import probe_tips, sense
+from iswarm_mj.tasks.protocol import Sensed, TaskInputs
+from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.units import mm_from_rd
+
+
+def grip(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
+    """Carry, release and pick up balls as the forces of the grippers decide; and what robots sense of dust and dump.
+
+    Args:
+        balls: from the step before.
+        inputs: the world as the step begins.
+        key: decides which held balls fall, and how attempts at the same ball differ.
+    """
+    conditions, gripper, n_robots = inputs.conditions, inputs.config.gripper, len(inputs.poses)
+    tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.probe_tip))
+    before = balls
+    balls = carry(balls, tips)
+    dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
+    floor = sense(inputs.poses, tips, balls.position, balls.is_lying, dump_size, reach)
+    falls = jax.random.bernoulli(key, conditions.drop_rate, balls.is_held.shape)
+    balls, grasp_failed = handle(
+        gripper,
+        conditions,
+        balls,
+        tips,
+        floor,
+        inputs.picks,
+        falls,
+        rules=Rules(inputs.config.drive.control_period, inputs.decide_attempts),
+        key=jax.random.fold_in(key, 1) if attempts_differ(gripper) else None,
+        voltage=inputs.voltage,
+    )
+    sensed = Sensed(
+        at_dust=floor.at_dust,
+        ball_vector=floor.ball_vector,
+        on_dump=floor.on_dump,
+        is_loaded=loaded(balls, n_robots),
+        grasp_failed=grasp_failed,
+        is_busy=working(balls, n_robots),
+        tool_voltage_squared=_voltage_squared(before, balls, inputs),
+        own={},
+    )
+    return balls, sensed
+
+
+def _voltage_squared(before: Balls, after: Balls, inputs: TaskInputs) -> Float[Array, "N"]:
+    """Sum of V^2 over the attempts of each robot in a step; V is what was asked for, or all that its capacitor has."""
+    most = jnp.inf if inputs.voltage is None else inputs.voltage[after.worker]
+    lifts, releases = after.attempts - before.attempts, after.releases - before.releases
+    squares = lifts * jnp.minimum(inputs.conditions.grasp_voltage, most) ** 2
+    squares += releases * jnp.minimum(inputs.conditions.release_voltage, most) ** 2
+    return jnp.zeros(len(inputs.poses)).at[after.worker].add(squares)
+
+
+def ball_centres(balls: Balls, poses: Float[Array, "*B N 3"], robot: Robot) -> Float[Array, "*B K 3"]:
+    """Positions of the balls' centres after the robots moved to `poses` [mm]."""
+    xp, probe = array_module(poses), robot.probe_tip
+    radius, held, holder, position = (
+        xp.asarray(a) for a in (balls.radius, balls.is_held, balls.holder, balls.position)
+    )
+    at = xp.take_along_axis(poses, holder[..., None], axis=-2)
+    c, s = xp.cos(at[..., 2]), xp.sin(at[..., 2])
+    tip = xp.stack([at[..., 0] + c * probe[0] - s * probe[1], at[..., 1] + s * probe[0] + c * probe[1]], axis=-1)
+    xy = xp.where(held[..., None], tip, position)
+    height = xp.where(held, robot.tip_height - 1e3 * radius, 1e3 * radius)
+    return xp.concatenate([xy, height[..., None]], axis=-1)
