@@ -58,7 +58,7 @@ def start_with(
     name = f"{type(task).__name__}.lay_out"
     with explained(name):
         poses, state = task.lay_out(config, n_robots, rng, shared, cell_of(robot))
-    check_layout(task, poses, n_robots)
+    check_layout(task, poses, state, n_robots)
     check_poses(f"poses of {name}", poses, robot, config.arena)
     is_alive = np.ones(n_robots, bool)
     is_alive[rng.permutation(n_robots)[: round(failed_fraction * n_robots)]] = False

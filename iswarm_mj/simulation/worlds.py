@@ -90,7 +90,7 @@ def random_keys(worlds: Sequence[World]) -> Array:
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, task: Task, goal: int, capacity: int
+    config: SwarmConfig, worlds: Sequence[World], strategy: Any, task: Task, goal: int, capacity: int
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 

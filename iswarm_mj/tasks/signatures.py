@@ -62,17 +62,23 @@ def as_task(given: Any) -> Any:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), task)
 
 
-def check_layout(task: Any, poses: Any, n_robots: int) -> None:
-    """Check the poses that `Task.lay_out` returned for N robots.
+def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
+    """Check what `Task.lay_out` returned for N robots.
 
     Raises:
-        UserError: they are not finite numbers (N, 3).
+        UserError: the poses are not finite numbers (N, 3), or the state holds something else than numbers.
     """
+    name = f"{type(task).__name__}.lay_out"
+    for path, leaf in jax.tree_util.tree_leaves_with_path(state):
+        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
+            part = f"{type(leaf).__name__}{' as ' * bool(path)}{jax.tree_util.keystr(path)}"
+            raise UserError(
+                f"{name} must return arrays and numbers as its state (got a {part}); leave out what is none"
+            )
     is_pose = isinstance(poses, np.ndarray) and poses.shape == (n_robots, 3) and poses.dtype.kind == "f"
     if not is_pose or not np.isfinite(poses).all():
         got = f"{poses.dtype}{list(poses.shape)}" if isinstance(poses, np.ndarray) else f"a {type(poses).__name__}"
         got = "numbers that are not" if is_pose else got
-        name = f"{type(task).__name__}.lay_out"
         raise UserError(f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})")
 
 
