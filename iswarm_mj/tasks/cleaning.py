@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.bench.deciders import decider_for
-from iswarm_mj.gripper.handling import Balls, Rules, attempts_differ, carry, handle
+from iswarm_mj.gripper.handling import Balls, Rules, carry, handle
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.layout import draw_radii, lying, place_balls, place_robots
 from iswarm_mj.tasks.protocol import Around, Look, Quantity, Sensed, Things
@@ -43,7 +43,7 @@ class Cleaning:
         radii = draw_radii(config.arena, shared)
         poses = place_robots(config.arena, n_robots, rng, cell)
         position = place_balls(config.arena, rng)
-        return poses, Things(lying(config.gripper, position, radii, rng))
+        return poses, Things(lying(config.gripper, position, radii))
 
     def goal(self, config: SwarmConfig, n_robots: int) -> int:
         """All balls."""
@@ -95,7 +95,7 @@ def grip(balls: Balls, around: Around, key: Array) -> tuple[Balls, Sensed]:
     Args:
         balls: from the step before.
         around: the world as the step begins.
-        key: decides which held balls fall.
+        key: decides which held balls fall, and how strongly balls stick in each attempt.
     """
     conditions = around.conditions
     tips = probe_tips(around.poses, jnp.asarray(around.robot.probe_tip))
@@ -114,7 +114,7 @@ def grip(balls: Balls, around: Around, key: Array) -> tuple[Balls, Sensed]:
         around.picks,
         falls,
         rules=rules,
-        key=jax.random.fold_in(key, 1) if attempts_differ(gripper) else None,
+        key=jax.random.fold_in(key, 1),
         voltage=around.voltage,
     )
     return balls, Sensed(floor.at_dust, floor.ball_vector, floor.on_dump, grasp_failed, {})

@@ -59,10 +59,9 @@ class Foraging:
         limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
         position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
-        alike = replace(config.gripper, spread_tool_object=0.0, spread_object_substrate=0.0)
         own = {"centres": np.asarray(centres), "limits": limits, "home": np.zeros(arena.n_dust, bool)}
         own |= {"items": np.int32(0), "moves": np.int32(0), "time": np.float32(0)}
-        return poses, Things(lying(alike, position, draw_radii(arena, shared), rng), own)
+        return poses, Things(lying(config.gripper, position, draw_radii(arena, shared)), own)
 
     def _places(self, limits: Array, n_items: int, key: Array) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
         """New places of all sources, and of items relative to them [mm]."""
