@@ -3,6 +3,7 @@
 import math
 from dataclasses import fields, replace
 
+import boundary_elements as bem
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -18,7 +19,6 @@ from iswarm_mj.gripper.bench.ramps import release
 from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, run_trials
 from iswarm_mj.gripper.bench.staircase import hang, rung, staircase, stays_up, touch
 from iswarm_mj.gripper.bench.trial import Trial, draw
-from iswarm_mj.gripper.laws import boundary_elements as bem
 from iswarm_mj.gripper.laws.detachment import (
     CONTACT_GAP,
     PROBE_RADIUS,

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_energy import books
 
 from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
-from iswarm_mj.gripper.bench.energy import books
 from iswarm_mj.gripper.bench.engine_tracing import TraceBench, trace_trial
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from helpers_attempts import random_attempts
+from helpers_energy import books
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.bench import leaps, swarm_trials
 from iswarm_mj.gripper.bench.base import Move
-from iswarm_mj.gripper.bench.energy import books
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.engine_tracing import TraceBench
 from iswarm_mj.gripper.bench.staircase import lifting, touching

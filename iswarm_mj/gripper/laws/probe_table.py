@@ -1,7 +1,7 @@
 """Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, from a table in the package.
 
 Bicubic spline of ln f in log2(D/R) and log2(R_m/R): twice differentiable. The numbers come from
-`boundary_elements`.
+`tools/boundary_elements.py`.
 """
 
 from functools import cache
