@@ -57,6 +57,8 @@ class Balls(NamedTuple):
     """Time that robots lost at it: at attempts in vain, on the bench as well, and waiting for room [s]."""
     impact: Float[Array, "K"]
     """Speed of its last landing [m/s]."""
+    tried: Float[Array, "K 4"]
+    """Its last attempt: voltage [V], works of adhesion to tool and floor [J/m^2], and misalignment [m]."""
 
     @property
     def is_lying(self) -> Bool[Array, "*B K"]:
@@ -149,6 +151,8 @@ def handle(
     is_held = (balls.is_held & ~found.released & ~dropped) | lifts
     made = ends & ~found.postponed
     failed = made & ~lifts & ~found.released
+    works = attempts.work_tool_object, attempts.work_object_substrate
+    numbers = jnp.stack([attempts.voltage, *works, attempts.misalignment], axis=-1)
     not_lifted = failed & balls.is_lying
     lost = jnp.where(failed, lasts * rules.control_period + found.duration, found.postponed * rules.control_period)
     balls = balls._replace(
@@ -168,6 +172,7 @@ def handle(
         work_time=balls.work_time + found.duration,
         lost_time=balls.lost_time + lost,
         impact=jnp.where(found.impact > 0, found.impact, balls.impact),
+        tried=jnp.where((ends & ~broken)[:, None], numbers, balls.tried),
     )
     in_vain = tries & ~loaded(balls, n_robots) & ~working(balls, n_robots)
     return balls, in_vain.at[worker].max(not_lifted)

@@ -112,7 +112,8 @@ def untouched(
     kinds = {name: np.int32 for name in Balls._fields[4:]} | dict.fromkeys(FLAGS, np.bool_)
     kinds |= dict.fromkeys(("work_time", "lost_time", "impact"), np.float32)
     own = position, radius, work_tool_object, work_object_substrate
-    return Balls(*own, **{name: np.zeros(k, kind) for name, kind in kinds.items()})
+    zeros = {name: np.zeros(k, kind) for name, kind in kinds.items()}
+    return Balls(*own, **zeros | {"tried": np.zeros((k, 4), np.float32)})
 
 
 FLAGS = ("is_held", "is_delivered", "was_picked")

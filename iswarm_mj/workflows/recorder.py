@@ -5,8 +5,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.attempt_log import Tried
+from iswarm_mj.gripper.bench.attempt_trace import attempts_between
+from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
@@ -55,7 +58,6 @@ class Recorder:
         trajectory: Path | None = None,
         settings: RunSettings | None = None,
         shown: Shown = AS_USUAL,
-        heard: list[Tried] | None = None,
     ):
         """Begin with the start.
 
@@ -66,7 +68,6 @@ class Recorder:
             trajectory: directory for trajectory.npz; none is written if not given.
             settings: of the run of all processes, by default those of the run.
             shown: what the recording shows, and where.
-            heard: attempts made since the last record, see `attempt_log.listening`; it is emptied.
         """
         from iswarm_mj.output.rerun_live import LiveRecording
         from iswarm_mj.output.rerun_swarm import Recording
@@ -89,11 +90,11 @@ class Recorder:
             **run.identity,
         }
         self._recording = Recording(recording, self._scene, metadata, identity, lanes=shown.lanes)
-        self._heard = self._attempts = None
-        if heard is not None:
+        self._attempts, self._balls = None, self._of_step(run.start, 0)
+        if shown.grasps:
             from iswarm_mj.output.rerun_attempts import AttemptView
 
-            gap, self._heard = run.config.gripper.release_gap, heard
+            gap = own.gripper.release_gap
             self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
         self._live = None
         if shown.viewer is not None:
@@ -121,16 +122,21 @@ class Recorder:
         """Take in the record of some steps; write a block when there are enough."""
         with postponed(), BUSY, self._watch("record"):
             self._pending.append(record)
-            if self._attempts is not None and self._heard:
-                balls = record.swarm.balls.position[-1, self._index]
-                self._attempts.append(int(record.step[-1, self._index]), list(self._heard), balls)
-                self._heard.clear()
+            if self._attempts is not None:
+                for t, steps in enumerate(record.step[:, self._index]):
+                    before, self._balls = self._balls, self._of_step(record, t)
+                    tried = attempts_between(before, self._balls)
+                    self._attempts.append(int(steps), tried, self._balls.position)
             if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
             if self._live is not None:
                 self._unseen.append(record)
                 if time.monotonic() - self._shown_at >= LIVE_SECONDS:
                     self._show(self._live)
+
+    def _of_step(self, record: StepRecord, t: int) -> Balls:
+        """The recorded world's balls after the t-th step of a record."""
+        return Balls(*(np.asarray(values)[t, self._index] for values in record.swarm.balls))
 
     def _show(self, live: "LiveRecording") -> None:
         """Send what the viewer has not had."""
