@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
 from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.utils.files import remove

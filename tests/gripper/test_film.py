@@ -11,7 +11,6 @@ from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench
 from iswarm_mj.gripper.bench.film import Look, joined
 from iswarm_mj.gripper.bench.trial import Trial
 
@@ -19,10 +18,8 @@ TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3, misalignment=2e-6), 5e-6
 RISE = Move("rise", 0.05e-3, GAP, 60.0)
 
 
-def bench(kind=MujocoBench, hanging=GAP):
-    if kind is TraceBench:
-        return TraceBench(TRIAL, 0.2e-6, hanging, 2e-6)
-    return MujocoBench([TRIAL], 0.2e-6, 1, hanging=hanging, timestep=2e-6)
+def bench(is_recorded=False, hanging=GAP):
+    return MujocoBench([TRIAL], 0.2e-6, 1, hanging=hanging, timestep=2e-6, is_recorded=is_recorded)
 
 
 def test_several_moves_end_where_one_after_the_other_does():
@@ -36,10 +33,10 @@ def test_several_moves_end_where_one_after_the_other_does():
     assert here.finite.all() and all_.steps == one.steps
 
 
-@pytest.mark.parametrize("kind", [MujocoBench, TraceBench])
-def test_a_film_is_wound_back_to_any_of_its_steps(kind):
+@pytest.mark.parametrize("is_recorded", [False, True])
+def test_a_film_is_wound_back_to_any_of_its_steps(is_recorded):
     """It shows a ball that leaves the tool and lands, as moves do; wound back, the bench goes on as if never filmed."""
-    filmed, moved = bench(kind), bench(kind)
+    filmed, moved = bench(is_recorded), bench(is_recorded)
     for each in (filmed, moved):
         each.moves([RISE])
     film = filmed.film("wait", 1.2e-3, GAP, 60.0)

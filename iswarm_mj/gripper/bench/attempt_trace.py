@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, drop_on, lift_on
+from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.handling import Balls
@@ -60,8 +61,9 @@ def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
     """
     works = tried.work_tool_object, tried.work_object_substrate
     trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
-    bench = TraceBench(trial, PROTOCOL.start_gap, None if tried.is_lift else gap, TIMESTEP)
+    hanging = None if tried.is_lift else gap
+    bench = MujocoBench([trial], PROTOCOL.start_gap, 1, hanging=hanging, timestep=TIMESTEP, is_recorded=True)
     succeeded = lift_on(bench, tried.voltage)[0] if tried.is_lift else drop_on(bench, tried.voltage, gap)[0]
-    trace = bench.trace()
+    trace = trace_of(bench)
     places = np.array([PHASES.index(name) for name in trace.phases])
     return trace._replace(phase=places[trace.phase], phases=PHASES), succeeded

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from mujoco.batch import Batch
 
 from iswarm_mj.engines.mujoco.library import keep_no_log
@@ -21,9 +22,19 @@ from iswarm_mj.gripper.units import MS, UM
 
 MEMORY = 2**18
 """Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
-_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""What a recorded state consists of."""
 BLOCK = 256
 """Physics steps in one call of MuJoCo."""
+
+
+class Recorded(NamedTuple):
+    """T physics steps of a bench one after the other."""
+
+    phases: list[str]
+    """Of each step."""
+    states: Float[np.ndarray, "T+1 n"]
+    """Of MuJoCo, before the first step and after each of them."""
 
 
 class MujocoBench:
@@ -37,6 +48,7 @@ class MujocoBench:
         spec: mujoco.MjSpec | None = None,
         hanging: float | None = None,
         timestep: float | None = None,
+        is_recorded: bool = False,
     ):
         """Place the balls.
 
@@ -47,7 +59,9 @@ class MujocoBench:
             spec: of the bench, by default `bench_spec`.
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
             timestep: instead of that of the specification [s].
+            is_recorded: keep all states of the first bench, for `tracing.trace_of`.
         """
+        self.recorded: list[Recorded] | None = [] if is_recorded else None
         self._make = partial(_compiled, timestep) if spec is None else partial(sized, spec)
         self._usual = partial(_usual, timestep, trials[0].probe_radius)
         self._own: mujoco.MjModel | None = None
@@ -92,7 +106,6 @@ class MujocoBench:
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
-        del phase
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
         n_steps, begin, end = self._plan(ids, duration, tip, voltage)
         contacts = _Contacts(len(ids))
@@ -102,63 +115,84 @@ class MujocoBench:
             count = min(BLOCK, n_steps - first)
             control = None if is_still else self._way(begin, end, _shares(n_steps)[first : first + count])
             speed = -self._qvel[ids, None, self._where.ball + 2]
-            with without_timers():
-                block = self._batch.rollout(count, control, record=("qvel", "plugin_state"), ids=chosen)
+            block = self._rollout([phase] * count, control, ("qvel", "plugin_state"), chosen)
             speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
 
     def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
         """See `FilmBench.moves`."""
-        ids, ways = np.arange(len(self._touch)), []
+        ids, ways, phases = np.arange(len(self._touch)), [], []
         begin = self._ctrl[ids]
-        for _, duration, tip, voltage in moves:
+        for phase, duration, tip, voltage in moves:
             n_steps, _, end = self._plan(ids, duration, tip, voltage, begin)
             ways.append(self._way(begin, end, _shares(n_steps)))
+            phases += [phase] * n_steps
             begin = ways[-1][:, -1]
         way = np.concatenate(ways, axis=1)
         if skip:
-            self.elapse("skip", skip)
+            self._leap(phases[:skip], way[:, :skip])
             press(self, way[0, skip - 1])
-            way = way[:, skip:]
-        with without_timers():
-            self._batch.rollout(way.shape[1], way, record=())
+        self._rollout(phases[skip:], way[:, skip:])
         return self._watch(_Contacts(len(ids), self._state[:, self._gaps]), ids)
 
     def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
         """See `FilmBench.film`."""
-        del phase
         n_steps, _, self._ctrl[:] = self._plan(np.zeros(1, int), duration, tip, voltage)
         time, fall, self._warned = (
             self._batch.state[0, 0],
             -self._qvel[0, self._where.ball + 2],
             self._batch.warning.copy(),
         )
-        with without_timers():  # a bench with a warning stands still from then on
-            block = self._batch.rollout(n_steps, None, record=("qvel", "plugin_state", _STATE))
+        # A bench with a warning stands still from then on.
+        block = self._rollout([phase] * n_steps, None, ("qvel", "plugin_state", STATE))
         velocity, gaps = block["qvel"][0, :, self._where.ball :], block["plugin_state"][0][:, self._gaps] * UM
-        finite = np.isfinite(block[_STATE][0]).all(axis=1)
+        finite = np.isfinite(block[STATE][0]).all(axis=1)
         if (self._batch.warning > self._warned).any():
-            finite[max(int(np.count_nonzero(np.diff(block[_STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
+            finite[max(int(np.count_nonzero(np.diff(block[STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
         return Film(
             gap_tool=gaps[:, 0],
             gap_plate=gaps[:, 1],
             fall=np.concatenate([[fall], -velocity[:-1, 2]]) * UM / MS,
             speed=np.sqrt((velocity[:, :3] ** 2).sum(axis=1)) * UM / MS,
             finite=finite,
-            states=block[_STATE][0],
+            states=block[STATE][0],
         )
 
     def rewind(self, film: Film, step: int) -> None:
         """See `FilmBench.rewind`."""
         self._batch.state[0] = film.states[step]
+        forgotten = len(film.finite) - 1 - step % len(film.finite)
+        while self.recorded and forgotten:
+            last = self.recorded.pop()
+            kept, forgotten = max(0, len(last.phases) - forgotten), max(0, forgotten - len(last.phases))
+            if kept:
+                self.recorded.append(Recorded(last.phases[:kept], last.states[: kept + 1]))
         if film.finite[step]:
             self._batch.warning[:] = self._warned
 
     def elapse(self, phase: str, steps: int) -> None:
         """See `LeapBench.elapse`."""
-        del phase
-        self._batch.state[0, 0] += steps * self.timestep / MS
+        self._leap([phase] * steps, None)
+
+    def _leap(self, phases: list[str], control: np.ndarray | None) -> None:
+        """Let time pass without physics, unless what happens meanwhile is recorded."""
+        if self.recorded is None:
+            self._batch.state[0, 0] += len(phases) * self.timestep / MS
+        elif phases:
+            self._rollout(phases, control)
+
+    def _rollout(
+        self, phases: list[str], control: np.ndarray | None, record: tuple[Any, ...] = (), ids: np.ndarray | None = None
+    ) -> dict[Any, np.ndarray]:
+        """Take a physics step for each phase with these controls (n, T, nu), None: the present ones."""
+        begin = self._batch.state[:1].copy()
+        wanted = record if self.recorded is None else (*record, STATE)
+        with without_timers():
+            block = self._batch.rollout(len(phases), control, record=tuple(dict.fromkeys(wanted)), ids=ids)
+        if self.recorded is not None:
+            self.recorded.append(Recorded(phases, np.concatenate([begin, block[STATE][0]])))
+        return block
 
     def _plan(
         self, ids: np.ndarray, duration: float, tip: float, voltage: Voltages, begin: np.ndarray | None = None

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 
 UNITS = {
@@ -36,14 +37,14 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
     Returns:
         One row per physics step: direction ("approach" or "retract"), and the columns of `UNITS`.
     """
-    bench = TraceBench(trial, protocol.start_gap)
+    bench = MujocoBench([trial], protocol.start_gap, 1, is_recorded=True)
     far, pressed, peeled = protocol.start_gap, -protocol.press, protocol.peel
     bench.move("voltage", protocol.rise_time, far, voltage)
     bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, voltage)
     bench.move("contact", protocol.dwell, pressed, voltage)
     bench.move("retract", SLOWDOWN * protocol.peel_time, peeled, voltage)
     bench.move("away", SLOWDOWN * protocol.approach_time, far, voltage)
-    trace = bench.trace()
+    trace = trace_of(bench)
     directions = {"approach": "approach", "contact": "approach", "retract": "retract", "away": "retract"}
     adhesion, electrostatic = -trace.adhesion_tool, -np.maximum(0.0, trace.electrostatic)
     columns = {
