@@ -6,7 +6,12 @@ import numpy as np
 
 from iswarm_mj.gripper.laws import probe_table
 from iswarm_mj.gripper.laws.capacitance import capacitance_spline
+from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY
 from iswarm_mj.gripper.native.fields import compiled
+from iswarm_mj.gripper.units import UM
+
+_UNIT = 4 * math.pi * VACUUM_PERMITTIVITY * UM / 1e-15
+"""4 pi eps0 [fF/um]."""
 
 
 def spline_tables() -> tuple[np.ndarray, np.ndarray]:
@@ -61,3 +66,17 @@ def factor_at(task, place, splines):
             + across[3] * line[column + 3]
         )
     return math.exp(total / 36)
+
+
+@compiled
+def shape_of(task, radius, gap, least, probe, splines, axes):
+    """Shape factor of the force to the probe (0) or to the plate (1), and the ball's capacitance to it [fF].
+
+    See `laws.capacitance.capacitance`. Lengths in um.
+    """
+    wide = max(gap, least)
+    place = place_of(wide / radius, probe / radius, axes)
+    shape, share = factor_at(task, place, splines), factor_at(task + 2, place, splines)
+    if gap < wide:
+        share += shape / 2 * (1 - gap / wide)
+    return shape, _UNIT * radius * share
