@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Quantity, array_module
 
 SWITCH = 0.5

@@ -1,44 +1,21 @@
 """What a ball's contacts do from one physics step to the next: adhesion, impacts, charge, breakdown, potential.
 
-The docstring of `plugin` describes these laws. They are functions of numbers without branches, which numba compiles and
-JAX traces (`numbers_of`), with its own `where`, `exp` and `sqrt` in place of those here. Unless stated otherwise units
-are those of the bench: um, ug, ms, nN, V, fC, fF, TOhm.
+The docstring of `plugin` describes these laws. Functions of numbers, which numba compiles and JAX traces, see
+`laws.numbers`. Unless stated otherwise units are those of the bench: um, ug, ms, nN, V, fC, fF, TOhm.
 """
 
 import math
-from collections.abc import Callable, Mapping
 from math import exp, sqrt
-from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
+from iswarm_mj.gripper.laws.numbers import where
 from iswarm_mj.gripper.laws.restitution import plastic_ratio, sticking_speed, yield_speed
 from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Quantity
 
 ON_PLATE, ON_PROBE = 0.0, 1.0
 """The electrode whose potential the ball has; it starts with the probe's, and takes the plate's on contact."""
-
-
-def numbers_of(module: ModuleType, names: Mapping[str, Any], wrap: Callable[[Any], Any] = lambda f: f) -> Any:
-    """A module's functions, compiled or traced with other meanings of some names.
-
-    Args:
-        module: of functions of numbers, which call each other and laws.
-        names: of the module, with what they mean instead.
-        wrap: compiles a function.
-    """
-    space = vars(module) | names
-    for name, function in vars(module).items():
-        if isinstance(function, FunctionType) and name not in names:
-            own = function.__module__ == module.__name__
-            space[name] = wrap(FunctionType(function.__code__, space, name) if own else function)
-    return SimpleNamespace(**space)
-
-
-def where(condition: Any, yes: Any, no: Any) -> Any:
-    """`yes` if the condition holds, otherwise `no`; both are evaluated."""
-    return yes if condition else no
 
 
 def adhesion_force(work: Quantity, hamaker: Quantity, radius: Quantity, gap: Quantity) -> Quantity:

@@ -22,16 +22,18 @@ from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx, solver
 from iswarm_mj.gripper import contact
-from iswarm_mj.gripper.laws.capacitance import capacitance
-from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.laws import spline
+from iswarm_mj.gripper.laws.capacitance import tables
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.native.state import ADHESION, ELECTROSTATIC, state_fields
 from iswarm_mj.gripper.plugin import SLOTS
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
-_contact = contact.numbers_of(contact, {"where": jnp.where, "exp": jnp.exp, "sqrt": jnp.sqrt})
+_contact, _spline = in_arrays(contact, jnp), in_arrays(spline, jnp)
 
 
 class State(NamedTuple):
@@ -202,26 +204,25 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
     plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
     voltage, has_circuit = data.ctrl[forces.voltage], forces.leak > 0
-    radius, probe_radius = model.geom_size[forces.ball, 0] * UM, model.geom_size[forces.probe, 0] * UM
-    above, below = (jnp.maximum(gap, forces.contact_gap) * UM for gap in (probe_gap, plate_gap))
-    capacitances = tuple(
-        capacitance(task, gap * UM, radius, probe_radius, forces.contact_gap * UM) / 1e-15
-        for task, gap in (("pick", probe_gap), ("release", plate_gap))
-    )
+    radius, probe_radius, least = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0], forces.contact_gap
+    splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
+    pick, above = _spline.shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
+    release, below = _spline.shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
+    capacitances = above, below
     mine = _contact.ball_voltage(has_circuit, state.charge, state.potential, voltage, capacitances, plate_gap)
     across = voltage - mine
-    up = pick_force(across, above, radius, probe_radius) / NN
-    down = release_force(mine, below, radius, probe_radius) / NN
+    up = pick * asymptotic_force(across, jnp.maximum(probe_gap, least) * UM, radius * UM) / NN
+    down = release * asymptotic_force(mine, jnp.maximum(plate_gap, least) * UM, radius * UM) / NN
     total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
     total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
     strength = forces.oxide * forces.breakdown
-    broken = _contact.is_broken(across, probe_gap, state.broken, forces.contact_gap, strength)
+    broken = _contact.is_broken(across, probe_gap, state.broken, least, strength)
     leak = jnp.where(has_circuit, forces.leak, 1.0)
     conducts = has_circuit & (probe_gap <= 0), has_circuit & (plate_gap <= 0)
     through = 1 / jnp.where(broken > 0, forces.contact, leak), 1 / forces.plate_contact
     flows = [jnp.where(touches, each, 0.0) for touches, each in zip(conducts, through, strict=True)]
     charge = _contact.relaxed_charge(state.charge, mine, voltage, capacitances, *flows, model.opt.timestep)
-    limits = forces.contact_gap, forces.off_voltage
+    limits = least, forces.off_voltage
     potential = _contact.next_potential(has_circuit, state.potential, mine, voltage, (probe_gap, plate_gap), *limits)
     broken = jnp.where(has_circuit, broken, state.broken)
     new = State(potential, charge, broken, jnp.stack(gaps), jnp.stack(rebounds))

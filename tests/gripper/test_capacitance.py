@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from iswarm_mj.gripper.laws.capacitance import capacitance
-from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, pick_force, release_force
+from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 PROBE = 0.65
 

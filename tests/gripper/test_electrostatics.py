@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iswarm_mj.gripper.laws.electrostatics import (
-    VACUUM_PERMITTIVITY,
     asymptotic_force,
     pick_force,
     release_force,
 )
 from iswarm_mj.gripper.laws.probe_table import GAP_EXPONENTS, PROBE_EXPONENTS, probe_factor
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.errors import UserError
 
 DATA = Path(__file__).parents[1] / "data"

@@ -9,10 +9,8 @@ from helpers_sphere_plane import sphere_plane_capacitance, sphere_plane_force
 from scipy import integrate, optimize
 
 from iswarm_mj.gripper.laws.adhesion import van_der_waals_force
-from iswarm_mj.gripper.laws.electrostatics import (
-    VACUUM_PERMITTIVITY,
-)
 from iswarm_mj.gripper.laws.restitution import plastic_ratio, sticking_speed, yield_speed
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 RADIUS, WORK, MODULUS, DENSITY, PRESSURE = 20e-6, 14.7e-3, 45.5e9, 7400.0, 64e6
 MASS = 4 / 3 * math.pi * RADIUS**3 * DENSITY

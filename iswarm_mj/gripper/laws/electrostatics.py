@@ -4,11 +4,9 @@ import math
 from typing import Literal
 
 from iswarm_mj.gripper.laws.probe_table import probe_factor
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Quantity
 from iswarm_mj.utils.errors import UserError
-
-VACUUM_PERMITTIVITY = 8.8541878188e-12
-"""Electric constant eps0, CODATA 2022 [F/m]."""
 
 Model = Literal["boundary_elements", "asymptotic"]
 

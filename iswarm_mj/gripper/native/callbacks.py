@@ -16,21 +16,23 @@ import numpy as np
 from numba import types
 
 from iswarm_mj.gripper import contact
-from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution
+from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
+from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.native import attraction, attributes, fields, spline, state
+from iswarm_mj.gripper.laws.numbers import numbers_of
+from iswarm_mj.gripper.native import attraction, attributes, fields, state
 from iswarm_mj.gripper.native.attraction import attract, gap_to
 from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
 from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
-from iswarm_mj.gripper.native.spline import shape_of, spline_tables
 from iswarm_mj.gripper.native.state import OF_ADHESION, OF_ELECTROSTATIC
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 
 _asymptotic = compiled(electrostatics.asymptotic_force)
-_contact = contact.numbers_of(contact, {}, compiled)
+_contact = numbers_of(contact, {}, compiled)
 # Callbacks are cached on disk if each global that they call is a function by itself.
 _adhesion_force, _rebound_ratio, _rebounds_on = _contact.adhesion_force, _contact.rebound_ratio, _contact.rebounds_on
 _ball_voltage, _relaxed_charge = _contact.ball_voltage, _contact.relaxed_charge
+_shape_of = numbers_of(spline, {}, compiled).shape_of
 _is_broken, _next_potential = _contact.is_broken, _contact.next_potential
 
 _nstate = types.int32(Struct, types.int32)
@@ -143,7 +145,7 @@ def adhesion_callbacks() -> dict[str, Any]:
 
 def electrostatic_callbacks() -> dict[str, Any]:
     """Callbacks of the force of a voltage on the ball, and of the potential of the ball."""
-    offsets, (splines, axes), at = _offsets(), spline_tables(), OF_ELECTROSTATIC
+    offsets, (splines, axes), at = _offsets(), tables(), OF_ELECTROSTATIC
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
@@ -155,8 +157,8 @@ def electrostatic_callbacks() -> dict[str, Any]:
         plate_gap, nx, ny, nz = gap_to(f, ball, plate)
         least, has_circuit = state[s + at.contact_gap], state[s + at.leak] > 0
         radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
-        pick, to_probe = shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
-        release, to_plate = shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
+        pick, to_probe = _shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
+        release, to_plate = _shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
         charge, potential = state[s + at.charge], state[s + at.potential]
         mine = _ball_voltage(has_circuit, charge, potential, voltage, (to_probe, to_plate), plate_gap)
         across = voltage - mine
