@@ -54,16 +54,25 @@ def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
         instance: its name in MJCF.
         field: one of `ATTRIBUTES` or `COMPUTED`.
     """
-    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, instance)
-    if number < 0:
+    known = state_indices(model)
+    if (instance, field) in known:
+        return known[instance, field]
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, instance) < 0:
         raise UserError(f"The model has no plugin instance {instance!r}; name one of its <extension>.")
-    for name in ATTRIBUTES:
-        known = state_fields(name)
-        if model.plugin[number] == SLOTS[name]:
-            if field not in known:
-                raise UserError(f"The state of {name} has no {field!r}; choose one of {', '.join(known)}.")
-            return int(model.plugin_stateadr[number]) + known.index(field)
-    raise UserError(f"The plugin instance {instance!r} is none of {', '.join(ATTRIBUTES)}.")
+    fields = ", ".join(name for it, name in known if it == instance)
+    if not fields:
+        raise UserError(f"The plugin instance {instance!r} is none of {', '.join(ATTRIBUTES)}.")
+    raise UserError(f"The state of {instance!r} has no {field!r}; choose one of {fields}.")
+
+
+def state_indices(model: mujoco.MjModel) -> dict[tuple[str, str], int]:
+    """Indices in `MjData.plugin_state` of all numbers of a model's instances, by instance and field."""
+    names, found = {slot: name for name, slot in SLOTS.items()}, {}
+    for number, (slot, first) in enumerate(zip(model.plugin, model.plugin_stateadr, strict=True)):
+        instance = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_PLUGIN, number)
+        fields = state_fields(names[slot]) if slot in names else ()
+        found |= {(instance, field): int(first) + k for k, field in enumerate(fields)}
+    return found
 
 
 def _texts(plugin: str) -> np.ndarray:

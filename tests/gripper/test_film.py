@@ -11,7 +11,7 @@ from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.film import Look, joined
+from iswarm_mj.gripper.bench.film import joined
 from iswarm_mj.gripper.bench.trial import Trial
 
 TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3, misalignment=2e-6), 5e-6
@@ -43,10 +43,9 @@ def test_a_film_is_wound_back_to_any_of_its_steps(is_recorded):
     assert len(film.gap_tool) == len(film.states) == 600 and film.finite.all()
     assert (film.gap_plate <= 0).any() and (film.gap_plate[:200] > 4e-6).all()
     watch = moved.move("wait", 1.2e-3, GAP, 60.0)
-    look = Look(film, 0, 599)
-    assert (look.gap_tool, look.gap_plate) == pytest.approx((watch.gap_tool[0], watch.gap_plate[0]), rel=1e-6)
-    assert look.speed == pytest.approx(watch.speed[0], rel=1e-6)
-    assert look.landing_speed == pytest.approx(watch.landing_speed[0], rel=1e-6)
+    assert (film.gap_tool[-1], film.gap_plate[-1]) == pytest.approx((watch.gap_tool[0], watch.gap_plate[0]), rel=1e-6)
+    assert film.speed[-1] == pytest.approx(watch.speed[0], rel=1e-6)
+    assert film.landing_speed(599) == pytest.approx(watch.landing_speed[0], rel=1e-6)
     filmed.rewind(film, 299)
     again = filmed.film("wait", 0.6e-3, GAP, 60.0)
     np.testing.assert_array_equal(again.gap_tool, film.gap_tool[300:])
@@ -56,7 +55,7 @@ def test_a_film_is_wound_back_to_any_of_its_steps(is_recorded):
 def test_a_film_of_a_bench_that_breaks_says_when():
     """A speed beyond what MuJoCo takes: the first step is wrong already, and what is wound back to it stays so."""
     broken = bench()
-    broken._qvel[0, broken._where.ball] = 1e12
+    broken._qvel[0, broken.where.ball] = 1e12
     film = broken.film("wait", 20e-6, GAP, 0.0)
     assert not film.finite.any()
     broken.rewind(film, 0)

@@ -24,9 +24,8 @@ def bench(is_recorded=False, hanging=GAP, trial=TRIAL, step=STEP):
 
 def numbers(made):
     """Heights of ball and tool, voltage of the ball."""
-    at, row = made.places, made.row
-    heights = row.qpos[[at.layout.ball + 2, at.layout.slide]]
-    return np.array([*heights, row.plugin_state[at.ball_voltage]])
+    heights = made.row.qpos[[made.where.ball + 2, made.where.slide]]
+    return np.array([*heights, made.number("electrostatic", "ball_voltage")])
 
 
 @KINDS
@@ -67,9 +66,9 @@ def test_an_uncharged_ball_flies_as_it_does_in_physics(is_recorded, speed):
     """Up to the tool, down to the plate, up and down again; 2 nm is what steps of 2 us lag behind the parabola."""
     leapt, moved = bench(is_recorded), bench()
     for each in (leapt, moved):
-        at = each.places
-        each.row.qpos[at.layout.ball + 2] -= 2.5
-        each.row.qvel[at.layout.ball : at.layout.ball + 6] = 0.5, 0.0, speed, 0.2, 0.3, 0.1
+        ball = each.where.ball
+        each.row.qpos[ball + 2] -= 2.5
+        each.row.qvel[ball : ball + 6] = 0.5, 0.0, speed, 0.2, 0.3, 0.1
         each.move("fall", STEP, GAP, 0.0)
     time = leaps.fly(leapt, "fall", 0.3e-3)
     assert time == pytest.approx(0.3e-3) if abs(speed) < 10 else 0.1e-3 < time < 0.2e-3
@@ -82,7 +81,7 @@ def test_what_is_near_a_surface_charged_or_held_is_left_to_physics():
     hanging = bench()
     hanging.moves([Move("rise", 0.05e-3, GAP, 60.0)])
     assert leaps.fly(hanging, "fall", 1e-3) == 0  # touches the tool
-    hanging.row.qpos[hanging.places.layout.ball + 2] -= 2.5
+    hanging.row.qpos[hanging.where.ball + 2] -= 2.5
     hanging.move("fall", STEP, GAP, 60.0)
     assert leaps.fly(hanging, "fall", 1e-3) == 0  # charged
     assert leaps.hang(hanging, "wait", 60.0, 1e-3) == 0  # touches nothing

@@ -14,7 +14,7 @@ from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.film import Film
-from iswarm_mj.gripper.bench.leaps import Row, places, press
+from iswarm_mj.gripper.bench.leaps import Row, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
@@ -38,7 +38,15 @@ class Recorded(NamedTuple):
 
 
 class MujocoBench:
-    """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core."""
+    """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core.
+
+    Attributes:
+        model: of the first bench.
+        where: numbers are in its arrays.
+        at: indices of the plugins' numbers in `plugin_state`, by instance and field.
+        row: state of the first bench; what is written there is the state from which physics goes on.
+        recorded: all steps of the first bench, where they are kept.
+    """
 
     def __init__(
         self,
@@ -68,16 +76,15 @@ class MujocoBench:
         models = [self._make(trial) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
-        self._where = layout(first)
-        self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
-        self._numbers = [plugin.state_index(first, *names) for names in plugin_numbers(trials[0])]
+        self.where, self.at = layout(first), plugin.state_indices(first)
+        self._gaps = [self.at["electrostatic", name] for name in ("probe_gap", "plate_gap")]
+        self._numbers = [self.at[names] for names in plugin_numbers(trials[0])]
         keep_no_log()
         self._batch = Batch(first, len(trials), threads)
         self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
         self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
         self._first = self._batch.state[0].copy()
         self._touch = np.zeros(len(trials))
-        self.places = places(first)
         self.row = Row(self._qpos[0], self._qvel[0], self._state[0], self._batch.bind("qacc_warmstart")[0])
         self._place(models, trials, start_gap, hanging)
 
@@ -101,8 +108,8 @@ class MujocoBench:
             qpos[i], self._touch[i] = start(model, trial, start_gap, hanging)
             state[i, self._numbers] = list(plugin_numbers(trial).values())
         self._ctrl[:] = 0
-        self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
-        self._ctrl[:, self._where.aside_servo] = qpos[:, self._where.aside]
+        self._ctrl[:, self.where.tip] = qpos[:, self.where.slide]
+        self._ctrl[:, self.where.aside_servo] = qpos[:, self.where.aside]
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
@@ -114,14 +121,19 @@ class MujocoBench:
         for first in range(0, n_steps, BLOCK):
             count = min(BLOCK, n_steps - first)
             control = None if is_still else self._way(begin, end, _shares(n_steps)[first : first + count])
-            speed = -self._qvel[ids, None, self._where.ball + 2]
+            speed = -self._qvel[ids, None, self.where.ball + 2]
             block = self._rollout([phase] * count, control, ("qvel", "plugin_state"), chosen)
-            speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
+            speed = np.concatenate([speed, -block["qvel"][:, :-1, self.where.ball + 2]], axis=1)
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
 
     def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
-        """See `FilmBench.moves`."""
+        """Make several moves one after the other; gaps, speed and `finite` at their end are known, no contacts.
+
+        Args:
+            moves: of the tool.
+            skip: leap over that many steps, in the last of which the tool presses the ball on the plate.
+        """
         ids, ways, phases = np.arange(len(self._touch)), [], []
         begin = self._ctrl[ids]
         for phase, duration, tip, voltage in moves:
@@ -131,22 +143,22 @@ class MujocoBench:
             begin = ways[-1][:, -1]
         way = np.concatenate(ways, axis=1)
         if skip:
-            self._leap(phases[:skip], way[:, :skip])
+            self.elapse(phases[:skip], way[:, :skip])
             press(self, way[0, skip - 1])
         self._rollout(phases[skip:], way[:, skip:])
         return self._watch(_Contacts(len(ids), self._state[:, self._gaps]), ids)
 
     def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
-        """See `FilmBench.film`."""
+        """Let physics go on where tip [m] and voltage [V] are and stay, on a bench with one ball."""
         n_steps, _, self._ctrl[:] = self._plan(np.zeros(1, int), duration, tip, voltage)
         time, fall, self._warned = (
             self._batch.state[0, 0],
-            -self._qvel[0, self._where.ball + 2],
+            -self._qvel[0, self.where.ball + 2],
             self._batch.warning.copy(),
         )
         # A bench with a warning stands still from then on.
         block = self._rollout([phase] * n_steps, None, ("qvel", "plugin_state", STATE))
-        velocity, gaps = block["qvel"][0, :, self._where.ball :], block["plugin_state"][0][:, self._gaps] * UM
+        velocity, gaps = block["qvel"][0, :, self.where.ball :], block["plugin_state"][0][:, self._gaps] * UM
         finite = np.isfinite(block[STATE][0]).all(axis=1)
         if (self._batch.warning > self._warned).any():
             finite[max(int(np.count_nonzero(np.diff(block[STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
@@ -160,7 +172,7 @@ class MujocoBench:
         )
 
     def rewind(self, film: Film, step: int) -> None:
-        """See `FilmBench.rewind`."""
+        """Return to the end of a step of the last film; what happened since is forgotten."""
         self._batch.state[0] = film.states[step]
         forgotten = len(film.finite) - 1 - step % len(film.finite)
         while self.recorded and forgotten:
@@ -171,12 +183,12 @@ class MujocoBench:
         if film.finite[step]:
             self._batch.warning[:] = self._warned
 
-    def elapse(self, phase: str, steps: int) -> None:
-        """See `LeapBench.elapse`."""
-        self._leap([phase] * steps, None)
+    def number(self, instance: str, field: str) -> float:
+        """A number of the first ball's plugins, see `plugin.state_index`."""
+        return float(self._state[0, self.at[instance, field]])
 
-    def _leap(self, phases: list[str], control: np.ndarray | None) -> None:
-        """Let time pass without physics, unless what happens meanwhile is recorded."""
+    def elapse(self, phases: list[str], control: np.ndarray | None = None) -> None:
+        """Let time pass without physics, unless what happens meanwhile is recorded; arguments as of `_rollout`."""
         if self.recorded is None:
             self._batch.state[0, 0] += len(phases) * self.timestep / MS
         elif phases:
@@ -202,24 +214,24 @@ class MujocoBench:
         self.steps += n_steps * len(ids)
         begin = self._ctrl[ids] if begin is None else begin
         end = begin.copy()
-        end[:, self._where.tip] = self._touch[ids] + tip / UM - self._where.tip_height
-        end[:, self._where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
+        end[:, self.where.tip] = self._touch[ids] + tip / UM - self.where.tip_height
+        end[:, self.where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
         return n_steps, begin, end
 
     def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
         way = begin[:, None] + shares[:, :1] * (end - begin)[:, None]
-        tip = self._where.tip
+        tip = self.where.tip
         way[:, :, tip] = begin[:, None, tip] + shares[:, 1] * (end - begin)[:, None, tip]
         return way
 
     def throw(self, height: float, speed: np.ndarray) -> None:
         """Put the balls at a height above the plate [m], falling at these speeds (B,) [m/s]."""
-        self._qpos[:, self._where.ball + 2] += height / UM
-        self._qvel[:, self._where.ball + 2] = -speed * MS / UM
+        self._qpos[:, self.where.ball + 2] += height / UM
+        self._qvel[:, self.where.ball + 2] = -speed * MS / UM
 
     def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
-        ball = slice(self._where.ball, self._where.ball + 3)
+        ball = slice(self.where.ball, self.where.ball + 3)
         speed = np.sqrt((self._qvel[ids, ball] ** 2).sum(axis=1))
         warned = self._batch.warning[ids].any(axis=(1, 2))
         finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
