@@ -191,9 +191,9 @@ class GripperConfig:
     work_object_substrate: Annotated[float, Above(0, 10, "J/m^2")] = 14.7e-3
     """Median work of adhesion between ball and floor at 10 % RH, calibrated [J/m^2]."""
     spread_tool_object: Annotated[float, Within(0, 2)] = 0.12
-    """Coefficient of variation of `work_tool_object` over the balls (log-normal), calibrated."""
+    """Coefficient of variation of `work_tool_object` from attempt to attempt (log-normal), calibrated."""
     spread_object_substrate: Annotated[float, Within(0, 2)] = 0.16
-    """Coefficient of variation of `work_object_substrate` over the balls (log-normal), calibrated."""
+    """Coefficient of variation of `work_object_substrate` from attempt to attempt (log-normal), calibrated."""
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
     """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
     without a rate; docs/readings.md says why it is 0 although more is supported."""
@@ -203,10 +203,6 @@ class GripperConfig:
     """Where trials run: MuJoCo in C with the plugins (auto: CPU engines), or a batch in MJX (compiled ones)."""
     bench_capacity: Annotated[int, Within(1, 1024)] = added_later(8)
     """Trials of a world in a control step at most, in MJX; robots beyond that try again in the next step."""
-    spot_spread_tool_object: Annotated[float, Within(0, 2)] = added_later(0.0)
-    """Coefficient of variation of `work_tool_object` from attempt to attempt at the same ball (log-normal)."""
-    spot_spread_object_substrate: Annotated[float, Within(0, 2)] = added_later(0.0)
-    """Coefficient of variation of `work_object_substrate` likewise."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = added_later(0.0)
     """Standard deviation of the tool's place beside the ball, per axis and attempt [m]; docs/gripper.md tells more."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)

@@ -26,6 +26,10 @@ class Conditions(NamedTuple):
     """Voltage while lifting a ball [V]."""
     release_voltage: Array
     """Voltage while releasing a ball [V]."""
+    spread_tool_object: Array
+    """Coefficient of variation of the work of adhesion between tool and ball, from attempt to attempt."""
+    spread_object_substrate: Array
+    """Coefficient of variation of the work of adhesion between ball and floor, from attempt to attempt."""
     error_turn: Array
     """Standard deviation of a turn [deg]."""
     error_step: Array

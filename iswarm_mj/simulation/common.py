@@ -15,7 +15,7 @@ _SHARED = {
     "arena": {"size", "n_dust", "obstacles"},
     "gripper": {
         *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
-        *("spot_spread_tool_object", "spot_spread_object_substrate", "grasp_time", "release_time"),
+        *("grasp_time", "release_time"),
     },
     "strategy": ELSEWHERE - set(Conditions._fields),
 }

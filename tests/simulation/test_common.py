@@ -49,7 +49,14 @@ OTHERS = {
         p_communication_break=0.3,
     ),
     "drive": DriveConfig(error_turn=10.0, error_step=0.2),
-    "gripper": GripperConfig(drop_rate=0.1, grasp_voltage=41.0, release_voltage=54.0, relative_humidity=20.0),
+    "gripper": GripperConfig(
+        drop_rate=0.1,
+        grasp_voltage=41.0,
+        release_voltage=54.0,
+        relative_humidity=20.0,
+        spread_tool_object=0.3,
+        spread_object_substrate=0.4,
+    ),
 }
 """Parts of a configuration with other values in the settings in which worlds may differ."""
 
