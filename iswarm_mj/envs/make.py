@@ -26,9 +26,9 @@ from iswarm_mj.simulation.start import compiled_engine, devices_of, host_engine
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of
 from iswarm_mj.simulation.worlds import World, starts_of
-from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.declared import layout_of
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.payloads import layout_of
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.library import find_task
@@ -142,7 +142,7 @@ def _task(given: Any) -> Any:
     if isinstance(given, str):
         given = CLEANING if given == "cleaning" else find_task(given)
         if isinstance(given, type):
-            with explained(given.__name__):
+            with user_code(given.__name__):
                 given = given()
     check_object(given)
     return given

@@ -18,8 +18,8 @@ from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understoo
 from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
+from iswarm_mj.strategy.declared import layout_of, said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.payloads import layout_of, said
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn

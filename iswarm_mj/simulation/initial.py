@@ -6,7 +6,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_start
@@ -58,7 +58,7 @@ def start_with(
         cell: width of the cells on which robots start [rd].
         task: lays out robots and balls.
     """
-    with explained(f"{type(task).__name__}.lay_out"):
+    with user_code(f"{type(task).__name__}.lay_out"):
         poses, things = task.lay_out(config, n_robots, rng, shared, cell)
     check_start(task, poses, things, n_robots)
     is_alive = np.ones(n_robots, bool)

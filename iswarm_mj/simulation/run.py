@@ -20,10 +20,9 @@ from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, stated
 from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of, metrics_of
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
+from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.payloads import payload_of
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.strategy.recorded import declared
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -139,7 +138,7 @@ class Run:
         if strategy is not None:
             own = of_all_worlds(strategy, config, self.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, capacity, n_leds, job.sensed)
-        self.recorded = declared(VectorStrategy if own is None else own)
+        self.recorded = recorded_of(VectorStrategy if own is None else own)
         self.payload = (
             payload_for(mm_from_rd(config.strategy.message_range), n_leds) if own is None else payload_of(own)
         )

@@ -57,7 +57,7 @@ class VectorStrategy:
         for place in ("dust", "dump")
         for part, unit in (("vector", "mm"), ("known", ""), ("hop", ""))
     }
-    """See `strategy.recorded`."""
+    """See `strategy.declared`."""
 
     @property
     def payload(self) -> Payload:

@@ -10,9 +10,9 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
+from iswarm_mj.strategy.declared import layout_of
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import INPUTS, SHAPE, SHIPPED, SIGNALS, WAYS, Neural, untrained
-from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
