@@ -27,13 +27,13 @@ class Said(NamedTuple):
 
 def stored(payload: Payload) -> str:
     """Return a declaration as trajectories have it."""
-    return json.dumps(payload.stated())
+    return json.dumps(payload.to_json())
 
 
 def payload_of(arrays: Mapping[str, Any]) -> Payload:
     """Return what the messages of a trajectory carry; of versions that did not state it, those of vectors."""
     if "scene_payload" in arrays:
-        return Payload.restored(json.loads(str(arrays["scene_payload"])))
+        return Payload.from_json(json.loads(str(arrays["scene_payload"])))
     return payload_for(float(arrays.get("scene_message_range", 1.0)) / MM, int(arrays.get("scene_n_leds", 4)))
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt32
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.handling import loaded, working
-from iswarm_mj.sensors.channel import Channel, Received, exchange
+from iswarm_mj.sensors.channel import Received, exchange
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
@@ -165,10 +165,10 @@ def perceive(
         sight = Sight(
             understood(optics, sight.links, first_slot, robot.sides), sight.sees_wall & sides_on(optics, robot.sides)
         )
-    channel = Channel(params.conditions, layout_of(params.strategy, len(robot.sides)))
+    layout = layout_of(params.strategy, len(robot.sides))
 
     def transmit(payload: dict[str, Any]) -> Received:
-        return exchange(channel, payload, sight.links, channel_key)
+        return exchange(params.conditions, layout, payload, sight.links, channel_key)
 
     received = transmit(payload)
     energy, starved, volts, waits = None, None, None, jnp.zeros(n_robots, bool)

@@ -6,7 +6,7 @@ import numpy as np
 from helpers_sensing import remember, turned
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
-from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Layout, Message
@@ -45,7 +45,7 @@ def send(optics, content, wiring, seed=0):
     sender, led, valid, distance = (jnp.asarray(a) for a in wiring)
     links = Links(sender=sender, valid=valid, led=led, bearing=jnp.zeros_like(distance), distance=distance)
     noise = conditions_of(SwarmConfig(optics=optics))
-    return exchange(Channel(noise, LAYOUT), content, links, jax.random.key(seed))
+    return exchange(noise, LAYOUT, content, links, jax.random.key(seed))
 
 
 def test_without_noise_everything_arrives_as_packed():

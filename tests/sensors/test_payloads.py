@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
-from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.links import Links
@@ -46,7 +46,7 @@ def sent(payload, content, n_leds=4, error=0.0):
     sender = jnp.broadcast_to(jnp.array([[1], [0]]), (n, n_leds))
     distance = jnp.full((n, n_leds), 5.0)
     links = Links(sender, jnp.ones((n, n_leds), bool), led, distance, distance)
-    return exchange(Channel(noise, Layout(payload, n_leds)), content, links, jax.random.key(0))
+    return exchange(noise, Layout(payload, n_leds), content, links, jax.random.key(0))
 
 
 def test_what_is_said_is_heard_within_half_a_step():
@@ -72,7 +72,7 @@ def test_every_damaged_message_is_found_out():
 def test_declarations_survive_json():
     fields = {"flag": Flag(), "v": Vector(30.0, 3, 3, 2), "b": Bearing(3), "r": Real(-1, 1, 4, unit="mm")}
     payload = Payload(fields, check="crc-3/gsm")
-    assert Payload.restored(payload.stated()) == payload
+    assert Payload.from_json(payload.to_json()) == payload
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from helpers_sensing import crowd, lay, place, remember
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
-from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.messages import Layout
@@ -150,7 +150,7 @@ def swarm_that_hears(n_seed):
 @jax.jit
 def transmit(strategy, links, key, memory, loaded):
     """What arrives of all that robots say."""
-    return exchange(Channel(CONDITIONS, Layout(payload_for(138.6))), strategy.say(memory, loaded), links, key)
+    return exchange(CONDITIONS, Layout(payload_for(138.6)), strategy.say(memory, loaded), links, key)
 
 
 @jax.jit
