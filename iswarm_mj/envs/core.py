@@ -19,7 +19,7 @@ from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation import power
-from iswarm_mj.simulation.decide import Decision, Perceived, Situation, executed, perceive, takes_time
+from iswarm_mj.simulation.decide import ACTUATORS_STREAM, Decision, Perceived, Situation, executed, perceive, takes_time
 from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import account, limited
 from iswarm_mj.strategy.interface import Command
@@ -103,7 +103,7 @@ class Core:
         decoded = actions.decode(self.config, self.payload, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         step_key = jax.random.fold_in(unrolled(data.key), data.step)
-        command = executed(self.config, self.params.conditions, command, jax.random.fold_in(step_key, 5))
+        command = executed(self.config, self.params.conditions, command, jax.random.fold_in(step_key, ACTUATORS_STREAM))
         command, refused = limited(self.config, command)
         swarm = data.world.swarm
         acts = swarm.is_alive if data.waits is None else swarm.is_alive & ~data.waits

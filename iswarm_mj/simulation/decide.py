@@ -32,6 +32,8 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 Tree = TypeVar("Tree")
+TURNS_STREAM, SLOTS_STREAM, ACTUATORS_STREAM = 3, 4, 5
+"""Of the random numbers of a control step: the order of the robots, slots of messages, errors of the actuators."""
 
 
 class Situation(NamedTuple):
@@ -98,10 +100,10 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
             heard = relaying.listen(swarm.memory, observation, policy_key)
             return seen.transmit(relaying.say(heard, observation.is_loaded)).message
 
-        turns = draw_turns(jax.random.fold_in(seen.step_key, 3), n_robots)
+        turns = draw_turns(jax.random.fold_in(seen.step_key, TURNS_STREAM), n_robots)
         observation = heard_in_turn(observation, turns, seen.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, policy_key)
-    command = executed(config, params.conditions, command, jax.random.fold_in(seen.step_key, 5))
+    command = executed(config, params.conditions, command, jax.random.fold_in(seen.step_key, ACTUATORS_STREAM))
     acts = is_alive if observation.waits is None else is_alive & ~observation.waits
     command = jax.tree.map(lambda a: jnp.where(acts, a, 0.0), command)
     energy = seen.energy
@@ -161,7 +163,7 @@ def perceive(
     channel_key, task_key, policy_key = jax.random.split(step_key, 3)
 
     if optics.baud_rate:
-        first_slot = draw_first_slots(optics, jax.random.fold_in(step_key, 4), n_robots)
+        first_slot = draw_first_slots(optics, jax.random.fold_in(step_key, SLOTS_STREAM), n_robots)
         sight = Sight(
             understood(optics, sight.links, first_slot, robot.sides), sight.sees_wall & sides_on(optics, robot.sides)
         )

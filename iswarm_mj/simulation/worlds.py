@@ -44,7 +44,7 @@ class World:
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start."""
     config: SwarmConfig | None = None
-    """May differ from the run's in `common.DIFFERENT`: noise, voltages, adhesion, places, readings of the rules."""
+    """May differ from the run's in `common.PER_WORLD_FIELDS`: noise, voltages, adhesion, places, the readings."""
     start: Start | None = None
     """How the world begins; drawn from its seed if not given."""
     key: Array | None = None

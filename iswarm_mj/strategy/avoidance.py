@@ -5,16 +5,11 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import StrategyConfig
+from iswarm_mj.strategy.rules import reads
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import choices
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
-AVOIDANCE_SIDES = choices(StrategyConfig, "avoidance_sides")
-AVOIDANCE_COURSES = choices(StrategyConfig, "avoidance_course")
-PRIORITY_REPULSIONS = choices(StrategyConfig, "priority_repulsion")
-BLOCKED = choices(StrategyConfig, "blocked")
 BLOCKING_DISTANCE = 1.0
 """A neighbour this near ahead [rd], by the measured distance, blocks the way."""
 
@@ -44,13 +39,12 @@ def repulsion_range(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Arra
     """
     kept = avoidance_distance(rules, is_loaded, priority)
     others = avoidance_distance(rules, is_loaded, jnp.zeros_like(priority))
-    is_higher = rules.priority_repulsion == PRIORITY_REPULSIONS.index("higher")
-    return jnp.where(is_higher, jnp.maximum(kept, others), kept)
+    return jnp.where(reads(rules, "priority_repulsion", "higher"), jnp.maximum(kept, others), kept)
 
 
 def listening_sides(rules: Any, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
     """Sides whose photodiodes a robot uses against obstacles: those ahead, or all."""
-    return jnp.asarray(sides.front) | (rules.avoidance_sides == AVOIDANCE_SIDES.index("all"))
+    return jnp.asarray(sides.front) | reads(rules, "avoidance_sides", "all")
 
 
 def is_avoided(rules: Any, led: Int[Array, "N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "N S"]:
@@ -64,9 +58,8 @@ def is_avoided(rules: Any, led: Int[Array, "N S"], sides: Sides = PAPER_SIDES) -
     is_oncoming, goes_away = led == 0, led == 2
     if sides.leds != SIDES:
         is_oncoming, goes_away = jnp.asarray(sides.front_leds)[led], jnp.asarray(sides.back_leds)[led]
-    course = rules.avoidance_course
-    heeds = jnp.where(course == AVOIDANCE_COURSES.index("oncoming"), is_oncoming, ~goes_away)
-    return listening_sides(rules, sides) & ((course == AVOIDANCE_COURSES.index("any")) | heeds)
+    heeds = jnp.where(reads(rules, "avoidance_course", "oncoming"), is_oncoming, ~goes_away)
+    return listening_sides(rules, sides) & (reads(rules, "avoidance_course", "any") | heeds)
 
 
 def repulsion(
@@ -103,4 +96,4 @@ def is_blocked(
         sides: of the robot.
     """
     is_near = is_heard & (distance <= mm_from_rd(BLOCKING_DISTANCE)) & jnp.asarray(sides.front)
-    return is_near.any(axis=1) & (rules.blocked == BLOCKED.index("waits"))
+    return is_near.any(axis=1) & reads(rules, "blocked", "waits")
