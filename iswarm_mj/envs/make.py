@@ -26,7 +26,6 @@ from iswarm_mj.simulation.start import compiled_engine, devices_of, host_engine
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.tasks import ENDLESS, goal_of, job_of
 from iswarm_mj.simulation.worlds import World, starts_of
-from iswarm_mj.strategy.declared import layout_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -90,7 +89,7 @@ def make_env(
     goal, cell = goal_of(task, config, settings), cell_of(robot)
     check_robots(config.arena, n_robots, cell)
     check_room(engine, settings.n_worlds, n_robots)
-    layout_of(speaker, len(robot.sides))
+    speaker.payload.check_room(len(robot.sides))
     worlds = [World(PRESETS["type1"], n_robots, seed, index) for index in range(n_starts)]
     starts = starts_of(config, worlds, cell, task)
     job = job_of(task, config, robot, starts, n_robots)

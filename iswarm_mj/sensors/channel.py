@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, UInt32
 
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.messages import Layout, Message, corrupt
+from iswarm_mj.sensors.messages import Message, Payload, corrupt
 from iswarm_mj.utils.arrays import Array
 
 
@@ -25,20 +25,21 @@ class Received(NamedTuple):
     """What each LED of each robot sent."""
 
 
-def exchange(conditions: Conditions, layout: Layout, content: dict[str, Any], links: Links, key: Array) -> Received:
+def exchange(conditions: Conditions, payload: Payload, content: dict[str, Any], links: Links, key: Array) -> Received:
     """Send each robot's message to the robots that hear it.
 
     Args:
         conditions: probabilities and errors of the world (Table 1 of the paper).
-        layout: of the messages' bits.
+        payload: what messages carry.
         content: what each of N robots says (N,), by the names of the payload's fields.
         links: which sides (N, S) hear which LED of which robot, and the true distances.
         key: random key.
     """
     noise_key, bits_key = jax.random.split(key)
-    sent = layout.pack(Message(jnp.arange(layout.n_leds)[None], jax.tree.map(lambda a: a[:, None], content)))
+    n_leds = links.sender.shape[1]
+    sent = payload.pack(Message(jnp.arange(n_leds)[None], jax.tree.map(lambda a: a[:, None], content)), n_leds)
     if not content:  # all robots send the same
-        sent = jnp.broadcast_to(sent, (len(links.sender), layout.n_leds))
+        sent = jnp.broadcast_to(sent, (len(links.sender), n_leds))
     draw = jax.random.uniform(bits_key, (*links.sender.shape, 4))
     damaged = corrupt(
         sent[links.sender, links.led],
@@ -46,10 +47,10 @@ def exchange(conditions: Conditions, layout: Layout, content: dict[str, Any], li
         conditions.error_in_communication,
         conditions.independent_bit_errors,
     )
-    message, is_right = layout.unpack(damaged)
+    message, is_right = payload.unpack(damaged, n_leds)
     arrives = links.valid & (draw[..., 3] >= conditions.p_communication_break)
     is_heard = arrives & (is_right | ~jnp.asarray(conditions.parity_check))
-    if layout.n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
-        is_heard &= message.led < layout.n_leds
+    if n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
+        is_heard &= message.led < n_leds
     error = conditions.error_distance_measure * jax.random.normal(noise_key, links.distance.shape)
     return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0), sent)

@@ -70,7 +70,7 @@ class Payload:
             raise UserError(f"fields of a payload share the name {twice[0]!r}; rename one of them")
         if self.check not in CHECKS:
             raise UserError(f"check of a payload must be one of {', '.join(CHECKS)} (got {self.check!r})")
-        Layout(self, 4)
+        self.check_room(4)
 
     @property
     def bits(self) -> int:
@@ -91,53 +91,42 @@ class Payload:
         pairs = [(name, dict(values)) for name, values in content["fields"]]
         return Payload([(name, KINDS[values.pop("kind")](**values)) for name, values in pairs], content["check"])
 
+    def check_room(self, n_leds: int) -> None:
+        """Check that the fields have room in the messages of robots with so many LEDs.
 
-@dataclass(frozen=True)
-class Layout:
-    """A payload in the messages of robots with so many LEDs."""
-
-    payload: Payload
-    n_leds: int = 4
-
-    def __post_init__(self):
-        bits, own = self.payload.bits, self.led_bits + self.check_bits
-        if own + bits > WORD:
-            fields = ", ".join(f"{name} {field.bits}" for name, field in self.payload.fields)
-            taken = f"{self.led_bits} for the LED's number and {self.check_bits} for the check ({self.payload.check})"
+        Raises:
+            UserError: they have not.
+        """
+        led, check = _led_bits(n_leds), CHECKS[self.check].width
+        if (more := led + self.bits + check - WORD) > 0:
+            fields = ", ".join(f"{name} {field.bits}" for name, field in self.fields)
             raise UserError(
-                f"a payload of {bits} bits ({fields}) with {taken} is longer than a message of {WORD} bits; leave out "
-                f"or shorten fields by {own + bits - WORD} bits"
+                f"a payload of {self.bits} bits ({fields}) with {led} for the LED's number and {check} for the check "
+                f"({self.check}) is longer than a message of {WORD} bits; leave out or shorten fields by {more} bits"
             )
 
-    @property
-    def led_bits(self) -> int:
-        """Bits of the LED's number."""
-        return 2 if self.n_leds <= 4 else 3
-
-    @property
-    def check_bits(self) -> int:
-        """Bits of the check."""
-        return CHECKS[self.payload.check].width
-
-    def pack(self, message: Message) -> UInt32[Array, "*N"]:
-        """32 bits that encode a message, including the check."""
-        bits = message.led.astype(jnp.uint32) & (2**self.led_bits - 1)
-        for at, (name, field) in zip(self._places, self.payload.fields, strict=True):
+    def pack(self, message: Message, n_leds: int = 4) -> UInt32[Array, "*N"]:
+        """32 bits that encode a message of a robot with so many LEDs, including the check."""
+        at = _led_bits(n_leds)
+        bits = message.led.astype(jnp.uint32) & (2**at - 1)
+        for name, field in self.fields:
             bits = bits | (field.encode(message.payload[name]) << at)
-        return with_check(self.payload.check, bits)
+            at += field.bits
+        return with_check(self.check, bits)
 
-    def unpack(self, bits: UInt32[Array, "*N"]) -> tuple[Message, Bool[Array, "*N"]]:
+    def unpack(self, bits: UInt32[Array, "*N"], n_leds: int = 4) -> tuple[Message, Bool[Array, "*N"]]:
         """Message that 32 bits encode, and whether its check is right."""
-        fields = zip(self._places, self.payload.fields, strict=True)
-        values = {name: field.decode((bits >> at) & (2**field.bits - 1)) for at, (name, field) in fields}
-        led = (bits & (2**self.led_bits - 1)).astype(np.int32)
-        return Message(led, values), holds(self.payload.check, bits)
+        values, at = {}, _led_bits(n_leds)
+        led = (bits & (2**at - 1)).astype(np.int32)
+        for name, field in self.fields:
+            values[name] = field.decode((bits >> at) & (2**field.bits - 1))
+            at += field.bits
+        return Message(led, values), holds(self.check, bits)
 
-    @property
-    def _places(self) -> list[int]:
-        """First bit of each field."""
-        lengths = [field.bits for _, field in self.payload.fields]
-        return [self.led_bits + sum(lengths[:number]) for number in range(len(lengths))]
+
+def _led_bits(n_leds: int) -> int:
+    """Bits of the LED's number."""
+    return 2 if n_leds <= 4 else 3
 
 
 def columns(name: str, field: Field) -> list[str]:

@@ -18,7 +18,7 @@ from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understoo
 from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
-from iswarm_mj.strategy.declared import layout_of, said
+from iswarm_mj.strategy.declared import payload_of, said
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.threefry import unrolled
@@ -167,10 +167,10 @@ def perceive(
         sight = Sight(
             understood(optics, sight.links, first_slot, robot.sides), sight.sees_wall & sides_on(optics, robot.sides)
         )
-    layout = layout_of(params.strategy, len(robot.sides))
+    declared = payload_of(params.strategy)
 
     def transmit(payload: dict[str, Any]) -> Received:
-        return exchange(params.conditions, layout, payload, sight.links, channel_key)
+        return exchange(params.conditions, declared, payload, sight.links, channel_key)
 
     received = transmit(payload)
     energy, starved, volts, waits = None, None, None, jnp.zeros(n_robots, bool)

@@ -13,13 +13,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.avoidance import (
-    avoidance_distance,
-    is_avoided,
-    listening_sides,
-    repulsion,
-    repulsion_range,
-)
+from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_sides, repulsion
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, arrived, heard
@@ -134,11 +128,11 @@ def avoid(
 ) -> Float[Array, "N 2"]:
     """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
-    loaded, priority = observation.is_loaded, observation.payload["priority"]
-    threshold, reach = (find(rules, loaded, priority) for find in (avoidance_distance, repulsion_range))
+    priority = observation.payload["priority"]
+    kept = kept_distances(rules, observation.is_loaded, priority)
     heeded = observation.is_heard & is_avoided(rules, observation.led, sides)
     weight = jnp.where(priority, rules.priority_factor, 1.0) * heeded
-    push = repulsion(observation.bearing, distance, threshold, weight, reach)
+    push = repulsion(observation.bearing, distance, kept, weight)
     outward = jnp.asarray(sides.leds)
     if sides.leds == SIDES:
         side = jnp.arange(len(sides)) * (math.pi / 2)

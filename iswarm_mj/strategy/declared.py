@@ -6,7 +6,7 @@ from typing import Any
 import jax
 from jaxtyping import Bool
 
-from iswarm_mj.sensors.messages import Layout, Payload
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
@@ -19,18 +19,6 @@ def payload_of(strategy: Any) -> Payload:
     """
     given = getattr(strategy, "payload", None)
     return given if isinstance(given, Payload) else Payload({} if given is None else given)
-
-
-def layout_of(strategy: Any, n_leds: int) -> Layout:
-    """Return the layout of a strategy's messages, sent by robots with so many LEDs.
-
-    Raises:
-        UserError: see `payload_of`; or it is too long.
-    """
-    try:
-        return Layout(payload_of(strategy), n_leds)
-    except UserError as error:
-        raise UserError(f"{type(strategy).__name__}: {error}") from None
 
 
 def said(strategy: Any, memory: Any, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.strategy.declared import check_recorded, layout_of
+from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.user_code import user_code
@@ -59,7 +59,8 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
     strategy, key = jax.tree.map(lambda a: a[0], strategies), jax.random.key(0)
     name = type(strategy).__name__
     with user_code(f"{name}.payload"):
-        payload = layout_of(strategy, n_sides).payload
+        payload = payload_of(strategy)
+        payload.check_room(n_sides)
     observation = observation_shapes(n_robots, n_sides, sensed, payload)
     flags = jax.ShapeDtypeStruct((n_robots,), jnp.bool_)
     memory = traced(f"{name}.init", lambda own, key: own.init(n_robots, key), strategy, key)

@@ -10,7 +10,7 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, MujocoSettings, PlanarSettings, RunSettings
-from iswarm_mj.strategy.declared import layout_of
+from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import INPUTS, SHAPE, SHIPPED, SIGNALS, WAYS, Neural, untrained
 from iswarm_mj.utils.errors import UserError
@@ -186,7 +186,7 @@ class TestSenses:
 
 
 def test_messages_fit_robots_of_eight_sides():
-    assert layout_of(untrained(CONFIG, ROBOT), 8).payload.fields[0][0] == "a"
+    payload_of(untrained(CONFIG, ROBOT)).check_room(8)
 
 
 def test_what_was_decided_is_said_in_the_next_step():

@@ -17,7 +17,6 @@ from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
-from iswarm_mj.sensors.messages import Layout
 from iswarm_mj.simulation import decide
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MjxSettings, RunSettings
@@ -151,7 +150,7 @@ def swarm_that_hears(n_seed):
 @jax.jit
 def transmit(strategy, links, key, memory, loaded):
     """What arrives of all that robots say."""
-    return exchange(CONDITIONS, Layout(payload_for(138.6)), strategy.say(memory, loaded), links, key)
+    return exchange(CONDITIONS, payload_for(138.6), strategy.say(memory, loaded), links, key)
 
 
 @jax.jit
