@@ -8,9 +8,9 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.signatures import compare
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
@@ -112,7 +112,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
                     given = (*given, inputs)
             return getattr(own, method)(*given)
 
-        with explained(f"{name}.{method}"):
+        with user_code(f"{name}.{method}"):
             return jax.eval_shape(call, task, world, conditions, *arguments)
 
     before = jax.eval_shape(lambda given: given, state)
@@ -133,7 +133,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
             got = f"{found.dtype}{list(found.shape)}"
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
     if getattr(task, "drawn", None):
-        with explained(f"{name}.areas"):
+        with user_code(f"{name}.areas"):
             drawn = jax.eval_shape(lambda own, state: own.areas(config, state), task, before)
         for key, found in _declared(f"{name}.areas", "drawn", task, drawn).items():
             if found.shape[1:] != (3,):

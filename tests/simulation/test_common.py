@@ -16,7 +16,7 @@ from iswarm_mj.config import (
     StrategyConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import DIFFERENT, common
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, common
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -102,10 +102,10 @@ def test_all_that_may_differ_is_tried_here():
         for part, other in OTHERS.items()
     }
     at_the_start = {"arena": {"ball_radius_min", "ball_radius_max"}, "gripper": {"work_tool_object"}}
-    assert tried["strategy"] == DIFFERENT["strategy"] and tried["drive"] == DIFFERENT["drive"]
-    assert tried["optics"] == DIFFERENT["optics"]
-    assert tried["arena"] | at_the_start["arena"] == DIFFERENT["arena"]
-    assert tried["gripper"] <= DIFFERENT["gripper"] >= at_the_start["gripper"]
+    assert tried["strategy"] == PER_WORLD_FIELDS["strategy"] and tried["drive"] == PER_WORLD_FIELDS["drive"]
+    assert tried["optics"] == PER_WORLD_FIELDS["optics"]
+    assert tried["arena"] | at_the_start["arena"] == PER_WORLD_FIELDS["arena"]
+    assert tried["gripper"] <= PER_WORLD_FIELDS["gripper"] >= at_the_start["gripper"]
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ SEQUENTIAL = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), strategy=Strateg
 USERS = {
     "slots": (decide, "draw_first_slots", 1),
     "turns": (decide, "draw_turns", 0),
-    "channel": (decide, "exchange", 3),
+    "channel": (decide, "exchange", 4),
     "task": (Cleaning, "advance", 3),
     "strategy": (VectorStrategy, "act", 3),
     "actuators": (decide, "executed", 3),
