@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 from mujoco.batch import Batch
 
-from iswarm_mj.engines.mujoco.library import keep_no_log
 from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.film import Film
