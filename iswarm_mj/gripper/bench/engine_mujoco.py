@@ -45,7 +45,7 @@ class MujocoBench:
         model: of the first bench.
         where: numbers are in its arrays.
         at: indices of the plugins' numbers in `plugin_state`, by instance and field.
-        row: state of the first bench; what is written there is the state from which physics goes on.
+        row: state of the first bench; physics resumes from what is written there.
         recorded: all steps of the first bench, where they are kept.
     """
 
@@ -90,7 +90,7 @@ class MujocoBench:
         self._place(models, trials, start_gap, hanging)
 
     def place(self, trial: Trial, start_gap: float, hanging: float | None = None) -> None:
-        """Begin anew with another trial on a bench of one, in a tenth of the time that a new bench takes.
+        """Start another trial on a bench of one, in a tenth of the time that a new bench takes.
 
         See `__init__`; the bench has the usual specification, and the probe is that of the first trial.
         """
@@ -250,11 +250,11 @@ class MujocoBench:
             return watch
         return Watch(*(scattered(values, ids, len(self._touch)) for values in watch))
 
-    def save(self) -> Any:
+    def save(self) -> Float[np.ndarray, "B n"]:
         """See `Bench.save`."""
         return self._batch.state.copy()
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Float[np.ndarray, "B n"]) -> None:
         """See `Bench.restore`."""
         self._batch.state[:] = state
 

@@ -77,7 +77,7 @@ def resized(model: mujoco.MjModel, radius: float, into: mujoco.MjModel | None = 
     Args:
         model: of the bench.
         radius: of the ball.
-        into: a copy that was made before and is written anew, which takes a tenth of that.
+        into: an earlier copy to overwrite, which takes a tenth of that.
     """
     new = copy.copy(model) if into is None else into
     geom, body, dof = model.geom("ball").id, model.body("ball").id, int(model.joint("ball").dofadr[0])
