@@ -43,7 +43,11 @@ def rebound_ratio(
     pressure: Quantity,
     modulus: Quantity,
 ) -> Quantity:
-    """Speed after an impact over that before, 0 if the ball stays; in SI, see `laws.restitution`.
+    """Speed after an impact over that before, e^2 = e_p^2 - (v_s / v)^2, 0 if the ball stays; in SI.
+
+    Source: Thornton and Ning 1998, and Brach and Dunn 1992: what adhesion keeps, v_s of `laws.restitution`, comes off
+    the energy of the rebound. That a flattened contact adheres on a larger area is left out, so that balls stick too
+    seldom.
 
     Args:
         speed: of the impact, above 0.

@@ -93,14 +93,12 @@ class MjxBench:
         trials: Sequence[Trial],
         start_gap: float,
         impl: str = "jax",
-        spec: mujoco.MjSpec | None = None,
         timestep: float | None = None,
     ):
         """Place the balls; arguments as of `MujocoBench`."""
-        chosen = spec or bench_spec()
-        if spec is None:
-            chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
-            chosen.option.disableflags |= int(_IDLE)
+        chosen = bench_spec()
+        chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
+        chosen.option.disableflags |= int(_IDLE)
         if timestep is not None:
             chosen.option.timestep = timestep / MS
         model, portable, count = chosen.compile(), mjx_compatible(chosen), len(trials)

@@ -54,7 +54,6 @@ class MujocoBench:
         trials: Sequence[Trial],
         start_gap: float,
         threads: int = 0,
-        spec: mujoco.MjSpec | None = None,
         hanging: float | None = None,
         timestep: float | None = None,
         is_recorded: bool = False,
@@ -65,16 +64,14 @@ class MujocoBench:
             trials: B of them.
             start_gap: between tool and ball [m].
             threads: 0 for one a core.
-            spec: of the bench, by default `bench_spec`.
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
-            timestep: instead of that of the specification [s].
+            timestep: instead of that of the model [s].
             is_recorded: keep all states of the first bench, for `tracing.trace_of`.
         """
         self.recorded: list[Recorded] | None = [] if is_recorded else None
-        self._make = partial(_compiled, timestep) if spec is None else partial(sized, spec)
         self._usual = partial(_usual, timestep, trials[0].probe_radius)
         self._own: mujoco.MjModel | None = None
-        models = [self._make(trial) for trial in trials]
+        models = [_model(timestep, trial.radius, trial.probe_radius) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
         self.where, self.at = layout(first), plugin.state_indices(first)
@@ -92,7 +89,7 @@ class MujocoBench:
     def place(self, trial: Trial, start_gap: float, hanging: float | None = None) -> None:
         """Start another trial on a bench of one, in a tenth of the time that a new bench takes.
 
-        See `__init__`; the bench has the usual specification, and the probe is that of the first trial.
+        See `__init__`; the probe is that of the first trial.
         """
         self._own = resized(self._usual(), trial.radius, self._own)
         self._place([self._own], [trial], start_gap, hanging)
@@ -266,13 +263,9 @@ def _shares(n_steps: int) -> np.ndarray:
     return np.stack([share, minimum_jerk(share)], axis=1)
 
 
-def _compiled(timestep: float | None, trial: Trial) -> mujoco.MjModel:
-    """The default bench with a trial's sizes and a time step [s]."""
-    return _model(timestep, trial.radius, trial.probe_radius)
-
-
 @lru_cache(maxsize=4096)
 def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
+    """The bench with these sizes [m] and a time step [s], by default its own."""
     return resized(_usual(timestep, probe_radius), radius)
 
 
