@@ -70,6 +70,7 @@ def senses_nothing(n, sides=4):
         is_loaded=no,
         grasp_failed=no,
         sensed={},
+        waits=no,
     )
 
 
