@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.constraints import PER_WORLD, Above, Within, check, validate
 from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.obstacles import checked
 from iswarm_mj.utils.serialization import absent_before, added_later
@@ -20,7 +20,7 @@ class ArenaConfig:
 
     size: Annotated[float, Within(10, 150, "rd")] = 49.0
     """Edge of the square arena (Table 1) [rd]."""
-    dump_size: Annotated[float, Within(1, 75, "rd")] = 5.0
+    dump_size: Annotated[float, Within(1, 75, "rd"), PER_WORLD] = 5.0
     """Edge of the square dump [rd], "in the centre of the arena" (section 4.2); no size is given or supported."""
     dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
     """Edge of each of the square dust areas [rd], "two areas" (section 4.2); no size is given or supported."""
@@ -71,9 +71,9 @@ class DriveConfig:
     """Number of physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]. The paper does not say; no value is supported (docs/readings.md)."""
-    error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
+    error_turn: Annotated[float, Within(0, 180, "deg"), PER_WORLD] = added_later(0.0)
     """Standard deviation of the turn about the commanded one, where the robot moves [deg]. 0: the paper names none."""
-    error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
+    error_step: Annotated[float, Within(0, 1), PER_WORLD] = added_later(0.0)
     """Relative standard deviation of the distance walked in a control step, never above `step_length`. 0 likewise."""
 
     def __post_init__(self):
@@ -123,18 +123,18 @@ class OpticsConfig:
     """Angle by which each of a side's two photodiodes looks away from the side's normal in `power` mode [deg]."""
     line_of_sight: bool = True
     """A robot that stands between two others blocks their link."""
-    error_distance_measure: Annotated[float, Within(0, 1)] = 0.10
+    error_distance_measure: Annotated[float, Within(0, 1), PER_WORLD] = 0.10
     """Relative standard deviation of a measured distance (Table 1: 10 %)."""
-    error_in_communication: Annotated[float, Within(0, 0.9)] = 0.10
+    error_in_communication: Annotated[float, Within(0, 0.9), PER_WORLD] = 0.10
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
-    independent_bit_errors: bool = False
+    independent_bit_errors: Annotated[bool, PER_WORLD] = False
     """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most. The
     paper does not say, and neither is supported (docs/readings.md): one is the simpler choice."""
-    parity_check: bool = added_later(True)
+    parity_check: Annotated[bool, PER_WORLD] = added_later(True)
     """Robots ignore messages whose parity, or another check that their strategy declares, is wrong, so that a single
     wrong bit loses a message; otherwise they take what arrives. The paper does not say whether a robot notices an
     error; that it does is supported (docs/readings.md)."""
-    p_communication_break: Annotated[float, Within(0, 1)] = 0.10
+    p_communication_break: Annotated[float, Within(0, 1), PER_WORLD] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
     """Distance up to which a robot detects a wall by its own reflected light [rd]."""
@@ -176,9 +176,9 @@ class OpticsConfig:
 class GripperConfig:
     """Electrostatic tool and calibrated adhesion (section 3.2 of the paper), in SI units."""
 
-    grasp_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 40.0
+    grasp_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball"), PER_WORLD] = 40.0
     """Voltage while lifting a ball [V]: the upper end of the 20-40 V that the paper considers feasible on board."""
-    release_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 55.0
+    release_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball"), PER_WORLD] = 55.0
     """Voltage while releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts the ball."""
     relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
     """Relative humidity of the air [%]: 10 % is "the optimal condition" (section 3.2.3)."""
@@ -190,11 +190,11 @@ class GripperConfig:
     """Median work of adhesion between tool and ball at 10 % RH, calibrated [J/m^2]."""
     work_object_substrate: Annotated[float, Above(0, 10, "J/m^2")] = 14.7e-3
     """Median work of adhesion between ball and floor at 10 % RH, calibrated [J/m^2]."""
-    spread_tool_object: Annotated[float, Within(0, 2)] = 0.12
-    """Coefficient of variation of `work_tool_object` over the balls (log-normal), calibrated."""
-    spread_object_substrate: Annotated[float, Within(0, 2)] = 0.16
-    """Coefficient of variation of `work_object_substrate` over the balls (log-normal), calibrated."""
-    drop_rate: Annotated[float, Within(0, 1)] = 0.0
+    spread_tool_object: Annotated[float, Within(0, 2), PER_WORLD] = 0.12
+    """Coefficient of variation of `work_tool_object` from attempt to attempt (log-normal), calibrated."""
+    spread_object_substrate: Annotated[float, Within(0, 2), PER_WORLD] = 0.16
+    """Coefficient of variation of `work_object_substrate` from attempt to attempt (log-normal), calibrated."""
+    drop_rate: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
     """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
     without a rate; docs/readings.md says why it is 0 although more is supported."""
     resolution: Literal["quasi-static", "dynamic"] = added_later("quasi-static")
@@ -203,10 +203,6 @@ class GripperConfig:
     """Where trials run: MuJoCo in C with the plugins (auto: CPU engines), or a batch in MJX (compiled ones)."""
     bench_capacity: Annotated[int, Within(1, 1024)] = added_later(8)
     """Trials of a world in a control step at most, in MJX; robots beyond that try again in the next step."""
-    spot_spread_tool_object: Annotated[float, Within(0, 2)] = added_later(0.0)
-    """Coefficient of variation of `work_tool_object` from attempt to attempt at the same ball (log-normal)."""
-    spot_spread_object_substrate: Annotated[float, Within(0, 2)] = added_later(0.0)
-    """Coefficient of variation of `work_object_substrate` likewise."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = added_later(0.0)
     """Standard deviation of the tool's place beside the ball, per axis and attempt [m]; docs/gripper.md tells more."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
@@ -222,7 +218,7 @@ class GripperConfig:
 class StrategyConfig:
     """The robots' rules: how the paper's sentences are read, and parameters that it does not specify."""
 
-    dust_range: Annotated[float, Above(0, 5, "rd")] = 0.75
+    dust_range: Annotated[float, Above(0, 5, "rd"), PER_WORLD] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
     avoidance_sides: Literal["front", "all"] = added_later("front", "all")
     """Sides whose photodiodes serve collision avoidance, against robots and walls. Section 4.1: "each robot will keep

@@ -1,5 +1,6 @@
 """Random attempts to lift and to release balls, and steps of robots that make them."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import place
@@ -22,7 +23,9 @@ from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
 
 PROBE = jnp.array([0.9, 0.0])
-GRIPPER = GripperConfig()
+GRIPPER = GripperConfig(spread_tool_object=0.0, spread_object_substrate=0.0)
+"""Whose attempts are alike."""
+KEY = jax.random.key(0)
 HUMIDITIES = (10.0, 30.0, 50.0)
 """[%]"""
 
@@ -61,11 +64,12 @@ def _attempts(random, lifts, voltage, radius, works):
     return Attempts(lifts, ~lifts, *(np.asarray(values, np.float32) for values in (voltage, radius, *works, miss)))
 
 
-def step(gripper, balls, poses, falls=False, **kwargs):
+def step(gripper, balls, poses, falls=False, key=KEY, **kwargs):
     """One step of the hands of robots at rows of x, y, heading [deg]; whether all balls that are held fall."""
     poses = jnp.asarray(place(*poses), jnp.float32)
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, 5 * RD, 0.75 * RD)
     picks, falls = jnp.ones(len(poses), bool), jnp.full(len(balls.radius), falls)
-    return handle(gripper, conditions_of(SwarmConfig(gripper=gripper)), balls, tips, view, picks, falls, **kwargs)
+    conditions = conditions_of(SwarmConfig(gripper=gripper))
+    return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, **kwargs)

@@ -6,20 +6,23 @@ import numpy as np
 from helpers_sensing import remember
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
-from iswarm_mj.strategy.controller import (
-    act,
-    approach,
-)
+from iswarm_mj.strategy.controller import Draws, RobotMemory, approach
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.interface import Draws, RobotMemory
 from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig()
 RULES = rules_of(PRESETS["type1"])
 STEP = 0.5 * RD
 PROBE = (0.9, 0.0)
-MANY = 20_000  # robots, for statistics; `act` is compiled for them
+MANY = 20_000  # robots, for statistics; `act_here` is compiled for them
+
+
+def act(config, probe_tip, rules, memory, seen, key):
+    """A step of the paper's strategy with these rules."""
+    return VectorStrategy(rules, 0, config, probe_tip).act(memory, seen, key)
+
 
 act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
 
@@ -46,3 +49,8 @@ def genes(**values):
 
 def genes_read(genome=PRESETS["type1"], **readings):
     return rules_of(genome, StrategyConfig(**readings))
+
+
+def strategy(rules=RULES, n_scouts=0):
+    """The paper's strategy with these rules."""
+    return VectorStrategy(rules, n_scouts, CONFIG, PROBE)

@@ -13,8 +13,9 @@ import numpy as np
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.interface import Command, RobotMemory
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.utils.units import RD

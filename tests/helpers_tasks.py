@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.tasks.layout import no_balls, place_robots
-from iswarm_mj.tasks.protocol import Look, Quantity, Things, only
+from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.tasks.protocol import Look, Quantity, only
 from iswarm_mj.utils.constraints import Within
 
 
@@ -24,24 +24,24 @@ class Eastward:
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         own = {"is_east": np.zeros(n_robots, bool), "steps": np.int32(0)}
-        return place_robots(config.arena, n_robots, rng, cell), Things(no_balls(), own)
+        return place_robots(config.arena, n_robots, rng, cell), own
 
     def goal(self, config, n_robots):
         return n_robots
 
-    def advance(self, things, around, key):
-        gap = self.line - around.poses[:, 0]
-        own = {"is_east": (gap < 0) & around.is_present, "steps": things.own["steps"] + 1}
-        return things._replace(own=own), only(len(gap), gap=gap)
+    def advance(self, state, inputs, key):
+        gap = self.line - inputs.poses[:, 0]
+        own = {"is_east": (gap < 0) & inputs.is_present, "steps": state["steps"] + 1}
+        return own, only(len(gap), gap=gap)
 
-    def progress(self, things):
-        return things.own["is_east"].sum(dtype=jnp.int32)
+    def progress(self, state):
+        return state["is_east"].sum(dtype=jnp.int32)
 
-    def reward(self, before, after, around):
-        return after.own["is_east"].astype(jnp.float32)
+    def reward(self, before, after, inputs):
+        return after["is_east"].astype(jnp.float32)
 
-    def metrics(self, things):
-        return {"share": things.own["is_east"].mean(), "steps": things.own["steps"]}
+    def metrics(self, state):
+        return {"share": state["is_east"].mean(), "steps": state["steps"]}
 
-    def areas(self, config, things):
+    def areas(self, config, state):
         return {"east": jnp.stack([self.line + 5.0, jnp.float32(0.0), jnp.float32(5.0)])[None]}

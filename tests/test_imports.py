@@ -11,14 +11,14 @@ import pytest
 
 import iswarm_mj
 
-LAWS = ["adhesion", "boundary_elements", "detachment", "electrostatics", "humidity", "maugis", "probe_table"]
+LAWS = ["adhesion", "capacitance", "detachment", "electrostatics", "humidity", "probe_table"]
 """Files of `gripper/laws/`."""
 
 
 def test_laws_and_settings_are_light():
     """Importing the gripper's laws, the genome and the configuration loads neither engine, nor JAX, nor a viewer."""
     light = [
-        *(f"gripper.laws.{name}" for name in [*LAWS, "sphere_plane"]),
+        *(f"gripper.laws.{name}" for name in LAWS),
         *("config", "output.trajectory", "strategy.genome", "commands.main"),
         *(f"utils.{name}" for name in ("arrays", "errors", "units", "jax_setup")),
     ]

@@ -123,13 +123,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if arguments is None:
                 leave(code)
             raise SystemExit(code) from None
-        code = _explained(error, command)
+        code = _user_code(error, command)
         if code is None:
             raise
         raise SystemExit(code) from None
 
 
-def _explained(error: BaseException, command: Command | None) -> int | None:
+def _user_code(error: BaseException, command: Command | None) -> int | None:
     """Explain an error of a command on the standard error, and return the exit code; None for what is no user's."""
     match error:
         case UserError() | SimulationFault():

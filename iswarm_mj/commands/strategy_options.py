@@ -90,9 +90,9 @@ def explained_flags(command: Any) -> Iterator[None]:
     if not named.intersection(OWNS):
         yield
         return
-    from iswarm_mj.strategy.explain import explained
+    from iswarm_mj.strategy.user_code import user_code
 
-    with explained("the strategy" if OWN in named else "the task"):
+    with user_code("the strategy" if OWN in named else "the task"):
         yield
 
 
@@ -108,10 +108,10 @@ def check_flags(given: Any) -> None:
 
 def _own(cls: Any, found: Any) -> Any:
     """Field of the command for a strategy or task: its default, or none if it has parameters that must be given."""
-    from iswarm_mj.strategy.explain import explained
+    from iswarm_mj.strategy.user_code import user_code
 
     def make() -> Any:
-        with explained(cls.__name__):
+        with user_code(cls.__name__):
             return cls()
 
     if found is not cls:

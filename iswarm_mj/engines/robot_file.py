@@ -4,10 +4,13 @@ import math
 import re
 from importlib.resources import files
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 
 import mujoco
 import numpy as np
 
+from iswarm_mj.engines.mujoco_warnings import keep_no_log
+from iswarm_mj.engines.plain_mjcf import check_plain
 from iswarm_mj.sensors.messages import MAX_LEDS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
@@ -45,12 +48,14 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
     """
     own = models_directory() / "robot.xml"
     path = own if path is None else path
+    keep_no_log()
     try:
         check_file(path, LARGEST_FILE)
+        check_plain(path)
         spec = mujoco.MjSpec.from_file(str(path))
         found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}
         found["mesh"] = {spec.meshdir, *(mesh.file for mesh in spec.meshes)}  # names that are no text raise here
-    except (ValueError, OSError) as error:
+    except (ValueError, RuntimeError, OSError, ExpatError) as error:
         raise UserError(f"the robot's file {path} cannot be read as MJCF ({_one_line(error)}).") from None
     missing = [
         f"{kind} {name}"
@@ -91,8 +96,14 @@ def read_robot(path: Path | None = None) -> Robot:
     name = models_directory() / "robot.xml" if path is None else path
     try:
         model = without_visual(spec).compile()
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:
         raise UserError(f"the robot's file {name} cannot be compiled ({_one_line(error)}).") from None
+    unknown = [part for part, numbers in _UNKNOWN.items() if any(np.any(getattr(model, name)) for name in numbers)]
+    if unknown:
+        raise UserError(
+            f"the robot's file {name} has {', '.join(unknown)}; a robot is a hull with sites on three joints that have "
+            "damping alone: remove what else there is."
+        )
     for requirement, holds in _requirements(model):
         if not holds:
             raise UserError(f"the robot's file {name} must have {requirement}; change it.")
@@ -144,6 +155,21 @@ def _optics(spec: mujoco.MjSpec) -> list[str]:
 
 
 _KINDS = (("led", ""), ("photodiode", "a"), ("photodiode", "b"))
+
+
+_UNKNOWN = {
+    "joint stiffness": ("jnt_stiffness", "jnt_stiffnesspoly"),
+    "joint limits": ("jnt_limited",),
+    "friction loss": ("dof_frictionloss",),
+    "damping that grows with speed": ("dof_dampingpoly",),
+    "equality constraints": ("neq",),
+    "tendons": ("ntendon",),
+    "actuators": ("nu",),
+    "contact pairs": ("npair",),
+    "contact exclusions": ("nexclude",),
+    "plugins": ("nplugin",),
+}
+"""What no engine drives or simulates, and the numbers of MuJoCo's model that show it."""
 
 
 def _requirements(model: mujoco.MjModel) -> list[tuple[str, bool]]:

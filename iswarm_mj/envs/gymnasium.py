@@ -8,7 +8,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iswarm_mj.envs.adapters import Worlds, action_array, checked_seed, fresh_seed
+from iswarm_mj.envs.adapters import Worlds, stacked
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import ConfigError
 
@@ -42,15 +42,14 @@ class SwarmVectorEnv(VectorEnv):
         Raises:
             UserError: the seed is none.
         """
-        seed = checked_seed(seed)
-        super().reset(seed=seed)
-        return self._worlds.reset(fresh_seed(seed, self.np_random)).obs, {}
+        obs = self._worlds.reset(seed)
+        super().reset(seed=None if seed is None else int(seed))
+        return obs, {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
-        """Take a control step; a world whose episode has ended begins a new one instead."""
-        state = self._worlds.step(actions)
-        truncated = state.info["truncated"]
-        return state.obs, state.reward.sum(axis=1), state.done & ~truncated, truncated, {**state.metrics}
+        """Take a control step; a world whose episode has ended begins a new one instead. See `adapters.Outcome`."""
+        done = self._worlds.step(actions)
+        return done.obs, done.reward.sum(axis=1), done.terminated, done.truncated, done.info
 
 
 class SwarmEnv(gymnasium.Env):
@@ -69,16 +68,15 @@ class SwarmEnv(gymnasium.Env):
         Raises:
             UserError: the seed is none.
         """
-        seed = checked_seed(seed)
-        super().reset(seed=seed)
-        return self._worlds.reset(fresh_seed(seed, self.np_random)).obs[0], {}
+        obs = self._worlds.reset(seed)
+        super().reset(seed=None if seed is None else int(seed))
+        return obs[0], {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Take a control step."""
-        state = self._worlds.step(action_array(action)[None])
-        truncated = bool(state.info["truncated"][0])
-        metrics = {name: value[0] for name, value in state.metrics.items()}
-        return state.obs[0], float(state.reward.sum()), bool(state.done[0]) and not truncated, truncated, metrics
+        """Take a control step, see `adapters.Outcome`."""
+        done = self._worlds.step(stacked(action)[None])
+        info = {name: value[0] for name, value in done.info.items()}
+        return done.obs[0], float(done.reward.sum()), bool(done.terminated[0]), bool(done.truncated[0]), info
 
 
 def _spaces(worlds: Worlds) -> tuple[Box, Box]:

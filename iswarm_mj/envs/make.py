@@ -20,9 +20,8 @@ from iswarm_mj.simulation.memory_check import devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.worlds import World, first_state, world_params
-from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.payloads import layout_of
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.library import find_task
 from iswarm_mj.tasks.signatures import check_object
@@ -76,7 +75,7 @@ def make_env(
     layouts = [World(PRESETS["type1"], int(n_robots), int(seed), index) for index in range(n_starts)]
     setup = set_up(config, settings, engine, _task(task), layouts, robot_file)
     speaker: Any = Speaker(_payload(payload))
-    layout_of(speaker, len(setup.robot.sides))
+    speaker.payload.check_room(len(setup.robot.sides))
     params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)
     poses, worlds = first_state(config, setup.starts, setup.task, setup.capacity)
     senses = {
@@ -108,7 +107,7 @@ def _task(given: Any) -> Any:
     if isinstance(given, str):
         given = CLEANING if given == "cleaning" else find_task(given)
         if isinstance(given, type):
-            with explained(given.__name__):
+            with user_code(given.__name__):
                 given = given()
     check_object(given)
     return given

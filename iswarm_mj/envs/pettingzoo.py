@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from pettingzoo import ParallelEnv
 
-from iswarm_mj.envs.adapters import Worlds, action_array, checked_seed, fresh_seed
+from iswarm_mj.envs.adapters import Worlds, stacked
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 
@@ -20,7 +20,7 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def __init__(self, **settings: Any):
         """Make the world, see `make_env`."""
-        self._worlds, self._rng = Worlds(1, **settings), np.random.default_rng()
+        self._worlds = Worlds(1, **settings)
         self.possible_agents = [f"robot_{robot}" for robot in range(self._worlds.env.n_robots)]
         self.agents: list[str] = []
         seen, done = self._worlds.spaces()
@@ -49,12 +49,9 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         Raises:
             UserError: the seed is none.
         """
-        seed = checked_seed(seed)
-        if seed is not None:
-            self._rng = np.random.default_rng(seed)
-        state = self._worlds.reset(fresh_seed(seed, self._rng))
+        obs = self._worlds.reset(seed)
         self.agents = list(self.possible_agents)
-        return self._each(state.obs[0]), {agent: {} for agent in self.agents}
+        return self._each(obs[0]), {agent: {} for agent in self.agents}
 
     def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
         """Take a control step; `infos` has the metrics of the task.
@@ -69,22 +66,21 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         if wrong:
             raise UserError(f"step needs an action of each agent and no others (differing: {', '.join(wrong[:5])})")
         shape = self.action_spaces[self.possible_agents[0]].shape
-        given = [action_array(actions[agent]) for agent in self.agents]
+        given = [stacked(actions[agent]) for agent in self.agents]
         for agent, action in zip(self.agents, given, strict=True):
             if action.shape != shape:
                 raise UserError(f"the action of {agent} must have the shape {shape} (got {action.shape})")
-        state = self._worlds.step(np.stack(given)[None])
-        agents, truncated = self.agents, bool(state.info["truncated"][0])
-        terminated, metrics = bool(state.done[0]) and not truncated, {k: v[0] for k, v in state.metrics.items()}
-        result = (
-            self._each(state.obs[0]),
-            {agent: float(reward) for agent, reward in zip(agents, state.reward[0], strict=True)},
+        done, agents = self._worlds.step(np.stack(given)[None]), self.agents
+        info = {name: value[0] for name, value in done.info.items()}
+        terminated, truncated = bool(done.terminated[0]), bool(done.truncated[0])
+        self.agents = [] if terminated or truncated else agents
+        return (
+            self._each(done.obs[0]),
+            {agent: float(reward) for agent, reward in zip(agents, done.reward[0], strict=True)},
             dict.fromkeys(agents, terminated),
             dict.fromkeys(agents, truncated),
-            {agent: dict(metrics) for agent in agents},
+            {agent: dict(info) for agent in agents},
         )
-        self.agents = [] if state.done[0] else self.agents
-        return result
 
     def render(self) -> None:
         """Nothing; recordings are made by `iswarm run`."""

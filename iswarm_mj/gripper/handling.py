@@ -13,7 +13,6 @@ from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.errors import UserError
 
 
 class Balls(NamedTuple):
@@ -24,9 +23,9 @@ class Balls(NamedTuple):
     radius: Float[Array, "K"]
     """[m]"""
     work_tool_object: Float[Array, "K"]
-    """Work of adhesion between tool and ball [J/m^2]."""
+    """Median work of adhesion between tool and ball over attempts, at the air's humidity [J/m^2]."""
     work_object_substrate: Float[Array, "K"]
-    """Work of adhesion between ball and floor [J/m^2]."""
+    """Median work of adhesion between ball and floor over attempts, at the air's humidity [J/m^2]."""
     is_held: Bool[Array, "K"]
     is_delivered: Bool[Array, "K"]
     """Whether it was released or dropped over the dump."""
@@ -58,6 +57,8 @@ class Balls(NamedTuple):
     """Time that robots lost at it: at attempts in vain, on the bench as well, and waiting for room [s]."""
     impact: Float[Array, "K"]
     """Speed of its last landing [m/s]."""
+    tried: Float[Array, "K 4"]
+    """Its last attempt: voltage [V], works of adhesion to tool and floor [J/m^2], and misalignment [m]."""
 
     @property
     def is_lying(self) -> Bool[Array, "*B K"]:
@@ -88,11 +89,6 @@ RULES = Rules()
 """Of the balance of the forces, and a control step of a second."""
 
 
-def attempts_differ(gripper: GripperConfig) -> bool:
-    """Whether attempts at the same ball differ."""
-    return max(gripper.spot_spread_tool_object, gripper.spot_spread_object_substrate, gripper.tool_error) > 0
-
-
 def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
     """Whether each robot stays at an attempt that has not ended."""
     return jnp.zeros(n_robots, bool).at[balls.worker].max(balls.wait > 0)
@@ -108,7 +104,7 @@ def handle(
     falls: Bool[Array, "K"],
     *,
     rules: Rules = RULES,
-    key: Array | None = None,
+    key: Array,
     voltage: Float[Array, "N"] | None = None,
 ) -> tuple[Balls, Bool[Array, "N"]]:
     """Release, lift and drop balls, as the balance of the forces or the bench decides.
@@ -120,15 +116,15 @@ def handle(
     keeps the ball that it holds. An attempt for which there is no room is made as the next step begins.
 
     Args:
-        gripper: reach, gap of the release, times and spreads of attempts.
-        conditions: voltages of grasp and release.
+        gripper: reach and its error, gap of the release, times of attempts.
+        conditions: voltages of grasp and release, spreads of the works of adhesion.
         balls: K balls; those held are at their holders' tips.
         tips: of the probes [mm].
         view: the floor as the N robots sense it.
         picks: robots that pick up dust.
         falls: balls that fall if they are held.
         rules: of attempts.
-        key: decides by how much attempts at the same ball differ; needed where they do.
+        key: draws the works of adhesion and the tool's place of each attempt.
         voltage: that the robots' capacitors have [V]; None: as much as is asked for.
 
     Returns:
@@ -155,6 +151,8 @@ def handle(
     is_held = (balls.is_held & ~found.released & ~dropped) | lifts
     made = ends & ~found.postponed
     failed = made & ~lifts & ~found.released
+    works = attempts.work_tool_object, attempts.work_object_substrate
+    numbers = jnp.stack([attempts.voltage, *works, attempts.misalignment], axis=-1)
     not_lifted = failed & balls.is_lying
     lost = jnp.where(failed, lasts * rules.control_period + found.duration, found.postponed * rules.control_period)
     balls = balls._replace(
@@ -174,6 +172,7 @@ def handle(
         work_time=balls.work_time + found.duration,
         lost_time=balls.lost_time + lost,
         impact=jnp.where(found.impact > 0, found.impact, balls.impact),
+        tried=jnp.where((ends & ~broken)[:, None], numbers, balls.tried),
     )
     in_vain = tries & ~loaded(balls, n_robots) & ~working(balls, n_robots)
     return balls, in_vain.at[worker].max(not_lifted)
@@ -185,29 +184,25 @@ def _attempts(
     balls: Balls,
     worker: Int[Array, "K"],
     ends: Bool[Array, "K"],
-    key: Array | None,
+    key: Array,
     voltage: Float[Array, "N"] | None,
 ) -> Attempts:
-    """What is tried at the balls whose attempts end now, by these robots."""
+    """What is tried at the balls whose attempts end now, by these robots.
+
+    The works of adhesion are log-normal from attempt to attempt, so that a ball at which one fails can be lifted later.
+    """
     releases = ends & balls.is_held
     asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
-    tool, floor = balls.work_tool_object, balls.work_object_substrate
-    misalignment = jnp.zeros_like(balls.radius)
-    if attempts_differ(gripper):
-        if key is None:
-            raise UserError("attempts that differ need a random key; pass `key`.")
-        draws = jax.random.normal(key, (4, len(balls.radius)))
-        tool = scattered_work(tool, gripper.spot_spread_tool_object, draws[0])
-        floor = scattered_work(floor, gripper.spot_spread_object_substrate, draws[1])
-        misalignment = jnp.where(releases, 0.0, gripper.tool_error * jnp.linalg.norm(draws[2:], axis=0))
+    draws = jax.random.normal(key, (4, len(balls.radius)))
+    miss = gripper.tool_error * jnp.linalg.norm(draws[2:], axis=0)
     return Attempts(
         ends & balls.is_lying,
         releases,
         asked if voltage is None else jnp.minimum(asked, voltage[worker]),
         balls.radius,
-        tool,
-        floor,
-        misalignment,
+        scattered_work(balls.work_tool_object, conditions.spread_tool_object, draws[0]),
+        scattered_work(balls.work_object_substrate, conditions.spread_object_substrate, draws[1]),
+        jnp.where(releases, 0.0, miss),
     )
 
 

@@ -21,15 +21,34 @@ import mujoco
 from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx, solver
-from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
-from iswarm_mj.gripper.laws.capacitance import capacitance
-from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper import contact
+from iswarm_mj.gripper.laws import spline
+from iswarm_mj.gripper.laws.capacitance import tables
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.mjx_contacts import ON_PROBE, Circuit, State, next_potential, rebound_ratio
-from iswarm_mj.gripper.plugin import ADHESION, ELECTROSTATIC, SLOTS, state_fields
-from iswarm_mj.gripper.units import CLEARANCE, NN, UM
+from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.gripper.native.state import ADHESION, ELECTROSTATIC, state_fields
+from iswarm_mj.gripper.plugin import SLOTS
+from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
+
+_contact, _spline = in_arrays(contact, jnp), in_arrays(spline, jnp)
+
+
+class State(NamedTuple):
+    """What a ball keeps from one step to the next; see the docstring of `plugin`."""
+
+    potential: Float[Array, ""]
+    """`contact.ON_PLATE` or `ON_PROBE`; in a circuit the nearer of the two."""
+    charge: Float[Array, ""]
+    """In a circuit [fC]."""
+    broken: Float[Array, ""]
+    """1 if the oxide of the present contact broke down."""
+    before: Float[Array, "P"]
+    """Gaps one step earlier [um]."""
+    rebound: Float[Array, "P"]
+    """1 while an impact throws the ball back."""
 
 
 class Joint(NamedTuple):
@@ -130,7 +149,7 @@ def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
 def first_state(forces: GripperForces) -> State:
     """State of a ball after a reset."""
     zeros = jnp.zeros_like(forces.work)
-    return State(jnp.asarray(ON_PROBE), jnp.zeros_like(zeros[0]), jnp.zeros_like(zeros[0]), zeros, zeros)
+    return State(jnp.asarray(contact.ON_PROBE), jnp.zeros_like(zeros[0]), jnp.zeros_like(zeros[0]), zeros, zeros)
 
 
 class Force(NamedTuple):
@@ -155,56 +174,59 @@ class Force(NamedTuple):
 
 
 def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> Force:
-    """Forces at the positions `data.qpos` and the voltage in `data.ctrl`.
+    """Forces at the present positions and the voltage in `data.ctrl`.
 
     Args:
         forces: attributes and ids.
         model: of MJX, with the radii in its geoms.
-        data: of MJX.
+        data: of MJX, whose bodies are where `mjx.kinematics` places them.
         state: as the last call returned it.
     """
-    return forces_at(forces, model, mjx.kinematics(model, data), state)
-
-
-def forces_at(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> Force:
-    """Forces where `data` knows its bodies to be, see `gripper_force`."""
     total = jnp.zeros_like(data.qvel)
     mass = model.body_mass[forces.joints[forces.ball][0].body]
     adhesion, gaps, rebounds = [], [], []
     for i, (ball, surface) in enumerate(forces.pairs):
         gap, normal = _gap(forces, model, data, ball, surface)
-        radius = model.geom_size[ball, 0]
-        hits = (gap <= 0) & (state.before[i] > 0)
-        speed = jnp.where(hits, (state.before[i] - gap) / model.opt.timestep, 1.0)
-        ratio = jnp.where(hits, rebound_ratio(forces, i, speed, mass, radius), 0.0)
-        push = jnp.where(ratio > 0, mass * (1 + ratio) * speed / model.opt.timestep, 0.0)
-        rebounds_now = (ratio > 0) | (state.rebound[i] > 0)
-        force = _adhesion(forces.work[i], forces.humidity[i], forces.hamaker[i], radius, gap)
-        force = jnp.where(rebounds_now, 0.0, force)
+        radius, before = model.geom_size[ball, 0], state.before[i]
+        work = forces.work[i] * humidity_factor(forces.humidity[i]) * (NN / UM)
+        hits = (gap <= 0) & (before > 0)
+        speed = jnp.where(hits, (before - gap) / model.opt.timestep, 1.0)
+        density = mass / (4 / 3 * math.pi * radius**3) * 1e9
+        numbers = forces.restitution[i], forces.yield_pressure[i] * PRESSURE, forces.modulus[i] * PRESSURE
+        ratio = _contact.rebound_ratio(speed * (UM / MS), density, radius * UM, work, *numbers)
+        begins = hits & (ratio > 0)
+        push = jnp.where(begins, mass * (1 + ratio) * speed / model.opt.timestep, 0.0)
+        force = _contact.adhesion_force(work, forces.hamaker[i] * (NN * UM), radius * UM, gap * UM) / NN
+        force = jnp.where(begins | (state.rebound[i] > 0), 0.0, force)
         total += _attraction(forces, model, data, (ball, surface), gap, (force - push) * normal)
-        goes_on = (ratio > 0) | ((state.rebound[i] > 0) & (gap <= CLEARANCE) & (gap > state.before[i]))
-        adhesion, gaps, rebounds = [*adhesion, force], [*gaps, gap], [*rebounds, goes_on.astype(gap.dtype)]
+        rebound = _contact.rebounds_on(begins, state.rebound[i], gap, before)
+        adhesion, gaps, rebounds = [*adhesion, force], [*gaps, gap], [*rebounds, rebound]
     probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
     plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
-    voltage = data.ctrl[forces.voltage]
-    radius, probe_radius = model.geom_size[forces.ball, 0] * UM, model.geom_size[forces.probe, 0] * UM
-    above, below = (jnp.maximum(gap, forces.contact_gap) * UM for gap in (probe_gap, plate_gap))
-    capacities = [
-        capacitance(task, gap * UM, radius, probe_radius, forces.contact_gap * UM) / 1e-15
-        for task, gap in (("pick", probe_gap), ("release", plate_gap))
-    ]
-    circuit = Circuit(capacities[0], capacities[1], voltage, forces.leak > 0)
-    release = (state.potential > 0.5) & (plate_gap > 0)
-    switched = jnp.where(release, voltage, 0.0)
-    mine = jnp.where(circuit.is_on, circuit.ball_voltage(state.charge), switched)
-    up = pick_force(voltage - mine, above, radius, probe_radius) / NN
-    down = release_force(mine, below, radius, probe_radius) / NN
+    voltage, has_circuit = data.ctrl[forces.voltage], forces.leak > 0
+    radius, probe_radius, least = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0], forces.contact_gap
+    splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
+    pick, above = _spline.shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
+    release, below = _spline.shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
+    capacitances = above, below
+    mine = _contact.ball_voltage(has_circuit, state.charge, state.potential, voltage, capacitances, plate_gap)
+    across = voltage - mine
+    up = pick * asymptotic_force(across, jnp.maximum(probe_gap, least) * UM, radius * UM) / NN
+    down = release * asymptotic_force(mine, jnp.maximum(plate_gap, least) * UM, radius * UM) / NN
     total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
     total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
-    kept = state._replace(before=jnp.stack(gaps), rebound=jnp.stack(rebounds))
-    new = next_potential(forces, circuit, kept, mine, (probe_gap, plate_gap), model.opt.timestep)
-    pulls, capacitances = (up, down), (circuit.above, circuit.below)
-    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, pulls, capacitances, new)
+    strength = forces.oxide * forces.breakdown
+    broken = _contact.is_broken(across, probe_gap, state.broken, least, strength)
+    leak = jnp.where(has_circuit, forces.leak, 1.0)
+    conducts = has_circuit & (probe_gap <= 0), has_circuit & (plate_gap <= 0)
+    through = 1 / jnp.where(broken > 0, forces.contact, leak), 1 / forces.plate_contact
+    flows = [jnp.where(touches, each, 0.0) for touches, each in zip(conducts, through, strict=True)]
+    charge = _contact.relaxed_charge(state.charge, mine, voltage, capacitances, *flows, model.opt.timestep)
+    limits = least, forces.off_voltage
+    potential = _contact.next_potential(has_circuit, state.potential, mine, voltage, (probe_gap, plate_gap), *limits)
+    broken = jnp.where(has_circuit, broken, state.broken)
+    new = State(potential, charge, broken, jnp.stack(gaps), jnp.stack(rebounds))
+    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, (up, down), capacitances, new)
 
 
 def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, State]:
@@ -213,7 +235,7 @@ def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) 
     Returns:
         The data, and the state for the next step.
     """
-    force = gripper_force(forces, model, data, state)
+    force = gripper_force(forces, model, mjx.kinematics(model, data), state)
     return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.state
 
 
@@ -226,21 +248,11 @@ def stepped(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: Stat
         The data, and the force that acted, with the state for the next step.
     """
     data = mjx.fwd_position(model, data)
-    force = forces_at(forces, model, data, state)
+    force = gripper_force(forces, model, data, state)
     data = data.replace(qfrc_applied=force.generalized)
     for stage in (mjx.fwd_velocity, mjx.fwd_actuation, mjx.fwd_acceleration, solver.solve, mjx.euler):
         data = stage(model, data)
     return data, force
-
-
-def _adhesion(work: Array, humidity: Array, hamaker: Array, radius: Array, gap: Array) -> Array:
-    """Pull-off force in contact, van der Waals attraction out of it [nN]."""
-    work = work * humidity_factor(humidity) * (NN / UM)
-    # Masked, so that neither branch divides by zero; the Hamaker constant in nN um keeps float32's range.
-    apart = (gap > 0) & (hamaker > 0) & (work > 0)
-    offset = jnp.sqrt(hamaker / (12 * math.pi * jnp.where(apart, work / (NN / UM), 1.0)))
-    attraction = van_der_waals_force(hamaker, radius, jnp.where(apart, gap + offset, 1.0))
-    return jnp.where(gap <= 0, dmt_pull_off(radius * UM, work) / NN, jnp.where(apart, attraction, 0.0))
 
 
 def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, surface: int) -> tuple[Array, Array]:

@@ -10,5 +10,7 @@ CLEARANCE = 0.02
 """Gap at which a ball that rebounds has left a surface: there van der Waals attraction is a thousandth of the pull-off
 [um]."""
 
+VACUUM_PERMITTIVITY = 8.8541878188e-12
+"""Electric constant eps0, CODATA 2022 [F/m]."""
 PRESSURE = NN / UM**2
 """Unit of pressure of the bench [Pa]."""

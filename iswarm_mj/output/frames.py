@@ -14,7 +14,7 @@ from iswarm_mj.output.task_arrays import Watch, fixed_areas, looks, quantities
 from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC, Frames, Scene
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.strategy.recorded import array_name, part_of
+from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import Task, balls_of
@@ -46,7 +46,7 @@ def scene_of(
         start: record of the start (1, W, ...).
         world: which of the W worlds.
         number: of this world in its run.
-        recorded: parts of the memory and their units, see `strategy.recorded`.
+        recorded: parts of the memory and their units, see `strategy.declared`.
         payload: what messages carry; nothing by default.
         task: of the run.
 
@@ -79,7 +79,7 @@ def scene_of(
         n_leds=len(robot.leds),
         memory_names=tuple(map(array_name, recorded or {})),
         memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in (recorded or {}).values()),
-        memory_sizes=tuple(math.prod(np.shape(part_of(memory, name))[3:]) for name in recorded or {}),
+        memory_sizes=tuple(math.prod(np.shape(parts_of(memory)[name])[3:]) for name in recorded or {}),
         obstacles=np.array(arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
         area_names=tuple(areas),
         area_colours=tuple(look.colour for look in areas.values()),
@@ -136,7 +136,7 @@ def frames_of(
         "mean_speed": record.speed,
     }
     memory = {
-        array_name(name): _stored(np.asarray(part_of(record.swarm.memory, name)), unit)
+        array_name(name): _stored(np.asarray(parts_of(record.swarm.memory)[name]), unit)
         for name, unit in (recorded or {}).items()
     }
     own = {f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames) if f.name in ARRAYS}

@@ -40,7 +40,7 @@ def curves_of(rows: Rows) -> list[Curve]:
     for row in rows:
         found.setdefault((row["voltage"], row["radius"], row["direction"]), []).append(row)
     return [
-        Curve(*key, column(own, "gap") * _NM, -column(own, "total") * _NN, column(own, "gap") <= 0, own)
+        Curve(*key, column(own, "gap") * _NM, column(own, "total") * _NN, column(own, "gap") <= 0, own)
         for key, own in sorted(found.items())
     ]
 
@@ -66,7 +66,7 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
 
     Args:
         rows: in the order of time; gap between tool and ball [m], voltage [V], direction ("approach" or "retract"),
-            the forces electrostatic, adhesion and total [N], positive if they attract, and radius [m].
+            the forces electrostatic, adhesion and total [N], negative if they attract, and radius [m].
         settings: of the run; `relative_humidity` [%] goes into the caption if it is one number.
         out: directory.
 
@@ -126,9 +126,9 @@ def _mark(axes: Axes, curve: Curve, hue: str, with_force: bool) -> None:
 
 def _draw_parts(axes: Axes, curve: Curve, style: Mapping[str, Any]) -> None:
     gap = curve.gap / 1e3
-    axes.plot(gap, -column(curve.rows, "adhesion") * _NN, **{**style, "lw": 0.9})
+    axes.plot(gap, column(curve.rows, "adhesion") * _NN, **{**style, "lw": 0.9})
     if curve.voltage:
-        axes.plot(gap, -column(curve.rows, "electrostatic") * _NN, **{**style, "lw": 1.8})
+        axes.plot(gap, column(curve.rows, "electrostatic") * _NN, **{**style, "lw": 1.8})
 
 
 def _conditions(hues: Mapping[float, str], dashes: Mapping[float, Any]) -> list[Line2D]:

@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from iswarm_mj.gripper.bench.attempt_log import Tried
-from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
+from iswarm_mj.gripper.bench.attempt_trace import Tried, trace_attempt
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_swarm_layout, rerun_trial, rerun_trial_view
 from iswarm_mj.output.rerun_trial_view import BALL, BALL_MARK, FORCES, PLATE, PROBE, SHADOW, UM

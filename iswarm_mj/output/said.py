@@ -8,7 +8,7 @@ import numpy as np
 
 from iswarm_mj.sensors.fields import Field, Vector
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import PRIORITY, Layout, Payload, columns
+from iswarm_mj.sensors.messages import PRIORITY, Payload, columns
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.utils.units import MM
 
@@ -27,13 +27,13 @@ class Said(NamedTuple):
 
 def stored(payload: Payload) -> str:
     """Return a declaration as trajectories have it."""
-    return json.dumps(payload.stated())
+    return json.dumps(payload.to_json())
 
 
 def payload_of(arrays: Mapping[str, Any]) -> Payload:
     """Return what the messages of a trajectory carry; of versions that did not state it, those of vectors."""
     if "scene_payload" in arrays:
-        return Payload.restored(json.loads(str(arrays["scene_payload"])))
+        return Payload.from_json(json.loads(str(arrays["scene_payload"])))
     return payload_for(float(arrays.get("scene_message_range", 1.0)) / MM, int(arrays.get("scene_n_leds", 4)))
 
 
@@ -54,7 +54,7 @@ def said(payload: Payload, n_leds: int, messages: np.ndarray) -> dict[str, Said]
         n_leds: LEDs of a robot.
         messages: (T, N) of 32 bits.
     """
-    values, about = Layout(payload, n_leds).unpack(messages)[0].payload, names_of(payload)
+    values, about = payload.unpack(messages, n_leds)[0].payload, names_of(payload)
     parts = [part for name, field in payload.fields for part in _parts(field, values[name])]
     return {name: Said(part, *about[name]) for name, part in zip(about, parts, strict=True)}
 

@@ -124,7 +124,7 @@ class Frames:
     mean_speed: Float[np.ndarray, "T"] = field(metadata=_stored(np.float32, "m/s"))
     """Distance moved in the control step over its duration, averaged over the robots."""
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Arrays (T, N, ...) of what the strategy wants recorded of its memory (`strategy.recorded`), lengths in m.
+    """Arrays (T, N, ...) of what the strategy wants recorded of its memory (`strategy.declared`), lengths in m.
 
     Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the robot's own frame (x
     ahead, y left), `dust_known`, whether there is one, and `dust_hop`, its hop count; likewise for the dump.

@@ -6,10 +6,10 @@ polynomials and the check values that the tests hold them to are those of the ca
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import and_
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, UInt32
 
@@ -53,25 +53,18 @@ def remainder(kind: Polynomial, bits: Sequence[int]) -> int:
     return register ^ kind.final
 
 
-class _Sums(NamedTuple):
-    """Parts of a message whose parities are the check's bits."""
-
-    masks: tuple[int, ...]
-    constant: int
-
-
 @lru_cache
-def _sums(name: str) -> _Sums:
+def _sums(name: str) -> list[tuple[int, int, int]]:
+    """Of each bit of a check: its place, the bits of the message whose parity it is, and what is added to that."""
     kind = CHECKS[name]
     n = WORD - kind.width
 
     def of(word: int) -> int:
         return remainder(kind, [word >> bit & 1 for bit in reversed(range(n))])
 
-    constant = of(0)
-    each = [of(1 << bit) ^ constant for bit in range(n)]
+    each = [of(1 << bit) ^ of(0) for bit in range(n)]
     masks = (sum(1 << bit for bit in range(n) if each[bit] >> j & 1) for j in range(kind.width))
-    return _Sums(tuple(masks), constant)
+    return [(n + j, mask, of(0) >> j & 1) for j, mask in enumerate(masks)]
 
 
 def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
@@ -81,20 +74,12 @@ def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
 
 def with_check(name: str, bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
     """Messages with their check, in bits that are still 0."""
-    sums, first = _sums(name), WORD - CHECKS[name].width
-    checks = jnp.uint32(sums.constant << first) if sums.constant else None
-    for j, mask in enumerate(sums.masks):
-        one = (parity(bits) if mask == 2**WORD - 1 >> 1 else parity(bits & np.uint32(mask))) << (first + j)
-        checks = one if checks is None else checks ^ one
-    return bits | checks
+    for place, mask, constant in _sums(name):
+        bits = bits | (parity(bits & np.uint32(mask)) ^ constant) << place
+    return bits
 
 
 def holds(name: str, bits: UInt32[Array, "*N"]) -> Bool[Array, "*N"]:
     """Whether the check of messages is right."""
-    sums, first = _sums(name), WORD - CHECKS[name].width
-    right = None
-    for j, mask in enumerate(sums.masks):
-        whole = mask | 1 << (first + j)
-        one = parity(bits if whole == 2**WORD - 1 else bits & np.uint32(whole)) == (sums.constant >> j & 1)
-        right = one if right is None else right & one
-    return right
+    sums = _sums(name)
+    return reduce(and_, (parity(bits & np.uint32(mask | 1 << place)) == constant for place, mask, constant in sums))

@@ -4,9 +4,8 @@ A field's values and what is read back of them have the same types and shapes. V
 """
 
 import math
-import numbers
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -15,18 +14,32 @@ from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import Above, Within, check, check_kind, is_whole, validate
 
-_WHOLE_IN_SINGLE = 24
-"""Bits up to which single precision tells all whole numbers apart."""
+_LARGEST = float(np.finfo(np.float32).max)
+Bits = Annotated[int, Within(1, 16)]
+
+
+class _Scalar:
+    """A field with one value."""
+
+    dtype: ClassVar[Any] = jnp.float32
+
+    def __post_init__(self):
+        validate(self, type(self).__name__)
+
+    def shapes(self, *shape: int) -> jax.ShapeDtypeStruct:
+        """Shape and type of values."""
+        return jax.ShapeDtypeStruct(shape, self.dtype)
 
 
 @dataclass(frozen=True)
-class Flag:
+class Flag(_Scalar):
     """Yes or no: bool, in one bit."""
 
     bits: ClassVar[int] = 1
     unit: ClassVar[str] = ""
+    dtype: ClassVar[Any] = jnp.bool_
 
     def encode(self, values: Bool[Array, "*N"]) -> UInt32[Array, "*N"]:
         """Bits of values."""
@@ -36,24 +49,23 @@ class Flag:
         """Values of bits."""
         return codes.astype(bool)
 
-    def shapes(self, *shape: int) -> Any:
-        """Shape and type of values."""
-        return jax.ShapeDtypeStruct(shape, jnp.bool_)
-
 
 @dataclass(frozen=True)
-class Integer:
+class Integer(_Scalar):
     """Whole numbers: int32, from `low` on as many as the bits have codes."""
 
-    bits: int
+    bits: Annotated[int, Within(1, 31)]
     low: int = 0
     unit: ClassVar[str] = ""
+    dtype: ClassVar[Any] = jnp.int32
 
     def __post_init__(self):
-        _check_bits(self, "bits", self.bits, 31)
+        super().__post_init__()
         last = 2**31 - 2**self.bits
-        if not isinstance(self.low, numbers.Integral) or not -(2**31) <= self.low <= last:
-            raise UserError(f"{self} has values that int32 has not; make low a whole number of at most {last}")
+        is_int32 = is_whole(self.low) and -(2**31) <= self.low <= last
+        check(
+            "Integer.low", self.low, f"a whole number between -2^31 and {last}, so that all values are int32", is_int32
+        )
 
     def encode(self, values: Int[Array, "*N"]) -> UInt32[Array, "*N"]:
         """Bits of values, which are clipped to the range."""
@@ -64,32 +76,26 @@ class Integer:
         """Values of bits."""
         return codes.astype(np.int32) + np.int32(self.low)
 
-    def shapes(self, *shape: int) -> Any:
-        """Shape and type of values."""
-        return jax.ShapeDtypeStruct(shape, jnp.int32)
-
 
 @dataclass(frozen=True)
-class Real:
+class Real(_Scalar):
     """Numbers from `low` to `high`, both included, in equal steps: float32. NaN is sent as `low`."""
 
-    low: float
-    high: float
-    bits: int
+    low: Annotated[float, Within(-_LARGEST, _LARGEST)]
+    high: Annotated[float, Within(-_LARGEST, _LARGEST)]
+    bits: Annotated[int, Within(1, 24)]
+    """Single precision tells whole numbers of up to 24 bits apart."""
     unit: str = ""
     """As tables state it; lengths in mm become m there."""
 
     def __post_init__(self):
-        _check_bits(self, "bits", self.bits, _WHOLE_IN_SINGLE)
-        _check_number(self, "low", self.low)
-        _check_number(self, "high", self.high)
-        if not isinstance(self.unit, str):
-            raise UserError(f"{self} has a unit that is no word; write it as a string")
-        if not self.low < self.high:
-            raise UserError(f"{self} has an empty range; give a low below the high")
-        largest = max(abs(self.low), abs(self.high))
-        if self.quantum < np.spacing(np.float32(largest)):
-            raise UserError(f"{self} has steps that single precision cannot tell apart; use fewer bits")
+        super().__post_init__()
+        check_kind("Real.unit", self.unit, str)
+        check("Real.high", self.high, f"above the low, {self.low:g}", self.low < self.high)
+        least = np.spacing(np.float32(max(abs(self.low), abs(self.high))))
+        check(
+            "Real.bits", self.bits, "fewer, since single precision cannot tell the steps apart", self.quantum >= least
+        )
 
     @property
     def quantum(self) -> float:
@@ -106,23 +112,16 @@ class Real:
         values = codes.astype(np.float32) * np.float32(self.quantum) + np.float32(self.low)
         return array_module(codes).minimum(values, np.float32(self.high))
 
-    def shapes(self, *shape: int) -> Any:
-        """Shape and type of values."""
-        return jax.ShapeDtypeStruct(shape, jnp.float32)
-
 
 @dataclass(frozen=True)
-class Bearing:
+class Bearing(_Scalar):
     """Directions [rad], anticlockwise, in equal steps of the full circle: float32, read back from -pi to pi.
 
     A direction that is not finite is sent as 0.
     """
 
-    bits: int
+    bits: Bits
     unit: ClassVar[str] = "rad"
-
-    def __post_init__(self):
-        _check_bits(self, "bits", self.bits, 16)
 
     def encode(self, values: Float[Array, "*N"]) -> UInt32[Array, "*N"]:
         """Bits of directions."""
@@ -135,10 +134,6 @@ class Bearing:
         n, codes = 2**self.bits, codes.astype(np.int32)
         return (codes - n * (2 * codes > n)).astype(np.float32) * np.float32(2 * math.pi / n)
 
-    def shapes(self, *shape: int) -> Any:
-        """Shape and type of directions."""
-        return jax.ShapeDtypeStruct(shape, jnp.float32)
-
 
 @dataclass(frozen=True)
 class Vector:
@@ -149,19 +144,15 @@ class Vector:
     that is what is sent of a vector that came through as many robots, so that rumours die out, and of NaN.
     """
 
-    max_range: float
+    max_range: Annotated[float, Above(0, _LARGEST)]
     """[mm]"""
-    bearing_bits: int = 5
-    range_bits: int = 5
-    hop_bits: int = 4
+    bearing_bits: Bits = 5
+    range_bits: Bits = 5
+    hop_bits: Bits = 4
     unit: ClassVar[str] = "mm"
 
     def __post_init__(self):
-        for name in ("bearing_bits", "range_bits", "hop_bits"):
-            _check_bits(self, name, getattr(self, name), 16)
-        _check_number(self, "max_range", self.max_range)
-        if self.max_range <= 0:
-            raise UserError(f"{self} has no range; make max_range positive")
+        validate(self, "Vector")
 
     @property
     def bits(self) -> int:
@@ -182,9 +173,8 @@ class Vector:
         distance = jnp.clip(steps, 0, ranges).astype(jnp.int32) & ranges
         is_sent = values.known & (values.hop >= 0) & (values.hop <= self.max_hop) & ~jnp.isnan(steps)
         hop = jnp.where(is_sent, values.hop, self.max_hop + 1)
-        return (
-            bearing | (distance << self.bearing_bits) | (hop << (self.bearing_bits + self.range_bits))
-        ).astype(jnp.uint32)  # fmt: skip
+        polar = bearing | (distance << self.bearing_bits)
+        return (polar | (hop << (self.bearing_bits + self.range_bits))).astype(jnp.uint32)
 
     def decode(self, codes: UInt32[Array, "*N"]) -> VectorMemory:
         """Vectors of bits, of the sent ones within half a step."""
@@ -197,30 +187,16 @@ class Vector:
         vector = xp.stack([distance * xp.cos(angle), distance * xp.sin(angle)], axis=-1)
         return VectorMemory(xp.where(known[..., None], vector, 0.0), xp.where(known, hop, 0), known)
 
-    def shapes(self, *shape: int) -> Any:
+    def shapes(self, *shape: int) -> VectorMemory:
         """Shapes and types of vectors."""
-        return VectorMemory(
-            jax.ShapeDtypeStruct((*shape, 2), jnp.float32),
-            jax.ShapeDtypeStruct(shape, jnp.int32),
-            jax.ShapeDtypeStruct(shape, jnp.bool_),
-        )
+        sizes, types = ((*shape, 2), shape, shape), (jnp.float32, jnp.int32, jnp.bool_)
+        return VectorMemory(*map(jax.ShapeDtypeStruct, sizes, types))
 
 
 Field = Flag | Integer | Real | Bearing | Vector
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Flag, Integer, Real, Bearing, Vector)}
 
 
-def stated(field: Field) -> dict[str, Any]:
+def to_json(field: Field) -> dict[str, Any]:
     """Return a field in JSON; `KINDS[kind](**rest)` makes it again."""
     return {"kind": type(field).__name__, **asdict(field)}
-
-
-def _check_bits(field: Any, name: str, value: Any, most: int) -> None:
-    if not isinstance(value, numbers.Integral) or isinstance(value, bool) or int(value) not in range(1, most + 1):
-        raise UserError(f"{field} cannot be encoded; make {name} a whole number from 1 to {most}")
-
-
-def _check_number(field: Any, name: str, value: Any) -> None:
-    is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if not is_number or not abs(float(value)) <= float(np.finfo(np.float32).max):
-        raise UserError(f"{field} cannot be encoded; make {name} a finite number of Python in single precision")

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.sensors.checks import CHECKS, WORD, holds, with_check
-from iswarm_mj.sensors.fields import KINDS, Field, Flag, Vector, stated
+from iswarm_mj.sensors.fields import KINDS, Field, Flag, Vector, to_json
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
@@ -24,6 +24,7 @@ RESERVED = ("led", "message")
 """Names that fields cannot have, since tables and recordings have them."""
 PRIORITY = "priority"
 """Name of the flag of robots that recordings draw darker."""
+_EXAMPLE = '{"count": Integer(bits=4), "heat": Real(0, 1, bits=8)}'
 
 
 class Message(NamedTuple):
@@ -49,33 +50,27 @@ class Payload:
     """One of `checks.CHECKS`."""
 
     def __post_init__(self):
-        given = self.fields
-        pairs = given.items() if isinstance(given, Mapping) else given
-        is_listed = isinstance(pairs, Iterable) and not hasattr(pairs, "dtype")
-        own: list[Any] = list(pairs) if is_listed else [None]
+        given = self.fields.items() if isinstance(self.fields, Mapping) else self.fields
+        is_listed = isinstance(given, Iterable) and not hasattr(given, "dtype")
+        own: Any = tuple(given) if is_listed else (None,)
         if not all(isinstance(pair, tuple) and len(pair) == 2 for pair in own):
-            raise UserError(f"a payload is a dictionary of names and fields, as {_EXAMPLE} (got {given!r})")
-        object.__setattr__(self, "fields", tuple(own))
+            raise UserError(f"a payload is a dictionary of names and fields, as {_EXAMPLE} (got {self.fields!r})")
+        object.__setattr__(self, "fields", own)
         for name, field in own:
             if not isinstance(name, str) or not name.isidentifier() or name in RESERVED:
-                raise UserError(
-                    f"a field of a payload cannot be called {name!r}; give it a name as of a variable, but not "
-                    + " or ".join(RESERVED)
-                )
-            if not isinstance(field, tuple(KINDS.values())):
-                raise UserError(
-                    f"field {name!r} of a payload is {field!r}; make it one of {', '.join(KINDS)} "
-                    f"(iswarm_mj.sensors.fields), as {_EXAMPLE}"
-                )
+                rule = f"give it a name as of a variable, but not {' or '.join(RESERVED)}"
+                raise UserError(f"a field of a payload cannot be called {name!r}; {rule}")
+            if not isinstance(field, Field):
+                kinds = f"{', '.join(KINDS)} (iswarm_mj.sensors.fields), as {_EXAMPLE}"
+                raise UserError(f"field {name!r} of a payload is {field!r}; make it one of {kinds}")
             if name == PRIORITY and not isinstance(field, Flag):
                 raise UserError(f"field {name!r} of a payload is {field}; make it a Flag, or give it another name")
         parts = [part for name, field in own for part in columns(name, field)]
-        twice = sorted({part for part in parts if parts.count(part) > 1})
-        if twice:
+        if twice := sorted({part for part in parts if parts.count(part) > 1}):
             raise UserError(f"fields of a payload share the name {twice[0]!r}; rename one of them")
         if self.check not in CHECKS:
             raise UserError(f"check of a payload must be one of {', '.join(CHECKS)} (got {self.check!r})")
-        Layout(self, 4)
+        self.check_room(4)
 
     @property
     def bits(self) -> int:
@@ -86,73 +81,57 @@ class Payload:
         """Shapes and types of values."""
         return {name: field.shapes(*shape) for name, field in self.fields}
 
-    def stated(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Return the declaration in JSON."""
-        return {"fields": [[name, stated(field)] for name, field in self.fields], "check": self.check}
+        return {"fields": [[name, to_json(field)] for name, field in self.fields], "check": self.check}
 
     @staticmethod
-    def restored(content: Mapping[str, Any]) -> "Payload":
-        """Return the declaration that `stated` gave."""
-        own = [(name, KINDS[values["kind"]](**_without_kind(values))) for name, values in content["fields"]]
-        return Payload(tuple(own), content["check"])
+    def from_json(content: Mapping[str, Any]) -> "Payload":
+        """Return the declaration that `to_json` gave."""
+        pairs = [(name, dict(values)) for name, values in content["fields"]]
+        return Payload([(name, KINDS[values.pop("kind")](**values)) for name, values in pairs], content["check"])
 
+    def check_room(self, n_leds: int) -> None:
+        """Check that the fields have room in the messages of robots with so many LEDs.
 
-@dataclass(frozen=True)
-class Layout:
-    """A payload in the messages of robots with so many LEDs."""
-
-    payload: Payload
-    n_leds: int = 4
-
-    def __post_init__(self):
-        parts = {"the LED's number": self.led_bits, f"the check ({self.payload.check})": self.check_bits}
-        own = sum(parts.values())
-        if own + self.payload.bits > WORD:
-            fields = ", ".join(f"{name} {field.bits}" for name, field in self.payload.fields)
-            taken = " and ".join(f"{bits} for {part}" for part, bits in parts.items())
+        Raises:
+            UserError: they have not.
+        """
+        led, check = _led_bits(n_leds), CHECKS[self.check].width
+        if (more := led + self.bits + check - WORD) > 0:
+            fields = ", ".join(f"{name} {field.bits}" for name, field in self.fields)
             raise UserError(
-                f"a payload of {self.payload.bits} bits ({fields}) with {taken} is longer than a message of {WORD} "
-                f"bits; leave out or shorten fields by {own + self.payload.bits - WORD} bits"
+                f"a payload of {self.bits} bits ({fields}) with {led} for the LED's number and {check} for the check "
+                f"({self.check}) is longer than a message of {WORD} bits; leave out or shorten fields by {more} bits"
             )
 
-    @property
-    def led_bits(self) -> int:
-        """Bits of the LED's number."""
-        return 2 if self.n_leds <= 4 else 3
-
-    @property
-    def check_bits(self) -> int:
-        """Bits of the check."""
-        return CHECKS[self.payload.check].width
-
-    def pack(self, message: Message) -> UInt32[Array, "*N"]:
-        """32 bits that encode a message, including the check."""
-        bits, at = message.led.astype(jnp.uint32) & (2**self.led_bits - 1), self.led_bits
-        for name, field in self.payload.fields:
+    def pack(self, message: Message, n_leds: int = 4) -> UInt32[Array, "*N"]:
+        """32 bits that encode a message of a robot with so many LEDs, including the check."""
+        at = _led_bits(n_leds)
+        bits = message.led.astype(jnp.uint32) & (2**at - 1)
+        for name, field in self.fields:
             bits = bits | (field.encode(message.payload[name]) << at)
             at += field.bits
-        return with_check(self.payload.check, bits)
+        return with_check(self.check, bits)
 
-    def unpack(self, bits: UInt32[Array, "*N"]) -> tuple[Message, Bool[Array, "*N"]]:
+    def unpack(self, bits: UInt32[Array, "*N"], n_leds: int = 4) -> tuple[Message, Bool[Array, "*N"]]:
         """Message that 32 bits encode, and whether its check is right."""
-        values, at = {}, self.led_bits
-        for name, field in self.payload.fields:
+        values, at = {}, _led_bits(n_leds)
+        led = (bits & (2**at - 1)).astype(np.int32)
+        for name, field in self.fields:
             values[name] = field.decode((bits >> at) & (2**field.bits - 1))
             at += field.bits
-        led = (bits & (2**self.led_bits - 1)).astype(np.int32)
-        return Message(led, values), holds(self.payload.check, bits)
+        return Message(led, values), holds(self.check, bits)
+
+
+def _led_bits(n_leds: int) -> int:
+    """Bits of the LED's number."""
+    return 2 if n_leds <= 4 else 3
 
 
 def columns(name: str, field: Field) -> list[str]:
     """Names of a field's parts in tables."""
     return [f"{name}_{part}" for part in ("x", "y", "hop")] if isinstance(field, Vector) else [name]
-
-
-_EXAMPLE = '{"count": Integer(bits=4), "heat": Real(0, 1, bits=8)}'
-
-
-def _without_kind(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if name != "kind"}
 
 
 def corrupt(

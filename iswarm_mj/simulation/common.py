@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions
-from iswarm_mj.strategy.rules import ELSEWHERE
+from iswarm_mj.strategy.rules import NON_STRATEGY_FIELDS
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import Obstacle
@@ -15,13 +15,13 @@ _SHARED = {
     "arena": {"size", "n_dust", "obstacles"},
     "gripper": {
         *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
-        *("spot_spread_tool_object", "spot_spread_object_substrate", "grasp_time", "release_time"),
+        *("grasp_time", "release_time"),
     },
-    "strategy": ELSEWHERE - set(Conditions._fields),
+    "strategy": NON_STRATEGY_FIELDS - set(Conditions._fields),
 }
 """Of these parts, all other settings may differ; of the remaining ones, those that are `Conditions`."""
 
-DIFFERENT = {
+PER_WORLD_FIELDS = {
     part: {
         f.name
         for f in fields(cls)
@@ -49,7 +49,7 @@ def common(config: SwarmConfig) -> Common:
     """Return what a world of this configuration has in common with others of the same run."""
     usual = SwarmConfig()
     parts = {
-        part: replace(mine, **{name: getattr(getattr(usual, part), name) for name in DIFFERENT[part]})
+        part: replace(mine, **{name: getattr(getattr(usual, part), name) for name in PER_WORLD_FIELDS[part]})
         for part, mine in vars(config).items()
         if part != "arena"
     }
@@ -81,7 +81,7 @@ def check_common(config: SwarmConfig, other: SwarmConfig) -> None:
         f"{part}.{f.name}"
         for part, cls in _PARTS.items()
         for f in fields(cls)
-        if f.name not in DIFFERENT[part]
+        if f.name not in PER_WORLD_FIELDS[part]
         and getattr(getattr(config, part), f.name) != getattr(getattr(other, part), f.name)
     ]
     raise UserError(

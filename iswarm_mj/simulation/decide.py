@@ -15,8 +15,8 @@ from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import Stream, step_keys
+from iswarm_mj.strategy.declared import said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.payloads import said
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.utils.arrays import Array
@@ -24,6 +24,8 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 
 Tree = TypeVar("Tree")
+TURNS_STREAM, SLOTS_STREAM, ACTUATORS_STREAM = 3, 4, 5
+"""Of the random numbers of a control step: the order of the robots, slots of messages, errors of the actuators."""
 
 
 class Decision(NamedTuple):

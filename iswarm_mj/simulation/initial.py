@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.start_check import check_poses
-from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.layout import cell_of
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_layout
@@ -56,9 +56,9 @@ def start_with(
         UserError: what the task lays out is no layout, or robots stand beyond the walls or in each other.
     """
     name = f"{type(task).__name__}.lay_out"
-    with explained(name):
+    with user_code(name):
         poses, state = task.lay_out(config, n_robots, rng, shared, cell_of(robot))
-    check_layout(task, poses, n_robots)
+    check_layout(task, poses, state, n_robots)
     check_poses(f"poses of {name}", poses, robot, config.arena)
     is_alive = np.ones(n_robots, bool)
     is_alive[rng.permutation(n_robots)[: round(failed_fraction * n_robots)]] = False

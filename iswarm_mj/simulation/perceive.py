@@ -9,14 +9,14 @@ from jaxtyping import Bool, Float, Int, UInt32
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.attempts import Decider, by_balance
-from iswarm_mj.sensors.channel import Channel, Received, exchange
+from iswarm_mj.sensors.channel import Received, exchange
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys, Stream
+from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
-from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
@@ -90,10 +90,10 @@ def perceive(
         first_slot = draw_first_slots(config.optics, keys.stream(Stream.SLOTS), len(poses))
         links = understood(config.optics, sight.links, first_slot, robot.sides)
         sight = Sight(links, sight.sees_wall & sides_on(config.optics, robot.sides))
-    channel = Channel(params.conditions, layout_of(params.strategy, len(robot.sides)))
+    declared = payload_of(params.strategy)
 
     def transmit(payload: dict[str, Any]) -> Received:
-        return exchange(channel, payload, sight.links, keys.channel)
+        return exchange(params.conditions, declared, payload, sight.links, keys.channel)
 
     received = transmit(payload)
     voltage, is_empty = None, jnp.zeros(len(poses), bool)

@@ -19,10 +19,9 @@ from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, stated
 from iswarm_mj.simulation.tasks import metrics_of
 from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.payloads import payload_of
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.strategy.recorded import declared
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -116,12 +115,12 @@ class Run:
         self.strategy, n_leds = strategy, len(setup.robot.sides)
         if strategy is None:
             own = vector_strategies(config, setup.robot, self.worlds)
-            self.recorded = declared(VectorStrategy)
+            self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
             own = of_all_worlds(strategy, config, setup.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
-            self.recorded, self.payload = declared(own), payload_of(own)
+            self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.watch = Stopwatch()
         with jax.default_device(setup.device):
             self._loop, self.start = start_loop(setup, own, self.watch)

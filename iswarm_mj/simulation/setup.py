@@ -10,6 +10,7 @@ import jax
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import CompiledEngine, Engine
+from iswarm_mj.engines.registry import ENGINES
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
 from iswarm_mj.simulation.initial import Start
@@ -102,7 +103,8 @@ def set_up(
     configure_jax()
     check_kind("config", config, SwarmConfig)
     check_kind("settings", settings, RunSettings)
-    check_kind("engine", engine, EngineSettings)
+    known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
+    check("engine", engine, f"settings of an engine, as {known}", isinstance(engine, EngineSettings))
     check_kind("robot_file", robot_file, (Path, str, NoneType))
     file = None if robot_file is None else Path(robot_file).absolute()
     robot = read_robot(file)

@@ -11,8 +11,8 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.worlds import World
-from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.pytrees import as_strategy
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 
@@ -44,7 +44,7 @@ def of_all_worlds(
         return jax.tree.map(lambda a: jnp.broadcast_to(a, (len(worlds), *a.shape)), own)
     name, made = type(given).__name__, {}
     for key in dict.fromkeys((world.config or config, world.n_robots) for world in worlds):
-        with explained(f"{name}.for_world"):
+        with user_code(f"{name}.for_world"):
             found = given.for_world(key[0], robot, key[1])
         made[key] = _checked(as_strategy(found))
     first = next(iter(made.values()))

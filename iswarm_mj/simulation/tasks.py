@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import as_task, check_goal, check_task
 from iswarm_mj.utils.constraints import check
@@ -53,7 +53,7 @@ def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | Non
     Raises:
         UserError: the settings want more than there is to do, or the task says something else.
     """
-    with explained(f"{type(task).__name__}.goal"):
+    with user_code(f"{type(task).__name__}.goal"):
         most = task.goal(config, settings.n_robots)
     check_goal(task, most)
     if settings.stop_at is None or most is None:

@@ -17,10 +17,10 @@ from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
-from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.rules import rules_of_worlds
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.protocol import BallTask, Task, balls_of
 from iswarm_mj.utils.arrays import Array
@@ -43,7 +43,7 @@ class World:
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start."""
     config: SwarmConfig | None = None
-    """May differ from the run's in `common.DIFFERENT`: noise, voltages, adhesion, places, readings of the rules."""
+    """May differ from the run's in `common.PER_WORLD_FIELDS`: noise, voltages, adhesion, places, the readings."""
     start: Start | None = None
     """How the world begins; drawn from its seed if not given."""
     key: Array | None = None
@@ -90,7 +90,7 @@ def random_keys(worlds: Sequence[World]) -> Array:
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Strategy, task: Task, goal: int, capacity: int
+    config: SwarmConfig, worlds: Sequence[World], strategy: Any, task: Task, goal: int, capacity: int
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 
@@ -200,7 +200,7 @@ def _start(config: SwarmConfig, task: Task, robot: Robot, world: World) -> Start
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
     check_shapes("start.task", given.task, drawn.task)
     if isinstance(task, BallTask):
-        with explained(f"{type(task).__name__}.balls"):
+        with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)
         check_balls(balls, n_robots, own.arena)
     return given

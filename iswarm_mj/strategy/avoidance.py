@@ -1,106 +1,91 @@
 """Collision avoidance by potential fields, with a priority flag (section 4.1 of the paper)."""
 
-from typing import Any
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import StrategyConfig
+from iswarm_mj.strategy.rules import Rules, reads
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.constraints import choices
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
-AVOIDANCE_SIDES = choices(StrategyConfig, "avoidance_sides")
-AVOIDANCE_COURSES = choices(StrategyConfig, "avoidance_course")
-PRIORITY_REPULSIONS = choices(StrategyConfig, "priority_repulsion")
-BLOCKED = choices(StrategyConfig, "blocked")
 BLOCKING_DISTANCE = 1.0
 """A neighbour this near ahead [rd], by the measured distance, blocks the way."""
 
 
-def avoidance_distance(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
-    """Distance to keep from each neighbour [sr], by Table 2 of the paper.
+class Kept(NamedTuple):
+    """Distances that N robots keep from their neighbours [sr]."""
 
-    Args:
-        rules: a `Genome`, or `Rules`.
-        is_loaded: the robot itself holds a ball.
-        priority: the neighbour sends the priority flag.
-    """
-    empty = jnp.where(priority, rules.priority_coll_avoid_dist, rules.empty_coll_avoid_dist)
-    return jnp.where(is_loaded[:, None], rules.loaded_coll_avoid_dist, empty)
-
-
-def repulsion_range(rules: Any, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Float[Array, "N S"]:
-    """Distance [sr] at which the repulsion's potential ends, were it not cut off at the distance to keep.
+    threshold: Float[Array, "N S"]
+    """Distance to keep, by Table 2 of the paper."""
+    reach: Float[Array, "N S"]
+    """Distance at which the repulsion's potential ends, were it not cut off at the threshold.
 
     Robots with the priority flag "have higher repellent forces" (section 4.1) at any distance only if their potential
-    reaches as far as that of others does, while empty robots keep a shorter distance from them (Table 2).
+    reaches as far as that of others does, while empty robots keep a shorter distance from them (Table 2)."""
+
+
+def kept_distances(rules: Rules, is_loaded: Bool[Array, "N"], priority: Bool[Array, "N S"]) -> Kept:
+    """Distances that robots keep from each neighbour.
 
     Args:
-        rules: `Rules`.
+        rules: genome and readings.
         is_loaded: the robot itself holds a ball.
         priority: the neighbour sends the priority flag.
     """
-    kept = avoidance_distance(rules, is_loaded, priority)
-    others = avoidance_distance(rules, is_loaded, jnp.zeros_like(priority))
-    is_higher = rules.priority_repulsion == PRIORITY_REPULSIONS.index("higher")
-    return jnp.where(is_higher, jnp.maximum(kept, others), kept)
+    loaded, empty = rules.loaded_coll_avoid_dist, rules.empty_coll_avoid_dist
+    others = jnp.where(is_loaded[:, None], loaded, empty)
+    kept = jnp.where(is_loaded[:, None], loaded, jnp.where(priority, rules.priority_coll_avoid_dist, empty))
+    return Kept(kept, jnp.where(reads(rules, "priority_repulsion", "higher"), jnp.maximum(kept, others), kept))
 
 
-def listening_sides(rules: Any, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
+def listening_sides(rules: Rules, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
     """Sides whose photodiodes a robot uses against obstacles: those ahead, or all."""
-    return jnp.asarray(sides.front) | (rules.avoidance_sides == AVOIDANCE_SIDES.index("all"))
+    return jnp.asarray(sides.front) | reads(rules, "avoidance_sides", "all")
 
 
-def is_avoided(rules: Any, led: Int[Array, "N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "N S"]:
+def is_avoided(rules: Rules, led: Int[Array, "N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "N S"]:
     """Whether a robot avoids what it senses on each side, by that side and by the neighbour's LED that it sees.
 
     Args:
-        rules: `Rules`.
+        rules: genome and readings.
         led: of the neighbour; of the paper's 0 front, 1 left, 2 back, 3 right.
         sides: of the robots.
     """
     is_oncoming, goes_away = led == 0, led == 2
     if sides.leds != SIDES:
         is_oncoming, goes_away = jnp.asarray(sides.front_leds)[led], jnp.asarray(sides.back_leds)[led]
-    course = rules.avoidance_course
-    heeds = jnp.where(course == AVOIDANCE_COURSES.index("oncoming"), is_oncoming, ~goes_away)
-    return listening_sides(rules, sides) & ((course == AVOIDANCE_COURSES.index("any")) | heeds)
+    heeds = jnp.where(reads(rules, "avoidance_course", "oncoming"), is_oncoming, ~goes_away)
+    return listening_sides(rules, sides) & (reads(rules, "avoidance_course", "any") | heeds)
 
 
 def repulsion(
-    bearing: Float[Array, "N S"],
-    distance: Float[Array, "N S"],
-    threshold: Float[Array, "N S"],
-    weight: Float[Array, "N S"],
-    reach: Float[Array, "N S"] | None = None,
+    bearing: Float[Array, "N S"], distance: Float[Array, "N S"], kept: Kept, weight: Float[Array, "N S"]
 ) -> Float[Array, "N 2"]:
     """Sum of the neighbours' repulsion, away from each in proportion to 1 - distance / reach within the threshold.
 
     Args:
         bearing: direction of the neighbour in the robot's frame [rad].
-        distance: measured distance, in the unit of `threshold`.
-        threshold: distance to keep.
+        distance: measured distance [sr].
+        kept: distances to keep, of which the reach is at least the threshold.
         weight: zero where no neighbour is heard.
-        reach: of the potential, at least the threshold, which it is by default.
     """
-    ends = jnp.maximum(threshold if reach is None else reach, 1e-6)
-    strength = weight * jnp.clip(1.0 - distance / ends, 0.0, 1.0) * (distance < threshold)
+    strength = weight * jnp.clip(1.0 - distance / jnp.maximum(kept.reach, 1e-6), 0.0, 1.0) * (distance < kept.threshold)
     away = -jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)
     return (strength[..., None] * away).sum(axis=-2)
 
 
 def is_blocked(
-    rules: Any, is_heard: Bool[Array, "N S"], distance: Float[Array, "N S"], sides: Sides = PAPER_SIDES
+    rules: Rules, is_heard: Bool[Array, "N S"], distance: Float[Array, "N S"], sides: Sides = PAPER_SIDES
 ) -> Bool[Array, "N"]:
     """Whether a robot does not walk on, since it hears another one right ahead and these rules make it wait.
 
     Args:
-        rules: `Rules`.
+        rules: genome and readings.
         is_heard: a neighbour is heard on this side.
         distance: measured [mm].
         sides: of the robot.
     """
     is_near = is_heard & (distance <= mm_from_rd(BLOCKING_DISTANCE)) & jnp.asarray(sides.front)
-    return is_near.any(axis=1) & (rules.blocked == BLOCKED.index("waits"))
+    return is_near.any(axis=1) & reads(rules, "blocked", "waits")

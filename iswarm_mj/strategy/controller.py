@@ -5,6 +5,7 @@ under it; it knows neither its position nor its heading. S is the number of its 
 """
 
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,112 +13,60 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.avoidance import (
-    avoidance_distance,
-    is_avoided,
-    is_blocked,
-    listening_sides,
-    repulsion,
-    repulsion_range,
-)
-from iswarm_mj.strategy.interface import Command, Draws, Observation, Plan, RobotMemory
+from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_sides, repulsion
+from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, believed_motion, heard
+from iswarm_mj.strategy.vectors import adopt, arrived, heard
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.fusion import computed_once
 from iswarm_mj.utils.geometry import wrapped
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 
-def init(n_robots: int, n_scouts: Array | int) -> RobotMemory:
-    """Return the memories at the start: no vectors; the first `n_scouts` robots are scouts."""
-    return RobotMemory(VectorMemory.empty(n_robots), VectorMemory.empty(n_robots), jnp.arange(n_robots) < n_scouts)
+class RobotMemory(NamedTuple):
+    """What N robots carry over from one control step to the next."""
+
+    dust: VectorMemory
+    """Vector to dust."""
+    dump: VectorMemory
+    """Vector to the dump."""
+    is_scout: Bool[Array, "N"]
+    """Scouts explore at random and never follow a vector."""
 
 
-def priority_flag(rules: Rules, memory: RobotMemory, is_loaded: Bool[Array, "N"]) -> Bool[Array, "N"]:
-    """Whether each robot sends the priority flag."""
-    return (memory.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
+class Draws(NamedTuple):
+    """Random numbers in [0, 1) for one control step of N robots."""
+
+    forget: Float[Array, "N"]
+    """Whether the robot forgets its vectors."""
+    follow: Float[Array, "N"]
+    """Whether it follows the one that it needs."""
+    direction: Float[Array, "N"]
+    """Where it goes if it moves at random."""
+    side: Float[Array, "N"]
+    """Which way round it turns when pushed straight back."""
+    dust_tie: Float[Array, "N S"]
+    """Which of several equally good vectors to dust it adopts."""
+    dump_tie: Float[Array, "N S"]
+    """The same for the dump."""
 
 
-def may_pick(rules: Rules, memory: RobotMemory) -> Bool[Array, "N"]:
-    """Whether each robot picks up dust."""
-    return ~memory.is_scout | rules.scouts_pick
+class Target(NamedTuple):
+    """Where N robots want to go."""
 
-
-def act(
-    config: SwarmConfig,
-    probe_tip: Point,
-    rules: Rules,
-    memory: RobotMemory,
-    observation: Observation,
-    key: Array,
-    sides: Sides = PAPER_SIDES,
-) -> tuple[RobotMemory, Command]:
-    """Advance the memories of N robots by one control step, and decide what they do.
-
-    Args:
-        config: limits of the drive, range of light.
-        probe_tip: position of the probe's tip ahead of and to the left of the robot's centre [mm].
-        rules: genome and readings.
-        memory: from the step before.
-        observation: what the robots sense now.
-        key: random key of this world and step.
-        sides: of the robots.
-    """
-    draws = draw(len(memory.is_scout), observation.is_heard.shape[1], key)
-    known = computed_once(lambda: _remember(config, rules, memory, observation, draws, sides))
-    plan = choose(config, rules, known, observation, draws)
-    push = avoid(config, rules, observation, plan.follows, sides)
-    approaches = approaching(rules, known, observation)
-    plan = towards_ball(plan, approaches & rules.avoids_at_dust, observation.ball_vector)
-    wish, prefers_left = plan.direction + push, draws.side < 0.5
-    steered = computed_once(lambda: steer(config, wish, plan.limit, prefers_left))
-    swerves = rules.avoids_at_dust & (push != 0.0).any(axis=-1)
-    command = approach(config, probe_tip, approaches & ~swerves, observation.ball_vector, steered)
-    waits = is_blocked(rules, observation.is_heard, observation.distance, sides)
-    command = Command(command.turn, jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
-    command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
-    believed = believed_motion(rules, *command, jax.random.fold_in(key, 1))
-    dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
-    return known._replace(dust=dust, dump=dump), command
-
-
-def listen(
-    config: SwarmConfig,
-    rules: Rules,
-    memory: RobotMemory,
-    observation: Observation,
-    key: Array,
-    sides: Sides = PAPER_SIDES,
-) -> RobotMemory:
-    """Advance the memories as `act` does, up to what the robots know before they move."""
-    draws = draw(len(memory.is_scout), observation.is_heard.shape[1], key)
-    return _remember(config, rules, memory, observation, draws, sides)
+    direction: Float[Array, "N 2"]
+    """Unit vectors in the robots' frames."""
+    limit: Float[Array, "N"]
+    """Distance to go at most [mm]."""
+    follows: Bool[Array, "N"]
+    """The robot follows a vector, and does not move at random."""
 
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
     """Draw the random numbers of a step."""
     numbers = jax.random.uniform(key, (n_robots, 4 + 2 * n_sides))
-    return Draws(
-        forget=numbers[:, 0],
-        follow=numbers[:, 1],
-        direction=numbers[:, 2],
-        side=numbers[:, 3],
-        dust_tie=numbers[:, 4 : 4 + n_sides],
-        dump_tie=numbers[:, 4 + n_sides :],
-    )
-
-
-def _remember(
-    config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws, sides: Sides
-) -> RobotMemory:
-    """Memories after forgetting, listening, sensing the floor and, if so configured, finding nothing."""
-    memory = learn(rules, memory, observation, draws, sides)
-    return memory._replace(
-        dust=forget_unconfirmed(config, rules, memory.dust, observation.at_dust),
-        dump=forget_unconfirmed(config, rules, memory.dump, observation.on_dump),
-    )
+    ties = numbers[:, 4 : 4 + n_sides], numbers[:, 4 + n_sides :]
+    return Draws(*(numbers[:, k] for k in range(4)), dust_tie=ties[0], dump_tie=ties[1])
 
 
 def learn(
@@ -143,7 +92,7 @@ def forget_unconfirmed(
     return memory.where(is_there | _can_be_followed(config, _length(memory.vector)) | ~rules.forget_on_arrival)
 
 
-def choose(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> Plan:
+def choose(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> Target:
     """Where the robots want to go.
 
     Empty workers follow their vector to dust, loaded robots theirs to the dump, with the genome's weights as
@@ -159,19 +108,19 @@ def choose(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: 
     angle = jnp.deg2rad(rules.random_turn) * (2.0 * draws.direction - 1.0)
     at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     direction = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
-    return Plan(direction, jnp.where(follows, length, jnp.inf), follows)
+    return Target(direction, jnp.where(follows, length, jnp.inf), follows)
 
 
-def approaching(rules: Rules, memory: RobotMemory, observation: Observation) -> Bool[Array, "N"]:
+def approaching(picks: Bool[Array, "N"], observation: Observation) -> Bool[Array, "N"]:
     """Which robots approach the ball that they sense: empty ones that may pick it up and have not failed to."""
-    return observation.at_dust & may_pick(rules, memory) & ~observation.is_loaded & ~observation.grasp_failed
+    return observation.at_dust & picks & ~observation.is_loaded & ~observation.grasp_failed
 
 
-def towards_ball(plan: Plan, approaches: Bool[Array, "N"], ball_vector: Float[Array, "N 2"]) -> Plan:
-    """The plan, but for robots that approach a ball: they want to go there, `ball_vector` (N, 2) [mm]."""
+def towards_ball(target: Target, approaches: Bool[Array, "N"], ball_vector: Float[Array, "N 2"]) -> Target:
+    """The target, but for robots that approach a ball: they want to go there, `ball_vector` [mm]."""
     length = _length(ball_vector)
-    direction = jnp.where(approaches[:, None], ball_vector / jnp.maximum(length, 1e-6)[:, None], plan.direction)
-    return Plan(direction, jnp.where(approaches, length, plan.limit), plan.follows)
+    direction = jnp.where(approaches[:, None], ball_vector / jnp.maximum(length, 1e-6)[:, None], target.direction)
+    return Target(direction, jnp.where(approaches, length, target.limit), target.follows)
 
 
 def avoid(
@@ -179,11 +128,11 @@ def avoid(
 ) -> Float[Array, "N 2"]:
     """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
-    loaded, priority = observation.is_loaded, observation.payload["priority"]
-    threshold, reach = (find(rules, loaded, priority) for find in (avoidance_distance, repulsion_range))
+    priority = observation.payload["priority"]
+    kept = kept_distances(rules, observation.is_loaded, priority)
     heeded = observation.is_heard & is_avoided(rules, observation.led, sides)
     weight = jnp.where(priority, rules.priority_factor, 1.0) * heeded
-    push = repulsion(observation.bearing, distance, threshold, weight, reach)
+    push = repulsion(observation.bearing, distance, kept, weight)
     outward = jnp.asarray(sides.leds)
     if sides.leds == SIDES:
         side = jnp.arange(len(sides)) * (math.pi / 2)

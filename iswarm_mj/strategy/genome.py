@@ -91,33 +91,26 @@ def load_genome(name: str) -> Genome:
     """
     if name in PRESETS:
         return PRESETS[name]
-    presets = ", ".join(PRESETS)
-    path = Path(name)
+    path, example = Path(name), '{"use_hop_count": true, "p_vector_forget": 0.29}'
     if not path.is_file():
-        raise ConfigError("genome", name, f"a preset ({presets}) or the path of a JSON file")
+        raise ConfigError("genome", name, f"a preset ({', '.join(PRESETS)}) or the path of a JSON file")
     try:
         check_file(path, LARGEST_FILE)
         values = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique)
     except (OSError, ValueError, RecursionError) as error:
-        raise UserError(
-            f"genome file {name} is not readable JSON ({error}); write one object such as "
-            '{"use_hop_count": true, "p_vector_forget": 0.29}.'
-        ) from None
+        fact = f"is not readable JSON ({error})"
+        raise UserError(f"genome file {name} {fact}; write one object such as {example}.") from None
     if not isinstance(values, dict):
-        raise UserError(
-            f"genome file {name} holds a {type(values).__name__}; write one JSON object such as "
-            '{"use_hop_count": true, "p_vector_forget": 0.29}.'
-        )
+        fact = f"holds a {type(values).__name__}"
+        raise UserError(f"genome file {name} {fact}; write one JSON object such as {example}.")
     if isinstance(values.get("genome"), dict):
         values = values["genome"]  # a result.json
     known = [f.name for f in fields(Genome)]
-    unknown = sorted(set(values) - set(known))
-    if unknown:
-        raise UserError(
-            f"genome file {name} names {', '.join(map(repr, unknown))}; allowed names are {', '.join(known)}."
-        )
+    if unknown := sorted(set(values) - set(known)):
+        fact = f"names {', '.join(map(repr, unknown))}"
+        raise UserError(f"genome file {name} {fact}; allowed names are {', '.join(known)}.")
     try:
-        return replace(PRESETS["type1"], **values)
+        return replace(TYPE1, **values)
     except UserError as error:
         raise UserError(f"genome file {name}: {error}") from None
 
@@ -128,11 +121,10 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     Raises:
         ValueError: a name occurs twice.
     """
-    values = dict(pairs)
-    if len(values) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"{next(name for name in values if names.count(name) > 1)!r} occurs twice")
-    return values
+    names = [name for name, _ in pairs]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{twice[0]!r} occurs twice")
+    return dict(pairs)
 
 
 def overridden(genome: Genome, values: Mapping[str, float | bool | None]) -> Genome:

@@ -1,23 +1,11 @@
-"""What robots sense, remember and do in a control step. S = 4 is the number of their sides."""
+"""What robots sense and do in a control step. S = 4 is the number of their sides."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array
-
-
-class RobotMemory(NamedTuple):
-    """What N robots carry over from one control step to the next."""
-
-    dust: VectorMemory
-    """Vector to dust."""
-    dump: VectorMemory
-    """Vector to the dump."""
-    is_scout: Bool[Array, "N"]
-    """Scouts explore at random and never follow a vector."""
 
 
 class Observation(NamedTuple):
@@ -59,31 +47,3 @@ class Command(NamedTuple):
     """Anticlockwise [rad]."""
     forward: Float[Array, "N"]
     """[mm], negative backwards."""
-
-
-class Draws(NamedTuple):
-    """Random numbers in [0, 1) for one control step of N robots."""
-
-    forget: Float[Array, "N"]
-    """Whether the robot forgets its vectors."""
-    follow: Float[Array, "N"]
-    """Whether it follows the one that it needs."""
-    direction: Float[Array, "N"]
-    """Where it goes if it moves at random."""
-    side: Float[Array, "N"]
-    """Which way round it turns when pushed straight back."""
-    dust_tie: Float[Array, "N S"]
-    """Which of several equally good vectors to dust it adopts."""
-    dump_tie: Float[Array, "N S"]
-    """Likewise for the dump."""
-
-
-class Plan(NamedTuple):
-    """Where N robots want to go."""
-
-    direction: Float[Array, "N 2"]
-    """Unit vectors in the robots' frames."""
-    limit: Float[Array, "N"]
-    """Distance to go at most [mm]."""
-    follows: Bool[Array, "N"]
-    """The robot follows a vector, and does not move at random."""

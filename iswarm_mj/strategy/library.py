@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
 from iswarm_mj.utils.files import check_file
 
@@ -22,24 +22,26 @@ class Offer(NamedTuple):
 
     word: str
     plural: str
-    group: str
-    """Of entry points: classes, or objects whose fields are the defaults."""
+    """Under `iswarm_mj.` also the group of entry points: classes, or objects whose fields are the defaults."""
     method: str
     """That only such classes have."""
-    form: str
-    """In which a class in a file is named, with an example."""
+    example: str
+    """How a class in a file is named."""
     protocol: str
     """Module that says what it has to be."""
 
+    @property
+    def group(self) -> str:
+        """Of entry points."""
+        return f"iswarm_mj.{self.plural}"
 
-STRATEGIES = Offer(
-    "strategy",
-    "strategies",
-    "iswarm_mj.strategies",
-    "act",
-    "FILE.py:CLASS, as walk.py:Walk",
-    "iswarm_mj.strategy.protocol",
-)
+    @property
+    def form(self) -> str:
+        """In which a class in a file is named, with an example."""
+        return f"FILE.py:CLASS, as {self.example}"
+
+
+STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.strategy.protocol")
 
 
 def find_strategy(name: str) -> Any:
@@ -58,17 +60,15 @@ def find(offer: Offer, name: str) -> Any:
         UserError: there is no such file, class or name, or the file cannot be imported.
     """
     path, colon, cls = name.rpartition(":")
-    if colon:
-        return _of_file(offer, Path(path), cls)
-    if name.endswith(".py") or "/" in name:
-        return _of_file(offer, Path(name), "")
+    if colon or name.endswith(".py") or "/" in name:
+        return _of_file(offer, Path(path), cls) if colon else _of_file(offer, Path(name), "")
     installed = {point.name: point for point in entry_points(group=offer.group)}
     if name not in installed:
         similar = difflib.get_close_matches(name, installed, n=1)
         remedy = f"perhaps you meant {similar[0]}" if similar else None
         known = ", ".join(sorted(installed)) or "none"
         raise ConfigError(offer.word, name, f"{offer.form}, or installed ({known})", remedy)
-    with explained(f"{offer.word} {name}"):
+    with user_code(f"{offer.word} {name}"):
         return installed[name].load()
 
 
@@ -77,7 +77,7 @@ def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
     found = []
     for point in entry_points(group=offer.group):
         if point.value.rpartition(":")[2] == cls:
-            with explained(f"{offer.word} {point.name}"):
+            with user_code(f"{offer.word} {point.name}"):
                 loaded = point.load()
             if is_dataclass(loaded) and {f.name for f in fields(loaded)} == names:
                 found.append(point.name)
@@ -86,13 +86,10 @@ def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
 
 def _of_file(offer: Offer, path: Path, name: str) -> Any:
     module = _imported(offer, path)
-    classes = [
-        key
-        for key, value in vars(module).items()
-        if isinstance(value, type) and value.__module__ == module.__name__ and hasattr(value, offer.method)
-    ]
     found = getattr(module, name, None) if name else None
     if found is None:
+        own = [value for value in vars(module).values() if getattr(value, "__module__", "") == module.__name__]
+        classes = [value.__name__ for value in own if isinstance(value, type) and hasattr(value, offer.method)]
         fact = f"{path} has no {name}" if name else f"{offer.word} {path} names no class"
         listed = f"its {offer.plural} are {', '.join(classes)}"
         there = listed if classes else f"it has no class with a method {offer.method}"
@@ -104,23 +101,21 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
 
 def _imported(offer: Offer, path: Path) -> ModuleType:
     """Execute a file, which may import others beside it."""
+    fault = "does not exist"
     try:
-        if not path.is_file():
-            raise UserError(f"{offer.word} file {shown(path)} does not exist; give {offer.form}")
-        check_file(path, LARGEST_FILE)
+        if is_there := path.is_file():
+            check_file(path, LARGEST_FILE)
+            fault = "is not Python"
     except OSError as error:
-        raise UserError(
-            f"{offer.word} file {shown(path)} cannot be read ({error.strerror or error}); give {offer.form}"
-        ) from None
-    path = path.resolve()
-    name = f"iswarm_strategy_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
+        is_there, fault = False, f"cannot be read ({error.strerror or error})"
+    spec = importlib.util.spec_from_file_location(f"iswarm_strategy_{path.stem}", path.resolve()) if is_there else None
     if spec is None or spec.loader is None:
-        raise UserError(f"{offer.word} file {path} is not Python; give {offer.form}")
+        raise UserError(f"{offer.word} file {shown(path)} {fault}; give {offer.form}")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look for their types there
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
-    with explained(f"{offer.word} file {path.name}"):
+    sys.modules[module.__name__] = module  # dataclasses look for their types there
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)
+    with user_code(f"{offer.word} file {path.name}"):
         spec.loader.exec_module(module)
     return module

@@ -7,15 +7,17 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool
 
 from iswarm_mj.config import StrategyConfig
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import choices
 
-ELSEWHERE = {"dust_range", "message_range", "update_order"}
+NON_STRATEGY_FIELDS = {"dust_range", "message_range", "update_order"}
 """Settings of `StrategyConfig` that sensors and channel apply."""
 
-_FIELDS = [(cls, f) for cls in (Genome, StrategyConfig) for f in fields(cls) if f.name not in ELSEWHERE]
+_FIELDS = [(cls, f) for cls in (Genome, StrategyConfig) for f in fields(cls) if f.name not in NON_STRATEGY_FIELDS]
 
 Rules = namedtuple("Rules", [f.name for _, f in _FIELDS])
 """Values of a genome and of a `StrategyConfig`, as scalars or as arrays (B,) of worlds: flags as bool, numbers as
@@ -23,6 +25,11 @@ float32, and one of several words as int32, its place among them."""
 
 _CODES = {f.name: choices(cls, f.name) for cls, f in _FIELDS}
 _TYPES = [bool if f.type is bool else np.int32 if _CODES[f.name] else np.float32 for _, f in _FIELDS]
+
+
+def reads(rules: Any, name: str, word: str) -> Bool[Array, "*B"]:
+    """Whether rules have this word of the several that a reading may have."""
+    return getattr(rules, name) == _CODES[name].index(word)
 
 
 def rules_of(genome: Genome, strategy: StrategyConfig | None = None) -> Rules:

@@ -1,17 +1,37 @@
 """Whether a strategy returns what a control step needs: shapes and types, found without running it."""
 
+import re
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.strategy.explain import explained
+from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
-from iswarm_mj.strategy.recorded import check_recorded
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
+
+_TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32}
+
+
+def shapes_of(cls: Any, **sizes: int) -> dict[str, jax.ShapeDtypeStruct]:
+    """Return the shapes and types that the annotations of a named tuple declare, as `Float[Array, "N 2"]`.
+
+    Args:
+        cls: the named tuple; fields with other annotations are left out.
+        sizes: of its axes by their names.
+    """
+    return {
+        name: jax.ShapeDtypeStruct([sizes.get(axis) or int(axis) for axis in kind.dim_str.split()], _TYPES[kind.dtype])
+        for name, kind in cls.__annotations__.items()
+        if hasattr(kind, "dim_str")
+    }
 
 
 def observation_shapes(
@@ -19,88 +39,96 @@ def observation_shapes(
 ) -> Observation:
     """Shapes and types of what N robots with S sides sense, with what else the task lets them sense and what their
     messages carry, which is nothing by default."""
-    here, sides = (n_robots,), (n_robots, n_sides)
-    return Observation(
-        is_heard=_flags(*sides),
-        bearing=_floats(*sides),
-        distance=_floats(*sides),
-        led=_integers(*sides),
-        payload=(payload or Payload()).shapes(*sides),
-        sees_wall=_flags(*sides),
-        at_dust=_flags(*here),
-        ball_vector=_floats(*here, 2),
-        on_dump=_flags(*here),
-        is_loaded=_flags(*here),
-        grasp_failed=_flags(*here),
-        sensed=sensed or {},
-        waits=_flags(*here),
-    )
+    messages = (payload or Payload()).shapes(n_robots, n_sides)
+    return Observation(**shapes_of(Observation, N=n_robots, S=n_sides), payload=messages, sensed=sensed or {})
 
 
 def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sensed: Any = None) -> None:
-    """Check a strategy whose arrays have a first axis of worlds, see `check_strategy`.
+    """Check the shapes and types of what the methods of strategies return, and that they return it each time.
 
     Args:
-        strategies: of all worlds.
+        strategies: of all worlds; their arrays have a first axis of worlds.
         n_robots: N.
         n_sides: S.
         sensed: shapes and types of what else the task lets robots sense, by its names.
 
     Raises:
-        UserError: see `check_strategy`.
+        UserError: a method returns something else, raises an exception, cannot be compiled, or depends on more than
+            its arguments; what is to be recorded is not there.
     """
-    check_strategy(jax.tree.map(lambda a: a[0], strategies), n_robots, jax.random.key(0), n_sides, sensed)
-
-
-def check_strategy(strategy: Strategy, n_robots: int, key: jax.Array, n_sides: int = 4, sensed: Any = None) -> None:
-    """Check the shapes and types of what a strategy's methods return.
-
-    Args:
-        strategy: of one world.
-        n_robots: N.
-        key: any random key.
-        n_sides: S.
-        sensed: as for `check_strategies`.
-
-    Raises:
-        UserError: a method returns something else, raises an exception or cannot be compiled; what is to be recorded
-            is not there.
-    """
+    strategy, key = jax.tree.map(lambda a: a[0], strategies), jax.random.key(0)
     name = type(strategy).__name__
-    with explained(f"{name}.payload"):
-        payload = layout_of(strategy, n_sides).payload
+    with user_code(f"{name}.payload"):
+        payload = payload_of(strategy)
+        payload.check_room(n_sides)
     observation = observation_shapes(n_robots, n_sides, sensed, payload)
-    command = Command(_floats(n_robots), _floats(n_robots))
-
-    def shapes(method: str, *arguments: Any) -> Any:
-        with explained(f"{name}.{method}"):
-            # The strategy's own arrays are traced, too, as in a run.
-            return jax.eval_shape(lambda own, *given: getattr(own, method)(*given), strategy, *arguments)
-
-    with explained(f"{name}.init"):
-        memory = jax.eval_shape(lambda own, key: own.init(n_robots, key), strategy, key)
+    flags = jax.ShapeDtypeStruct((n_robots,), jnp.bool_)
+    memory = traced(f"{name}.init", lambda own, key: own.init(n_robots, key), strategy, key)
+    if any(jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key) for leaf in jax.tree.leaves(memory)):
+        raise UserError(
+            f"{name}.init must return numbers as its memory (got random keys); keep jax.random.key_data(key) instead, "
+            "and make keys of it by jax.random.wrap_key_data"
+        )
     check_recorded(strategy, memory, n_robots)
     if payload.fields:
-        _check_said(name, shapes("say", memory, _flags(n_robots)), payload.shapes(n_robots))
-    compare(f"{name}.picks", shapes("picks", memory), _flags(n_robots))
+        said, fields = traced(f"{name}.say", lambda own, *a: own.say(*a), strategy, memory, flags), dict(payload.fields)
+        if not isinstance(said, dict) or set(said) != set(fields):
+            got = (", ".join(map(str, said)) or "none") if isinstance(said, dict) else f"a {type(said).__name__}"
+            raise UserError(
+                f"{name}.say must return a dictionary with the payload's fields {', '.join(fields)} (got {got})"
+            )
+        for field, wanted in payload.shapes(n_robots).items():
+            compare(f"{name}.say", said[field], wanted, f"field {field}")
+    compare(f"{name}.picks", traced(f"{name}.picks", lambda own, given: own.picks(given), strategy, memory), flags)
+    given = strategy, memory, observation, key
     if isinstance(strategy, RelayingStrategy):
-        listened = shapes("listen", memory, observation, key)
-        compare(f"{name}.listen", listened, memory, "memory")
-    returned = shapes("act", memory, observation, key)
-    if not isinstance(returned, tuple) or len(returned) != 2:
+        compare(f"{name}.listen", traced(f"{name}.listen", lambda own, *a: own.listen(*a), *given), memory, "memory")
+    returned = traced(f"{name}.act", lambda own, *a: own.act(*a), *given)
+    if not isinstance(returned, tuple) or isinstance(returned, Command) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
     compare(f"{name}.act", returned[0], memory, "memory")
-    compare(f"{name}.act", returned[1], command, "command")
+    compare(f"{name}.act", returned[1], Command(**shapes_of(Command, N=n_robots)), "command")
 
 
-def _check_said(name: str, given: Any, wanted: dict[str, Any]) -> None:
-    if not isinstance(given, dict) or set(given) != set(wanted):
-        got = ", ".join(map(str, given)) if isinstance(given, dict) else f"a {type(given).__name__}"
+def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> Any:
+    """Return the shapes and types of what a function of a user's object returns, which is traced twice.
+
+    Args:
+        what: the user's method that it calls, as `Walk.act`.
+        function: of the object, whose arrays are traced, too, as in a run, and of what is given.
+        own: the object.
+        given: arrays, or their shapes and types.
+
+    Raises:
+        UserError: the method raises an exception, cannot be compiled, changes the object, or returns something else
+            the second time.
+    """
+
+    def call(own: Any, *given: Any) -> Any:
+        before = dict(getattr(own, "__dict__", {}))
+        returned = function(own, *given)
+        for name, value in getattr(own, "__dict__", {}).items():
+            is_cache = isinstance(getattr(type(own), name, None), cached_property)
+            if value is not before.get(name, before) and not is_cache:
+                raise UserError(f"{what} sets self.{name}, which is lost after the call; keep it in the memory")
+        return returned
+
+    with user_code(what):
+        traces = [jax.make_jaxpr(lambda *a: call(*a), return_shape=True)(own, *given) for _ in range(2)]
+    one, other = (
+        (re.sub("0x[0-9a-f]+", "", str(program)), [np.asarray(values).tobytes() for values in _numbers(program.consts)])
+        for program, _ in traces
+    )
+    if one != other:
         raise UserError(
-            f"{name}.say must return a dictionary with the payload's fields {', '.join(wanted)} (got {got or 'none'})"
+            f"{what} returns something else each time that it is called with the same arguments, but is compiled once; "
+            "draw random numbers by jax.random from its key, and keep what changes in the memory"
         )
-    for field, its in wanted.items():
-        compare(f"{name}.say", given[field], its, f"field {field}")
+    return traces[0][1]
+
+
+def _numbers(arrays: list[Any]) -> list[Any]:
+    return [values for values in arrays if not jnp.issubdtype(values.dtype, jax.dtypes.prng_key)]
 
 
 def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
@@ -114,24 +142,13 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
     for (path, mine), its in zip(jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True):
         if (mine.shape, mine.dtype) != (its.shape, its.dtype):
             part = jax.tree_util.keystr(path)
+            remedy = "convert it, for instance with astype" if mine.shape == its.shape else "return one of that shape"
             raise UserError(
                 f"{method} must return {its.dtype}{list(its.shape)} as {part + ' of ' if part else ''}its {what}{same} "
-                f"(got {mine.dtype}{list(mine.shape)}); convert it, for instance with astype"
+                f"(got {mine.dtype}{list(mine.shape)}); {remedy}"
             )
 
 
 def _named(tree: Any) -> str:
     is_array = isinstance(tree, jax.ShapeDtypeStruct)
     return "an array" if is_array else f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"
-
-
-def _floats(*shape: int) -> Any:
-    return jax.ShapeDtypeStruct(shape, jnp.float32)
-
-
-def _integers(*shape: int) -> Any:
-    return jax.ShapeDtypeStruct(shape, jnp.int32)
-
-
-def _flags(*shape: int) -> Any:
-    return jax.ShapeDtypeStruct(shape, jnp.bool_)

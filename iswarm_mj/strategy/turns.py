@@ -42,26 +42,18 @@ def heard_in_turn(
         sender: who sends to each side, where something is heard.
         relay: messages (N, S) as they arrive if all robots have heard what it is given, and say so.
     """
-    old = _messages(observation)
+    old = Message(observation.led, observation.payload)
     is_new = observation.is_heard & (turns[sender] < turns[:, None])
 
     def sweep(state: tuple[Message, Array]) -> tuple[Message, Array]:
         before, sweeps_left = state
-        relayed = relay(_with(observation, before))
+        relayed = relay(observation._replace(**before._asdict()))
         now = jax.tree.map(lambda new, old: _select(is_new, new, old), relayed, old)
         changes = [(a != b).any() for a, b in zip(jax.tree.leaves(now), jax.tree.leaves(before), strict=True)]
         return now, jnp.where(jnp.stack(changes).any(), sweeps_left - 1, 0)
 
     settled, _ = jax.lax.while_loop(lambda state: state[1] > 0, sweep, (old, jnp.int32(len(turns))))
-    return _with(observation, settled)
-
-
-def _messages(observation: Observation) -> Message:
-    return Message(observation.led, observation.payload)
-
-
-def _with(observation: Observation, messages: Message) -> Observation:
-    return observation._replace(**messages._asdict())
+    return observation._replace(**settled._asdict())
 
 
 def _select(where: Array, new: Array, old: Array) -> Array:

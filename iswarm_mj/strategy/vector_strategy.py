@@ -5,16 +5,26 @@ from functools import lru_cache
 from typing import Any, ClassVar
 
 import jax
+import jax.numpy as jnp
+from jaxtyping import Bool, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.fields import Flag, Vector
+from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.interface import Command, Observation, RobotMemory
+from iswarm_mj.strategy.avoidance import is_blocked
+from iswarm_mj.strategy.controller import RobotMemory
+from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
+from iswarm_mj.strategy.vectors import after_motion, believed_motion
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.fusion import computed_once
 from iswarm_mj.utils.robot import PAPER_SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
+
+ODOMETRY_STREAM = 1
+"""Of random numbers of a strategy's step, those of the errors of odometry."""
 
 
 @lru_cache
@@ -47,7 +57,7 @@ class VectorStrategy:
     """
 
     rules: Rules
-    n_scouts: Array
+    n_scouts: Int[Array, "*B"] | int
     config: SwarmConfig = field(metadata={"static": True})
     probe_tip: Point = field(metadata={"static": True})
     sides: Sides = field(default=PAPER_SIDES, metadata={"static": True})
@@ -59,7 +69,7 @@ class VectorStrategy:
         for place in ("dust", "dump")
         for part, unit in (("vector", "mm"), ("known", ""), ("hop", ""))
     }
-    """See `strategy.recorded`."""
+    """See `strategy.declared`."""
 
     @property
     def payload(self) -> Payload:
@@ -67,22 +77,47 @@ class VectorStrategy:
         return payload_for(mm_from_rd(self.config.strategy.message_range), len(self.sides))
 
     def init(self, n_robots: int, key: Array) -> RobotMemory:
-        """See `Strategy.init`."""
-        return controller.init(n_robots, self.n_scouts)
+        """Return the memories at the start: no vectors; the first `n_scouts` robots are scouts."""
+        nothing = VectorMemory.empty(n_robots)
+        return RobotMemory(nothing, nothing, jnp.arange(n_robots) < self.n_scouts)
 
-    def say(self, memory: RobotMemory, is_loaded: Array) -> dict[str, Any]:
-        """See `Strategy.say`."""
-        flag = controller.priority_flag(self.rules, memory, is_loaded)
+    def say(self, memory: RobotMemory, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
+        """Return the flag and the vectors that each robot sends, see `Strategy.say`."""
+        rules = self.rules
+        flag = (memory.is_scout & rules.priority_signal_scouts) | (is_loaded & rules.priority_signal_loaded)
         return {"priority": flag, "dust": memory.dust, "dump": memory.dump}
 
-    def picks(self, memory: RobotMemory) -> Array:
-        """See `Strategy.picks`."""
-        return controller.may_pick(self.rules, memory)
+    def picks(self, memory: RobotMemory) -> Bool[Array, "N"]:
+        """Return whether each robot picks up dust."""
+        return ~memory.is_scout | self.rules.scouts_pick
 
     def listen(self, memory: RobotMemory, observation: Observation, key: Array) -> RobotMemory:
-        """See `RelayingStrategy.listen`."""
-        return controller.listen(self.config, self.rules, memory, observation, key, self.sides)
+        """Advance the memories as `act` does, up to what the robots know before they move."""
+        return self._remember(memory, observation, controller.draw(*observation.is_heard.shape, key=key))
 
     def act(self, memory: RobotMemory, observation: Observation, key: Array) -> tuple[RobotMemory, Command]:
-        """See `Strategy.act`."""
-        return controller.act(self.config, self.probe_tip, self.rules, memory, observation, key, self.sides)
+        """Advance the memories of N robots by one control step, and decide what they do, see `Strategy.act`."""
+        config, rules = self.config, self.rules
+        draws = controller.draw(*observation.is_heard.shape, key=key)
+        known = computed_once(lambda: self._remember(memory, observation, draws))
+        target = controller.choose(config, rules, known, observation, draws)
+        push = controller.avoid(config, rules, observation, target.follows, self.sides)
+        approaches = controller.approaching(self.picks(known), observation)
+        target = controller.towards_ball(target, approaches & rules.avoids_at_dust, observation.ball_vector)
+        wish, prefers_left = target.direction + push, draws.side < 0.5
+        steered = computed_once(lambda: controller.steer(config, wish, target.limit, prefers_left))
+        approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))
+        command = controller.approach(config, self.probe_tip, approaches, observation.ball_vector, steered)
+        waits = is_blocked(rules, observation.is_heard, observation.distance, self.sides)
+        command = command._replace(forward=jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
+        command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
+        believed = believed_motion(rules, *command, jax.random.fold_in(key, ODOMETRY_STREAM))
+        dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
+        return known._replace(dust=dust, dump=dump), command
+
+    def _remember(self, memory: RobotMemory, observation: Observation, draws: controller.Draws) -> RobotMemory:
+        """Memories after forgetting, listening, sensing the floor and, if so configured, finding nothing."""
+        known = controller.learn(self.rules, memory, observation, draws, self.sides)
+        dust = controller.forget_unconfirmed(self.config, self.rules, known.dust, observation.at_dust)
+        dump = controller.forget_unconfirmed(self.config, self.rules, known.dump, observation.on_dump)
+        return known._replace(dust=dust, dump=dump)

@@ -3,13 +3,12 @@
 All vectors are in the robot's own frame: x ahead, y to the left, lengths in arena units [mm].
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.geometry import rotate
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
@@ -22,12 +21,12 @@ def after_motion(memory: VectorMemory, turn: Float[Array, "N"], forward: Float[A
 
 
 def believed_motion(
-    rules: Any, turn: Float[Array, "N"], forward: Float[Array, "N"], key: Array
+    rules: Rules, turn: Float[Array, "N"], forward: Float[Array, "N"], key: Array
 ) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
     """Turns [rad] and steps [mm] that robots believe they made: those commanded, with the errors of their odometry.
 
     Args:
-        rules: `Rules`.
+        rules: errors of odometry.
         turn: commanded.
         forward: commanded.
         key: random key.

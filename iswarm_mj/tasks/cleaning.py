@@ -42,7 +42,7 @@ class Cleaning:
         radii = draw_radii(config.arena, shared)
         poses = place_robots(config.arena, n_robots, rng, cell)
         position = place_balls(config.arena, rng)
-        return poses, lying(config.gripper, position, radii, rng)
+        return poses, lying(config.gripper, position, radii)
 
     def goal(self, config: SwarmConfig, n_robots: int) -> int:
         """All balls."""

@@ -79,8 +79,7 @@ class Foraging:
         limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
         position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
-        alike = replace(config.gripper, spread_tool_object=0.0, spread_object_substrate=0.0)
-        items = lying(alike, position, draw_radii(arena, shared), rng)
+        items = lying(config.gripper, position, draw_radii(arena, shared))
         none = np.zeros(arena.n_dust, bool)
         return poses, Sources(items, np.asarray(centres), limits, none, np.int32(0), np.int32(0), np.float32(0))
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from iswarm_mj.gripper.handling import Balls, Rules, attempts_differ, carry, handle, loaded, working
+from iswarm_mj.gripper.handling import Balls, Rules, carry, handle, loaded, working
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
@@ -18,7 +18,7 @@ def grip(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
     Args:
         balls: from the step before.
         inputs: the world as the step begins.
-        key: decides which held balls fall, and how attempts at the same ball differ.
+        key: decides which held balls fall, and how strongly balls stick in each attempt.
     """
     conditions, gripper, n_robots = inputs.conditions, inputs.config.gripper, len(inputs.poses)
     tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.probe_tip))
@@ -36,7 +36,7 @@ def grip(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
         inputs.picks,
         falls,
         rules=Rules(inputs.config.drive.control_period, inputs.decide_attempts),
-        key=jax.random.fold_in(key, 1) if attempts_differ(gripper) else None,
+        key=jax.random.fold_in(key, 1),
         voltage=inputs.voltage,
     )
     sensed = Sensed(

@@ -1,4 +1,4 @@
-"""Where robots and balls are when a world begins: cells of the arena, dust areas, how strongly each ball sticks."""
+"""Where robots and balls are when a world begins: cells of the arena, dust areas, balls."""
 
 from functools import lru_cache
 
@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import distances, numbers
@@ -88,26 +87,16 @@ def draw_radii(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(arena.ball_radius_min, arena.ball_radius_max, arena.n_dust)
 
 
-def draw_works(gripper: GripperConfig, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Works of adhesion of n balls to tool and floor (n,), (n,), log-normal, at the air's humidity [J/m^2]."""
-    factor = float(humidity_factor(gripper.relative_humidity))
-    tool = scattered_work(gripper.work_tool_object, gripper.spread_tool_object, rng.standard_normal(n))
-    floor = scattered_work(gripper.work_object_substrate, gripper.spread_object_substrate, rng.standard_normal(n))
-    return factor * np.asarray(tool), factor * np.asarray(floor)
-
-
-def lying(
-    gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Float[np.ndarray, "K"], rng: np.random.Generator
-) -> Balls:
-    """Balls that lie on the floor; how strongly each sticks is drawn.
+def lying(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Float[np.ndarray, "K"]) -> Balls:
+    """Balls that lie on the floor and stick alike; how strongly is drawn in each attempt.
 
     Args:
-        gripper: median works of adhesion and their spread.
+        gripper: median works of adhesion at 10 % RH, and the humidity.
         position: of the balls [mm].
         radius: of the balls [m].
-        rng: draws the works.
     """
-    works = draw_works(gripper, len(radius), rng)
+    factor = float(humidity_factor(gripper.relative_humidity))
+    works = (np.full(len(radius), factor * w) for w in (gripper.work_tool_object, gripper.work_object_substrate))
     floats = (a.astype(np.float32) for a in (position, radius, *works))
     return untouched(*floats)
 
@@ -123,7 +112,8 @@ def untouched(
     kinds = {name: np.int32 for name in Balls._fields[4:]} | dict.fromkeys(FLAGS, np.bool_)
     kinds |= dict.fromkeys(("work_time", "lost_time", "impact"), np.float32)
     own = position, radius, work_tool_object, work_object_substrate
-    return Balls(*own, **{name: np.zeros(k, kind) for name, kind in kinds.items()})
+    zeros = {name: np.zeros(k, kind) for name, kind in kinds.items()}
+    return Balls(*own, **zeros | {"tried": np.zeros((k, 4), np.float32)})
 
 
 FLAGS = ("is_held", "is_delivered", "was_picked")

@@ -4,14 +4,7 @@ from typing import Any
 
 from iswarm_mj.strategy.library import Offer, find
 
-TASKS = Offer(
-    "task",
-    "tasks",
-    "iswarm_mj.tasks",
-    "lay_out",
-    "FILE.py:CLASS, as gather.py:Gather",
-    "iswarm_mj.tasks.protocol",
-)
+TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.tasks.protocol")
 
 
 def find_task(name: str) -> Any:

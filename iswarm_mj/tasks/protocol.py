@@ -97,7 +97,7 @@ class Task(Protocol):
     effect in the task, as "arena.n_dust", or "gripper" for all of the group, whose flags `iswarm run` then refuses.
 
     Two flags may be True. `shares_program`: the task reads nothing of `TaskInputs.config` in which worlds of a run may
-    differ (`simulation.common.DIFFERENT`), so that runs of different settings share a compiled program.
+    differ (`simulation.common.PER_WORLD_FIELDS`), so that runs of different settings share a compiled program.
     `batch_invariant`, of strategies too: the compiled program was seen to round alike for one world and for more, which
     otherwise costs a single world a second computation of each decision.
     """

@@ -8,9 +8,9 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.signatures import compare
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
@@ -62,17 +62,23 @@ def as_task(given: Any) -> Any:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), task)
 
 
-def check_layout(task: Any, poses: Any, n_robots: int) -> None:
-    """Check the poses that `Task.lay_out` returned for N robots.
+def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
+    """Check what `Task.lay_out` returned for N robots.
 
     Raises:
-        UserError: they are not finite numbers (N, 3).
+        UserError: the poses are not finite numbers (N, 3), or the state holds something else than numbers.
     """
+    name = f"{type(task).__name__}.lay_out"
+    for path, leaf in jax.tree_util.tree_leaves_with_path(state):
+        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
+            part = f"{type(leaf).__name__}{' as ' * bool(path)}{jax.tree_util.keystr(path)}"
+            raise UserError(
+                f"{name} must return arrays and numbers as its state (got a {part}); leave out what is none"
+            )
     is_pose = isinstance(poses, np.ndarray) and poses.shape == (n_robots, 3) and poses.dtype.kind == "f"
     if not is_pose or not np.isfinite(poses).all():
         got = f"{poses.dtype}{list(poses.shape)}" if isinstance(poses, np.ndarray) else f"a {type(poses).__name__}"
         got = "numbers that are not" if is_pose else got
-        name = f"{type(task).__name__}.lay_out"
         raise UserError(f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})")
 
 
@@ -106,7 +112,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
                     given = (*given, inputs)
             return getattr(own, method)(*given)
 
-        with explained(f"{name}.{method}"):
+        with user_code(f"{name}.{method}"):
             return jax.eval_shape(call, task, world, conditions, *arguments)
 
     before = jax.eval_shape(lambda given: given, state)
@@ -127,7 +133,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
             got = f"{found.dtype}{list(found.shape)}"
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
     if getattr(task, "drawn", None):
-        with explained(f"{name}.areas"):
+        with user_code(f"{name}.areas"):
             drawn = jax.eval_shape(lambda own, state: own.areas(config, state), task, before)
         for key, found in _declared(f"{name}.areas", "drawn", task, drawn).items():
             if found.shape[1:] != (3,):

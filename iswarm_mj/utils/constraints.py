@@ -8,6 +8,10 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from iswarm_mj.utils.errors import ConfigError
 
+PER_WORLD = "per world"
+"""In an annotation: worlds of one run may have different values, which programs take as arrays
+(`sensors.conditions.Conditions`)."""
+
 
 @dataclass(frozen=True)
 class Within:
@@ -129,6 +133,12 @@ def choices(cls: type, name: str) -> tuple[Any, ...]:
     """Values that a field of a dataclass may have whose type is a `Literal`; none for another type."""
     kind = get_type_hints(cls)[name]
     return get_args(kind) if get_origin(kind) is Literal else ()
+
+
+def per_world(cls: type) -> list[str]:
+    """Names of the fields of a dataclass that are annotated `PER_WORLD`."""
+    hints = get_type_hints(cls, include_extras=True)
+    return [name for name, kind in hints.items() if PER_WORLD in getattr(kind, "__metadata__", ())]
 
 
 def constraint_of(cls: type, name: str) -> Within | None:

@@ -20,7 +20,13 @@ MOST_VALUES = 10**8
 _KEY = b"iswarm_mj"
 
 
-def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], csv: bool = False) -> None:
+def write_table(
+    path: Path,
+    rows: Sequence[Mapping[str, Any]],
+    settings: Mapping[str, Any],
+    csv: bool = False,
+    units: Mapping[str, str] | None = None,
+) -> None:
     """Write a table in one step: parquet, and optionally CSV beside it.
 
     Args:
@@ -28,10 +34,12 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], settings: Mapping
         rows: mappings with the same names; None is a missing value.
         settings: that the rows depend on; stored in the file as JSON, with the version of the package.
         csv: also write a CSV file of the same name.
+        units: of columns, for their metadata in the parquet file.
     """
     table = pa.Table.from_pylist(list(map(dict, rows)))
     metadata = json.dumps({"version": __version__, **settings}, sort_keys=True)
-    table = table.replace_schema_metadata({_KEY: metadata.encode()})
+    columns = [field.with_metadata({"unit": (units or {}).get(field.name, "")}) for field in table.schema]
+    table = table.cast(pa.schema(columns, {_KEY: metadata.encode()}))
     with atomic_write(path) as part:
         pyarrow.parquet.write_table(table, str(part), compression="zstd")
     if csv:

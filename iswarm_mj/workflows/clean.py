@@ -7,7 +7,6 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from iswarm_mj.gripper.bench.attempt_log import listening
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING
 from iswarm_mj.simulation.distributed import ALONE, Hosts
@@ -117,8 +116,7 @@ def _begin(
         recorders = []
         for index in range(len(recorded)):
             own = shown if index == 0 else shown._replace(viewer=None)
-            heard = stack.enter_context(listening()) if shown.grasps else None
-            recorders.append(Recorder(run, places[index] / name, index, places[index], settings, own, heard))
+            recorders.append(Recorder(run, places[index] / name, index, places[index], settings, own))
             stack.enter_context(saved(recorders[-1].save))
     return unfinished, recorders
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.engine_tracing import trace_trial
-from iswarm_mj.gripper.bench.force_curve import force_curve
+from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
 from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.utils.files import remove
@@ -106,7 +106,7 @@ def _run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: P
         trial = Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity)
         rows += force_curve(trial, settings.protocol, voltage)
     metadata = {**settings.metadata(), "relative_humidity": humidity}
-    write_table(out / CURVES, rows, metadata, csv=True)
+    write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
     path = draw_force_curve(rows, metadata, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}, {path}")
     return rows

@@ -3,10 +3,13 @@
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.attempt_log import Tried
+from iswarm_mj.gripper.bench.attempt_trace import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
@@ -15,6 +18,7 @@ from iswarm_mj.output.trajectory import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
+from iswarm_mj.tasks.protocol import BallTask
 from iswarm_mj.utils.interruption import BUSY, postponed
 from iswarm_mj.utils.memory import give_back
 
@@ -56,7 +60,6 @@ class Recorder:
         trajectory: Path | None = None,
         settings: RunSettings | None = None,
         shown: Shown = AS_USUAL,
-        heard: list[Tried] | None = None,
     ):
         """Begin with the start.
 
@@ -67,7 +70,6 @@ class Recorder:
             trajectory: directory for trajectory.npz; none is written if not given.
             settings: of the run of all processes, by default those of the run.
             shown: what the recording shows, and where.
-            heard: attempts made since the last record, see `attempt_log.listening`; it is emptied.
         """
         from iswarm_mj.output.rerun_live import LiveRecording
         from iswarm_mj.output.rerun_swarm import Recording
@@ -92,12 +94,13 @@ class Recorder:
             **run.identity,
         }
         self._recording = Recording(recording, self._scene, metadata, identity, lanes=shown.lanes)
-        self._heard = self._attempts = None
-        if heard is not None:
+        self._attempts = None
+        if shown.grasps and isinstance(run.task, BallTask):
             from iswarm_mj.output.rerun_attempts import AttemptView
 
-            gap, self._heard = run.config.gripper.release_gap, heard
+            gap = own.gripper.release_gap
             self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
+            self._state, self._balls_of = self._of_step(run.start, 0), run.task.balls
         self._live = None
         if shown.viewer is not None:
             self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, shown.lanes)
@@ -124,10 +127,12 @@ class Recorder:
         """Take in the record of some steps; write a block when there are enough."""
         with postponed(), BUSY, self._watch("record"):
             self._pending.append(record)
-            if self._attempts is not None and self._heard:
-                balls = record.swarm.balls.position[-1, self._index]
-                self._attempts.append(int(record.step[-1, self._index]), list(self._heard), balls)
-                self._heard.clear()
+            if self._attempts is not None:
+                for t, steps in enumerate(record.step[:, self._index]):
+                    before, self._state = self._state, self._of_step(record, t)
+                    balls = self._balls_of(self._state)
+                    tried = attempts_between(self._balls_of(before), balls)
+                    self._attempts.append(int(steps), tried, balls.position)
             if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
             if self._live is not None:
@@ -137,6 +142,10 @@ class Recorder:
 
     def _frames_of(self, records: list[StepRecord]) -> Frames:
         return frames_of(records, self._index, self._recorded, self._watched, task=self._task, robot=self._robot)
+
+    def _of_step(self, record: StepRecord, t: int) -> Any:
+        """State of the recorded world's task after the t-th step of a record."""
+        return jax.tree.map(lambda values: np.asarray(values)[t, self._index], record.swarm.task)
 
     def _show(self, live: "LiveRecording") -> None:
         """Send what the viewer has not had."""

@@ -115,8 +115,7 @@ def rollout(
     is_genome = isinstance(strategy, Genome)
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine
-    check_kind("engine", engine, EngineSettings)
-    engine = engine.in_chunks(every)
+    engine = engine.in_chunks(every) if isinstance(engine, EngineSettings) else engine
     task, robot = CLEANING if task is None else task, read_robot()
     starts: dict[bytes, Start] = {}  # worlds of the same key begin alike
     worlds = []

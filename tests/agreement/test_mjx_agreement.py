@@ -12,8 +12,8 @@ import pytest
 from mujoco import mjx
 
 import iswarm_mj.gripper.plugin as plugin
+from iswarm_mj.gripper.contact import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
-from iswarm_mj.gripper.mjx_contacts import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces, step
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 

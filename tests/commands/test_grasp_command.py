@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from helpers_cli import code_of
 from rerun.chunk import RrdReader
@@ -143,11 +144,22 @@ def test_force_curves(here):
             np.array([row["total"] for row in rows if (row["voltage"], row["direction"]) == (voltage, direction)])
             for direction in ("approach", "retract")
         )
-        electrostatic = max(row["electrostatic"] for row in rows if row["voltage"] == voltage)
-        pull_off = 2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
-        assert retract.max() == pytest.approx(pull_off, rel=0.02)
-        assert approach.min() < 0 < retract.max()
-    assert electrostatic > 1e-6
+        electrostatic = min(row["electrostatic"] for row in rows if row["voltage"] == voltage)
+        pull_off = -2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
+        assert retract.min() == pytest.approx(pull_off, rel=0.02)
+        assert retract.min() < 0 < approach.max()
+    assert electrostatic < -1e-6
+    parts = np.array([[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows])
+    np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)
+    assert (parts[:, :2] <= 0).all() and (parts[:, 2] >= 0).all()
+
+
+def test_columns_of_force_curves_have_units(here):
+    assert code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, "--out", "out") == 0
+    schema = pyarrow.parquet.read_schema(here / "out" / CURVES)
+    lengths, forces = ("radius", "tip", "gap"), ("adhesion", "electrostatic", "contact", "total")
+    units = {"direction": "", "voltage": "V", **dict.fromkeys(lengths, "m"), **dict.fromkeys(forces, "N")}
+    assert {field.name: field.metadata[b"unit"].decode() for field in schema} == units
 
 
 @pytest.mark.parametrize(
@@ -182,7 +194,7 @@ def test_force_curves(here):
             r"--protocol.step-voltage must be below --protocol.grasp-limit, 80 \(got 100\.0\)",
         ),
         ("--protocol.lift 1e-7", r"--protocol.away must be below --protocol.lift, 1e-07 \(got 2e-07\)"),
-        ("--radius 10e-6 --gap 45e-6", r"--gap must be at most 4 times the least radius \(got 4\.5e-05\)"),
+        ("--radius 10e-6 25e-6 --gap 45e-6", r"--gap must be at most 4 times the least radius \(got 4\.5e-05\)"),
     ],
 )
 def test_values_out_of_range(flags, message, capfd, here):

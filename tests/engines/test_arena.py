@@ -10,6 +10,9 @@ import mujoco
 import numpy as np
 import pytest
 from helpers_models import MODELS, OUTWARD, RD, SPEED, load
+from helpers_small import SMALL
+
+from iswarm_mj.engines.arena import compile_arena
 
 
 def compose(robots: list[tuple[float, float, float]], balls: int = 0, visual: bool = True) -> mujoco.MjModel:
@@ -118,6 +121,18 @@ class TestComposed:
             mujoco.mj_step(model, data)
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(data.qfrc_constraint[[0, 3]], [-100, 100], rtol=1e-3)
+
+
+def test_panels_of_a_small_arena_stand_behind_its_walls():
+    """Their inner faces at the walls, from corner to corner, so that a picture shows no gap."""
+    model = compile_arena(SMALL, 1, np.zeros(0)).model
+    edge, thick = SMALL.arena.size / 2 * RD, 2 * min(model.geom("panel_east").size[:2])
+    for name, direction in zip(("east", "north", "west", "south"), np.asarray(OUTWARD), strict=True):
+        panel, across = model.geom(f"panel_{name}"), np.abs(direction[[1, 0, 2]])
+        assert model.geom(f"wall_{name}").pos @ direction == pytest.approx(edge)
+        assert panel.pos @ direction - panel.size @ np.abs(direction) == pytest.approx(edge)
+        assert panel.size @ np.abs(direction) == pytest.approx(thick / 2)
+        assert panel.size @ across == pytest.approx(edge + (thick if direction[0] else 0)) and panel.pos @ across == 0
 
 
 RENDER = """

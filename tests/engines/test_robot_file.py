@@ -1,9 +1,14 @@
 """What a robot's file must contain, and where its LEDs and photodiodes look; what cannot be run is refused."""
 
+import os
+from unittest.mock import Mock
+
+import mujoco
 import numpy as np
 import pytest
 from helpers_robots import HALF, ROBOTS, Side, around, robot_file, robot_xml
 
+import iswarm_mj.engines.robot_file as robot_file_module
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.plane import read_plane
@@ -125,6 +130,92 @@ def test_what_cannot_be_run_is_refused_in_a_sentence(tmp_path, text, reason):
         read_robot(path)
     assert str(path) in str(refused.value) or "2 to 8" in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def appended(section):
+    """The paper's file with one more section at its end."""
+    return PAPER.replace("</mujoco>", section + "</mujoco>")
+
+
+def joint_x(attributes):
+    """The paper's file with these attributes of the joint x."""
+    return PAPER.replace('name="x" class="drive"', f'name="x" class="drive" {attributes}')
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (appended('<equality><weld body1="robot"/></equality>'), "equality constraints"),
+        (appended('<equality><joint joint1="x"/></equality>'), "equality constraints"),
+        (appended('<tendon><fixed><joint joint="x" coef="1"/></fixed></tendon>'), "tendons"),
+        (appended('<actuator><position joint="x" kp="1"/></actuator>'), "actuators"),
+        (appended('<contact><pair geom1="hull" geom2="hull"/></contact>'), "contact pairs"),
+        (appended('<contact><exclude body1="robot" body2="world"/></contact>'), "contact exclusions"),
+        (joint_x('limited="true" range="-1 1"'), "joint limits"),
+        (joint_x('stiffness="1e6"'), "joint stiffness"),
+        (joint_x('stiffness="0 1"'), "joint stiffness"),
+        (joint_x('damping="100 1"'), "damping that grows with speed"),
+        (joint_x('frictionloss="1e9"'), "friction loss"),
+    ],
+)
+def test_what_no_engine_simulates_is_refused_by_name(tmp_path, text, part):
+    path = written(tmp_path, text)
+    assert text != PAPER
+    with pytest.raises(UserError, match=f"has {part}; .* remove") as refused:
+        compile_arena(SwarmConfig(), 2, np.zeros(0), robot_file=path)
+    assert str(path) in str(refused.value) and "\n" not in str(refused.value)
+
+
+BODY = '<body name="robot"'
+ENDLESS = {
+    "replicate": (BODY, '<replicate count="2000000000" offset="1 0 0"><site/></replicate>' + BODY),
+    "composite": (BODY, '<composite type="cable" count="50000000 1 1" curve="s" size="1"/>' + BODY),
+    "flexcomp": (BODY, '<flexcomp name="f" type="grid" count="50000000 1 1"/>' + BODY),
+    "attach": (BODY, '<attach model="other" body="robot" prefix="a"/>' + BODY),
+    "hfield": ("<asset>", '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/>'),
+    "model": ("<asset>", '<asset><model name="other" file="pipe"/>'),
+    "include": ("<asset>", '<include file="pipe"/><asset>'),
+    "DOCTYPE": ("<mujoco ", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco '),
+    "nkey": ('nkey="0"', 'nkey="2000000000"'),
+    "nuser_site": ('nkey="0"', 'nuser_site="4097"'),
+    "width": ("<asset>", '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="10000"/>'),
+}
+
+
+@pytest.mark.parametrize(("names", "change"), ENDLESS.items(), ids=ENDLESS.keys())
+def test_small_files_of_huge_robots_are_refused_before_mujoco_parses_them(tmp_path, monkeypatch, names, change):
+    os.mkfifo(tmp_path / "pipe")
+    path = written(tmp_path, PAPER.replace(*change))
+    assert path.read_text() != PAPER
+    monkeypatch.setattr(mujoco, "MjSpec", None)
+    with pytest.raises(UserError, match=f"{names}.* line [0-9]+[ ;].*: (write the parts out|lower it)") as refused:
+        read_robot(path)
+    assert str(path) in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_counts_up_to_the_limit_are_read(tmp_path):
+    path = written(tmp_path, PAPER.replace('nkey="0"', 'nkey="0" nuser_site="16" memory="1M"'))
+    assert read_robot(path) == read_robot()
+
+
+@pytest.mark.parametrize("call", ["from_file", "compile"])
+def test_errors_inside_mujoco_are_reported_in_a_sentence(monkeypatch, call):
+    failing = Mock(**{f"{call}.side_effect": RuntimeError("Caught an unknown exception!")})
+    if call == "from_file":
+        monkeypatch.setattr(mujoco, "MjSpec", failing)
+    else:
+        monkeypatch.setattr(robot_file_module, "without_visual", lambda _: failing)
+    with pytest.raises(UserError, match=r"cannot be (read|compiled) .*unknown exception"):
+        read_robot()
+
+
+def test_a_file_that_mujoco_warns_of_leaves_no_log(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mujoco.set_mju_user_warning(None)
+    path = written(tmp_path, PAPER.replace('size="1 1 0.5"', 'size="nan nan 0.5"'))
+    with pytest.raises(UserError, match="cannot be compiled"):
+        read_robot(path)
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

@@ -19,7 +19,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.layout import cell_of
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import FaultKind, UserError
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -67,7 +67,7 @@ def test_worlds_do_what_they_do_in_a_run(engine, config):
     env = make_env(n_robots=n, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=3)
     start_key, key, _ = jax.random.split(KEYS[0], 3)
     index = int(jax.random.randint(start_key, (), 0, 4))
-    start = starts_of(config, [World(PRESETS["type1"], n, 3, index)], cell_of(read_robot()))[0]
+    start = starts_of(config, CLEANING, read_robot(), [World(PRESETS["type1"], n, 3, index)])[0]
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
     world = World(PRESETS["type1"], n, start=start, key=key)
     run = Run(config, strategy=Steady(), settings=RunSettings(n, steps), engine=engine, worlds=[world])

@@ -34,7 +34,7 @@ class TestMistakes:
             *(({"stop_at": n}, r"stop_at must be a whole number at least 1 \(got") for n in (0, True, 2.5)),
             *(({"n_worlds": n}, r"n_worlds must be at most \d+ with 3 robots .* free, for it needs") for n in HUGE),
             ({"n_worlds": HUGE[0], "engine": PlanarSettings(impl="warp")}, "n_worlds must be at most"),
-            ({"engine": "planar"}, "engine must be a MujocoSettings or PlanarSettings or MjxSettings"),
+            ({"engine": "planar"}, r"engine must be settings of an engine, as MujocoSettings\(\), "),
             ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
             ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
             ({"payload": "words"}, "a payload is a dictionary"),
@@ -47,7 +47,7 @@ class TestMistakes:
             self.ENV(**settings)
 
     def test_whole_numbers_of_any_type(self):
-        assert self.ENV(n_starts=np.int64(3), stop_at=np.uint8(2)).core.beginnings.poses.shape[0] == 3
+        assert self.ENV(n_starts=np.int64(3), stop_at=np.uint8(2)).core.poses.shape[0] == 3
 
     @pytest.mark.parametrize(
         "action, words",

@@ -17,7 +17,7 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.envs import actions, observations
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Layout, Message, Payload
+from iswarm_mj.sensors.messages import Message, Payload
 from iswarm_mj.tasks.protocol import Quantity
 
 FIELDS = {"flag": Flag(), "count": Integer(4, low=-3), "heat": Real(0, 1, 5, unit="K"), "aim": Bearing(3)}
@@ -121,8 +121,7 @@ def test_actions_that_are_no_numbers_are_named_and_do_nothing(bad):
 
 
 def test_silence_is_sent():
-    layout = Layout(PAYLOAD)
-    message, _ = layout.unpack(layout.pack(Message(jnp.zeros(2, int), actions.silence(PAYLOAD, 2))))
+    message, _ = PAYLOAD.unpack(PAYLOAD.pack(Message(jnp.zeros(2, int), actions.silence(PAYLOAD, 2))))
     assert not message.payload["home"].known.any() and not message.payload["flag"].any()
     np.testing.assert_array_equal(message.payload["count"], 0)
 

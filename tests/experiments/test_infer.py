@@ -44,7 +44,7 @@ from iswarm_mj.experiments.studies.infer import (
     experiment_of,
     findings,
 )
-from iswarm_mj.simulation.common import DIFFERENT
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import ConfigError
 
@@ -87,7 +87,7 @@ class TestDesign:
             configs = [varied(SwarmConfig(), values) for values in levels.values()]
             assert len(set(configs)) == len(levels) and SwarmConfig() in configs, name
             names = {key for values in levels.values() for key in values}
-            together = {f"{part}.{item}" for part, items in DIFFERENT.items() for item in items}
+            together = {f"{part}.{item}" for part, items in PER_WORLD_FIELDS.items() for item in items}
             assert names <= together | {"drive.max_turn", "drive.turn_substeps"}
 
     def test_each_combination_is_run_on_all_figures_and_both_types(self):

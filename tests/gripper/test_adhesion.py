@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_maugis import maugis_pull_off
 
 from iswarm_mj.gripper.laws.adhesion import (
     dmt_pull_off,
     jkr_pull_off,
     tabor_parameter,
     van_der_waals_force,
-    work_of_adhesion,
 )
 from iswarm_mj.gripper.laws.humidity import (
     WATER_SURFACE_TENSION,
@@ -22,17 +22,9 @@ from iswarm_mj.gripper.laws.humidity import (
     kelvin_radius,
     meniscus_work,
 )
-from iswarm_mj.gripper.laws.maugis import maugis_pull_off
 from iswarm_mj.utils.errors import UserError
 
 MAUGIS = np.loadtxt(Path(__file__).parents[1] / "data/maugis_dugdale.csv", delimiter=",", skiprows=2)
-
-
-def test_work_of_adhesion_is_the_geometric_mean():
-    assert work_of_adhesion(0.03, 0.03) == pytest.approx(0.06, rel=1e-15)
-    assert work_of_adhesion(0.01, 0.09) == work_of_adhesion(0.09, 0.01) == pytest.approx(0.06, rel=1e-15)
-    scaled = work_of_adhesion(np.array([0.02, 0.08]), 0.05)
-    assert scaled[1] / scaled[0] == pytest.approx(2.0)
 
 
 def test_pull_off_bounds_of_eq_1():
@@ -123,7 +115,6 @@ def test_models_of_humid_work():
 
 
 LAWS = {
-    "work": (work_of_adhesion, [0.01, 0.09]),
     "jkr": (jkr_pull_off, [20e-6, 1e-3]),
     "dmt": (dmt_pull_off, [20e-6, 1e-3]),
     "maugis": (maugis_pull_off, [20e-6, 1e-3, 0.3]),

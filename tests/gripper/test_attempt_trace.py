@@ -1,50 +1,57 @@
 """Traces of attempts against the trials that decided about them in the swarm."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
+from helpers_attempts import GRIPPER, step
+from helpers_sensing import lay
 
-from iswarm_mj.config import GripperConfig
-from iswarm_mj.gripper.attempts import Attempts
-from iswarm_mj.gripper.bench.attempt_log import listening
-from iswarm_mj.gripper.bench.attempt_trace import PHASES, trace_attempt
+from iswarm_mj.gripper.bench.attempt_trace import PHASES, attempts_between, trace_attempt
 from iswarm_mj.gripper.bench.deciders import by_host
+from iswarm_mj.gripper.handling import Rules
 
-GRIPPER = GripperConfig()
+PLACES = [(40, 0, 0), (60, 0, 0), (0, 0, 0), (80, 0, 0)]
 
 
 @pytest.fixture(scope="module")
-def heard():
-    """Two lifts at 40 and 10 V, a release at 55 V, and a ball that nothing is tried at, in two worlds alike."""
-    lifts, releases = np.array([True, True, False, False]), np.array([False, False, True, False])
-    volts, ones = np.array([40.0, 10.0, 55.0, 40.0], np.float32), np.ones(4, np.float32)
-    miss = np.array([4e-6, 0, 0, 0], np.float32)
-    rows = Attempts(lifts, releases, volts, 20e-6 * ones, 1.41e-3 * ones, 14.7e-3 * ones, miss)
-    both = jax.tree.map(lambda a: np.stack([a, a]), rows)
-    decide = jax.jit(jax.vmap(lambda *arrays: by_host(GRIPPER, Attempts(*arrays))))
-    with listening() as tried:
-        found = jax.block_until_ready(decide(*both))
-    jax.block_until_ready(decide(*both))  # nobody listens
-    return tried, found
+def made():
+    """Balls before and after a step: a lift at 40 V, one at 10 V, a release at 55 V, and one at which nothing is tried.
+
+    The trials are told from the balls alone; the second robot's capacitor is nearly empty.
+    """
+    gripper = replace(GRIPPER, tool_error=4e-6)
+    before = lay((40.9, 0), (60.9, 0), (0.9, 0), (90.0, 0), holders=[None, None, 2, None])
+    volts = np.array([60.0, 10.0, 60.0, 60.0], np.float32)
+    after, _ = step(gripper, before, PLACES, rules=Rules(decider=by_host), voltage=volts)
+    return jax.device_get((before, after))
 
 
-def test_attempts_are_heard_once_with_their_outcomes(heard):
-    tried, found = heard
+def test_attempts_follow_from_the_balls(made):
+    tried = attempts_between(*made)
     assert [(t.ball, t.is_lift, t.succeeded) for t in tried] == [(0, True, True), (1, True, False), (2, False, True)]
-    assert [t.voltage for t in tried] == [40, 10, 55]
-    for t in tried:
-        assert t.duration == float(found.duration[0, t.ball]) > 0 and t.impact == float(found.impact[0, t.ball])
+    assert [t.voltage for t in tried] == [40, 10, 55] and tried[2].misalignment == 0 < tried[0].misalignment
+    assert attempts_between(made[1], made[1]) == []
 
 
-def test_a_trace_shows_what_was_decided(heard):
-    for tried in heard[0]:
+def test_an_attempt_that_is_broken_off_is_none():
+    gripper, balls, found = replace(GRIPPER, grasp_time=1.0), lay((40.9, 0)), []
+    for x in (40, 60):
+        before, (balls, _) = balls, step(gripper, balls, [(x, 0, 0)])
+        found += attempts_between(*jax.device_get((before, balls)))
+    assert balls.broken_off.tolist() == [1] and found == []
+
+
+def test_a_trace_shows_what_was_decided(made):
+    for tried in attempts_between(*made):
         trace, succeeded = trace_attempt(tried, GRIPPER.release_gap)
         assert succeeded == tried.succeeded and trace.phases == PHASES
         assert np.all(np.diff(trace.time) > 0)
-        assert trace.time[-1] - trace.time[0] == pytest.approx(tried.duration, abs=5e-6)
+        assert trace.time[-1] - trace.time[0] == pytest.approx(float(made[1].work_time[tried.ball]), abs=5e-6)
         assert trace.voltage.max() == pytest.approx(tried.voltage)
         assert trace.probe[-1, 0] == pytest.approx(tried.misalignment, abs=1e-8)
         limit = 0.2e-6 if tried.is_lift else GRIPPER.release_gap / 2
         assert (trace.gap_plate[-1] > limit) == (tried.succeeded == tried.is_lift)
-    lift, _ = trace_attempt(heard[0][0], GRIPPER.release_gap)
+    lift, _ = trace_attempt(attempts_between(*made)[0], GRIPPER.release_gap)
     assert lift.gap_tool[-1] < 5e-9 and lift.gap_plate[-1] > 0.2e-6

@@ -13,6 +13,7 @@ from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.deciders import by_host
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.handling import Rules
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
@@ -183,12 +184,11 @@ def test_a_batch_that_is_full_postpones():
 
 def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
     """To the last bit, whatever was tried before: a lift and a release of another ball."""
-    trial = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6)
-    volts, gap = np.array([35.0]), GRIPPER.release_gap
+    trial, gap = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6), GRIPPER.release_gap
     swarm_trials.lift([Trial(24e-6, 1.2e-3, 16e-3)], np.array([20.0]))
     swarm_trials.drop([Trial(22e-6, 1.4e-3, 14e-3)], np.array([60.0]), gap)
-    used = swarm_trials.lift([trial], volts), swarm_trials.drop([trial], volts + 20, gap)
-    swarm_trials._FREE.clear()
-    new = swarm_trials.lift([trial], volts)
-    swarm_trials._FREE.clear()
-    assert used == (new, swarm_trials.drop([trial], volts + 20, gap))
+    lifted, dropped = swarm_trials.lift([trial], np.array([35.0])), swarm_trials.drop([trial], np.array([55.0]), gap)
+    start = swarm_trials.PROTOCOL.start_gap
+    new = [MujocoBench([trial], start, 1, hanging=h, timestep=swarm_trials.TIMESTEP) for h in (None, gap)]
+    assert (lifted.succeeded[0], lifted.duration[0]) == swarm_trials.lift_on(new[0], 35.0)
+    assert tuple(values[0] for values in dropped) == swarm_trials.drop_on(new[1], 55.0, gap)

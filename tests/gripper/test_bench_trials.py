@@ -3,6 +3,7 @@
 import math
 from dataclasses import fields, replace
 
+import boundary_elements as bem
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -11,14 +12,13 @@ from hypothesis import strategies as st
 from iswarm_mj.gripper.bench.base import speed_at_zero
 from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.engine_tracing import trace_trial
 from iswarm_mj.gripper.bench.model import bench_spec
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
 from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, run_trials
 from iswarm_mj.gripper.bench.staircase import hang, rung, staircase, stays_up, touch
+from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial, draw
-from iswarm_mj.gripper.laws import boundary_elements as bem
 from iswarm_mj.gripper.laws.detachment import (
     CONTACT_GAP,
     PROBE_RADIUS,

@@ -3,12 +3,12 @@
 import math
 from pathlib import Path
 
+import boundary_elements as bem
 import numpy as np
 import pytest
+from helpers_sphere_plane import capacitance_series, force_series
 
-from iswarm_mj.gripper.laws import boundary_elements as bem
 from iswarm_mj.gripper.laws.probe_table import probe_factor
-from iswarm_mj.gripper.laws.sphere_plane import capacitance_series, force_series
 
 CYLINDER = np.loadtxt(Path(__file__).parents[1] / "data/cylinder_sphere_plane.csv", delimiter=",", skiprows=3)
 APERY = 1.2020569031595942

@@ -1,11 +1,12 @@
 """Capacitances of the ball: the forces are their derivatives, and boundary elements agree on charge and force."""
 
+import boundary_elements as bem
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.laws import boundary_elements as bem
 from iswarm_mj.gripper.laws.capacitance import capacitance
-from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, pick_force, release_force
+from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 PROBE = 0.65
 

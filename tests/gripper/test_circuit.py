@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_energy import books
 
 from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
-from iswarm_mj.gripper.bench.energy import books
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench, trace_trial
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.tracing import trace_of, trace_trial
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws.capacitance import capacitance
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
@@ -62,17 +63,17 @@ def test_breakdown_is_where_the_field_across_the_oxide_says():
     trial = ball(oxide=40e-9)
     seen = []
     for voltage in (39.0, 41.0):
-        bench = TraceBench(trial, 5e-6)
+        bench = MujocoBench([trial], 5e-6, 1, is_recorded=True)
         bench.move("approach", 0.3e-3, -25e-9, 0.0)
         bench.move("voltage", 0.05e-3, -25e-9, voltage)
         bench.move("wait", 0.02e-3, -25e-9, voltage)
-        seen.append(bench.trace().ball_voltage[-1] / voltage)
+        seen.append(trace_of(bench).ball_voltage[-1] / voltage)
     assert seen == pytest.approx([0.0, 0.5], abs=1e-3)
 
 
 def test_the_charge_relaxes_with_resistance_times_capacitance():
     trial = ball()
-    bench = TraceBench(trial, 5e-6)
+    bench = MujocoBench([trial], 5e-6, 1, is_recorded=True)
     bench.move("approach", 0.3e-3, -25e-9, 0.0)
     bench.move("voltage", 0.05e-3, -25e-9, 30.0)
     bench.move("retract", 0.3e-3, 10e-9, 30.0)
@@ -80,7 +81,7 @@ def test_the_charge_relaxes_with_resistance_times_capacitance():
     bench.move("off", 0.05e-3, 0.3e-6, 0.0)
     bench.move("carry", 0.85e-3, GAP, 0.0)
     bench.move("hold", 1e-3, GAP, 0.0)
-    trace = bench.trace()
+    trace = trace_of(bench)
     hold = trace.ball_voltage[trace.phase == trace.phases.index("hold")]
     above, below = (capacitance(task, gap, 20e-6, 13e-6, 0.2e-6) for task, gap in (("pick", 0.0), ("release", GAP)))
     time = trial.contacts.leak * float(above + below)

@@ -29,9 +29,10 @@ from iswarm_mj.gripper.laws.detachment import (
     release_voltage,
     scattered_work,
 )
-from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, asymptotic_force, pick_force, release_force
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.reference import PAPER_GRASP
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 RADII = np.linspace(15e-6, 25e-6, 21)
 

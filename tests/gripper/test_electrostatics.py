@@ -7,19 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_sphere_plane import SWITCH, force_series, sphere_plane_capacitance, sphere_plane_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iswarm_mj.gripper.laws.electrostatics import (
-    VACUUM_PERMITTIVITY,
     asymptotic_force,
     pick_force,
     release_force,
-    sphere_plane_capacitance,
-    sphere_plane_force,
 )
 from iswarm_mj.gripper.laws.probe_table import GAP_EXPONENTS, PROBE_EXPONENTS, probe_factor
-from iswarm_mj.gripper.laws.sphere_plane import SWITCH, force_series
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.errors import UserError
 
 DATA = Path(__file__).parents[1] / "data"

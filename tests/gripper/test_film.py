@@ -11,18 +11,15 @@ from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench
-from iswarm_mj.gripper.bench.film import Look, joined
+from iswarm_mj.gripper.bench.film import joined
 from iswarm_mj.gripper.bench.trial import Trial
 
 TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3, misalignment=2e-6), 5e-6
 RISE = Move("rise", 0.05e-3, GAP, 60.0)
 
 
-def bench(kind=MujocoBench, hanging=GAP):
-    if kind is TraceBench:
-        return TraceBench(TRIAL, 0.2e-6, hanging, 2e-6)
-    return MujocoBench([TRIAL], 0.2e-6, 1, hanging=hanging, timestep=2e-6)
+def bench(is_recorded=False, hanging=GAP):
+    return MujocoBench([TRIAL], 0.2e-6, 1, hanging=hanging, timestep=2e-6, is_recorded=is_recorded)
 
 
 def test_several_moves_end_where_one_after_the_other_does():
@@ -36,20 +33,19 @@ def test_several_moves_end_where_one_after_the_other_does():
     assert here.finite.all() and all_.steps == one.steps
 
 
-@pytest.mark.parametrize("kind", [MujocoBench, TraceBench])
-def test_a_film_is_wound_back_to_any_of_its_steps(kind):
+@pytest.mark.parametrize("is_recorded", [False, True])
+def test_a_film_is_wound_back_to_any_of_its_steps(is_recorded):
     """It shows a ball that leaves the tool and lands, as moves do; wound back, the bench goes on as if never filmed."""
-    filmed, moved = bench(kind), bench(kind)
+    filmed, moved = bench(is_recorded), bench(is_recorded)
     for each in (filmed, moved):
         each.moves([RISE])
     film = filmed.film("wait", 1.2e-3, GAP, 60.0)
     assert len(film.gap_tool) == len(film.states) == 600 and film.finite.all()
     assert (film.gap_plate <= 0).any() and (film.gap_plate[:200] > 4e-6).all()
     watch = moved.move("wait", 1.2e-3, GAP, 60.0)
-    look = Look(film, 0, 599)
-    assert (look.gap_tool, look.gap_plate) == pytest.approx((watch.gap_tool[0], watch.gap_plate[0]), rel=1e-6)
-    assert look.speed == pytest.approx(watch.speed[0], rel=1e-6)
-    assert look.landing_speed == pytest.approx(watch.landing_speed[0], rel=1e-6)
+    assert (film.gap_tool[-1], film.gap_plate[-1]) == pytest.approx((watch.gap_tool[0], watch.gap_plate[0]), rel=1e-6)
+    assert film.speed[-1] == pytest.approx(watch.speed[0], rel=1e-6)
+    assert film.landing_speed(599) == pytest.approx(watch.landing_speed[0], rel=1e-6)
     filmed.rewind(film, 299)
     again = filmed.film("wait", 0.6e-3, GAP, 60.0)
     np.testing.assert_array_equal(again.gap_tool, film.gap_tool[300:])
@@ -59,7 +55,7 @@ def test_a_film_is_wound_back_to_any_of_its_steps(kind):
 def test_a_film_of_a_bench_that_breaks_says_when():
     """A speed beyond what MuJoCo takes: the first step is wrong already, and what is wound back to it stays so."""
     broken = bench()
-    broken._qvel[0, broken._where.ball] = 1e12
+    broken._qvel[0, broken.where.ball] = 1e12
     film = broken.film("wait", 20e-6, GAP, 0.0)
     assert not film.finite.any()
     broken.rewind(film, 0)

@@ -1,5 +1,6 @@
 """Lifting, carrying and releasing: who has which ball."""
 
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -18,9 +19,9 @@ from iswarm_mj.utils.units import RD
 
 PROBE = jnp.array([0.9, 0.0])
 DUMP = 5 * RD
-GRIPPER = GripperConfig()
-WEAK = GripperConfig(grasp_voltage=5.0)
-STICKY = GripperConfig(release_voltage=5.0)
+GRIPPER = GripperConfig(spread_tool_object=0.0, spread_object_substrate=0.0)
+WEAK = replace(GRIPPER, grasp_voltage=5.0)
+STICKY = replace(GRIPPER, release_voltage=5.0)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -29,7 +30,8 @@ def grip(gripper, balls, poses, picks, falls):
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
-    return handle(gripper, conditions_of(SwarmConfig(gripper=gripper)), balls, tips, view, picks, falls)
+    conditions = conditions_of(SwarmConfig(gripper=gripper))
+    return handle(gripper, conditions, balls, tips, view, picks, falls, key=jax.random.key(0))
 
 
 def hands(balls, *rows, gripper=GRIPPER, picks=True, falls=False):

@@ -3,38 +3,35 @@
 import numpy as np
 import pytest
 from helpers_attempts import random_attempts
+from helpers_energy import books
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.bench import leaps, swarm_trials
 from iswarm_mj.gripper.bench.base import Move
-from iswarm_mj.gripper.bench.energy import books
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench
 from iswarm_mj.gripper.bench.staircase import lifting, touching
 from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, drop_on, lift_on
+from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 
 TRIAL, GAP, STEP = Trial(18e-6, 1.5e-3, 13e-3), 5e-6, 2e-6
-KINDS = pytest.mark.parametrize("kind", [MujocoBench, TraceBench])
+KINDS = pytest.mark.parametrize("is_recorded", [False, True])
 
 
-def bench(kind=MujocoBench, hanging=GAP, trial=TRIAL, step=STEP):
-    if kind is TraceBench:
-        return TraceBench(trial, PROTOCOL.start_gap, hanging, step)
-    return MujocoBench([trial], PROTOCOL.start_gap, 1, hanging=hanging, timestep=step)
+def bench(is_recorded=False, hanging=GAP, trial=TRIAL, step=STEP):
+    return MujocoBench([trial], PROTOCOL.start_gap, 1, hanging=hanging, timestep=step, is_recorded=is_recorded)
 
 
 def numbers(made):
     """Heights of ball and tool, voltage of the ball."""
-    at, row = made.places, made.row
-    heights = row.qpos[[at.layout.ball + 2, at.layout.slide]]
-    return np.array([*heights, row.plugin_state[at.ball_voltage]])
+    heights = made.row.qpos[[made.where.ball + 2, made.where.slide]]
+    return np.array([*heights, made.number("electrostatic", "ball_voltage")])
 
 
 @KINDS
-def test_charge_flows_while_a_ball_hangs_as_it_does_in_physics(kind):
+def test_charge_flows_while_a_ball_hangs_as_it_does_in_physics(is_recorded):
     """Its voltage within 0.1 %, heights within 0.1 nm."""
-    leapt, moved = bench(kind), bench()
+    leapt, moved = bench(is_recorded), bench()
     for each in (leapt, moved):
         each.moves([Move("rise", 0.05e-3, GAP, 60.0)])
     time = leaps.hang(leapt, "wait", 60.0, 0.2e-3)
@@ -65,13 +62,13 @@ def test_a_ball_that_hangs_is_let_go_when_physics_lets_it_go():
 
 @KINDS
 @pytest.mark.parametrize("speed", [15.0, -15.0, 3.0])
-def test_an_uncharged_ball_flies_as_it_does_in_physics(kind, speed):
+def test_an_uncharged_ball_flies_as_it_does_in_physics(is_recorded, speed):
     """Up to the tool, down to the plate, up and down again; 2 nm is what steps of 2 us lag behind the parabola."""
-    leapt, moved = bench(kind), bench()
+    leapt, moved = bench(is_recorded), bench()
     for each in (leapt, moved):
-        at = each.places
-        each.row.qpos[at.layout.ball + 2] -= 2.5
-        each.row.qvel[at.layout.ball : at.layout.ball + 6] = 0.5, 0.0, speed, 0.2, 0.3, 0.1
+        ball = each.where.ball
+        each.row.qpos[ball + 2] -= 2.5
+        each.row.qvel[ball : ball + 6] = 0.5, 0.0, speed, 0.2, 0.3, 0.1
         each.move("fall", STEP, GAP, 0.0)
     time = leaps.fly(leapt, "fall", 0.3e-3)
     assert time == pytest.approx(0.3e-3) if abs(speed) < 10 else 0.1e-3 < time < 0.2e-3
@@ -84,17 +81,17 @@ def test_what_is_near_a_surface_charged_or_held_is_left_to_physics():
     hanging = bench()
     hanging.moves([Move("rise", 0.05e-3, GAP, 60.0)])
     assert leaps.fly(hanging, "fall", 1e-3) == 0  # touches the tool
-    hanging.row.qpos[hanging.places.layout.ball + 2] -= 2.5
+    hanging.row.qpos[hanging.where.ball + 2] -= 2.5
     hanging.move("fall", STEP, GAP, 60.0)
     assert leaps.fly(hanging, "fall", 1e-3) == 0  # charged
     assert leaps.hang(hanging, "wait", 60.0, 1e-3) == 0  # touches nothing
 
 
 @KINDS
-def test_a_tool_that_presses_ends_where_all_of_its_way_leads(kind):
+def test_a_tool_that_presses_ends_where_all_of_its_way_leads(is_recorded):
     """When the ball is about to leave the plate: heights within 0.01 nm, the same voltage."""
     moves = [*touching(PROTOCOL), *lifting(PROTOCOL, 50.0)][:4]
-    leapt, moved = bench(kind, None), bench(hanging=None)
+    leapt, moved = bench(is_recorded, None), bench(hanging=None)
     leapt.moves(moves, 95)
     moved.moves(moves)
     assert leapt.steps == moved.steps
@@ -144,11 +141,11 @@ def test_two_thousand_trials_with_leaps_decide_as_those_without(monkeypatch):
 @pytest.mark.parametrize("voltage", [20.0, 55.0])
 def test_a_recorded_release_shows_all_of_its_time(voltage):
     """What is leapt over, too, whether the ball leaves the tool or not; samples a physics step apart."""
-    recorded, other = bench(TraceBench), bench()
+    recorded, other = bench(True), bench()
     succeeded, duration, impact = drop_on(recorded, voltage, GAP)
     assert (succeeded, duration) == drop_on(other, voltage, GAP)[:2] and succeeded == (voltage > 30)
     assert impact == pytest.approx(drop_on(bench(), voltage, GAP)[2], rel=1e-6)
-    time = recorded.trace().time
+    time = trace_of(recorded).time
     assert time[-1] == pytest.approx(duration, abs=3 * STEP)
     np.testing.assert_allclose(np.diff(time), STEP, rtol=1e-6)
 
@@ -158,8 +155,8 @@ def test_energy_is_conserved_across_leaps(voltage):
     """To 1 % at 1 us, and to an order of the time step, as without leaps: the landing takes one step of it."""
     errors = []
     for step in (1e-6, 0.5e-6):
-        released, lifted = bench(TraceBench, step=step), bench(TraceBench, None, step=step)
+        released, lifted = bench(True, step=step), bench(True, None, step=step)
         assert drop_on(released, voltage, GAP)[0] and lift_on(lifted, 45.0)[0]
-        errors.append([abs(books(made.trace(), TRIAL).error) for made in (released, lifted)])
+        errors.append([abs(books(trace_of(made), TRIAL).error) for made in (released, lifted)])
     assert max(errors[0]) < 0.01
     np.testing.assert_allclose(errors[1], np.multiply(errors[0], 0.5), rtol=0.2)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
+import iswarm_mj.gripper.mjx_forces as mjx_forces
 import iswarm_mj.gripper.plugin as plugin
+from iswarm_mj.gripper.contact import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.laws.detachment import release_voltage
-from iswarm_mj.gripper.mjx_contacts import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.mjx_forces import (
     first_state,
-    gripper_force,
     gripper_forces,
     step,
 )
@@ -49,6 +49,11 @@ def world():
     model = spec.compile()
     portable = mjx_compatible(spec)
     return model, gripper_forces(model), mjx.put_model(portable, impl="jax"), mjx.make_data(portable, impl="jax")
+
+
+def gripper_force(forces, model, data, state):
+    """Forces at positions of which nothing was computed yet."""
+    return mjx_forces.gripper_force(forces, model, mjx.kinematics(model, data), state)
 
 
 def random_state(random, model, data):

@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from helpers_sphere_plane import sphere_plane_capacitance, sphere_plane_force
 from scipy.integrate import quad
 
 import iswarm_mj.gripper.plugin as plugin
@@ -13,8 +14,6 @@ from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.electrostatics import (
     pick_force,
     release_force,
-    sphere_plane_capacitance,
-    sphere_plane_force,
 )
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 

@@ -21,7 +21,6 @@ from iswarm_mj.gripper.laws.roughness import (
     effective_work,
     preloaded_pull_off,
     roughness_factor,
-    roughness_for,
 )
 
 SMOOTH = Surface()
@@ -46,6 +45,11 @@ def test_a_rough_contact_pulls_off_alike_at_all_radii():
     assert forces[1] / forces[0] == pytest.approx(1.0, abs=0.02)
     smooth = [dmt_pull_off(r, effective_work(0.1, r, SMOOTH)) for r in (15e-6, 25e-6)]
     assert smooth[1] / smooth[0] == pytest.approx(25 / 15)
+
+
+def roughness_for(factor, radius, spacing):
+    """Roughness that lowers the pull-off to a share [m], where contact with one asperity decides: the first term."""
+    return (1 / factor - 1) * spacing**2 / (58.14 * radius)
 
 
 def test_the_ratio_of_the_works_is_that_of_two_roughnesses():

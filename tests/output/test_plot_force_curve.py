@@ -6,7 +6,7 @@ import pytest
 from iswarm_mj.output.plot_force_curve import curves_of, draw_force_curve, pull_off, snap_in
 
 GAPS = {"approach": (20e-9, 5e-9, 1e-9, -2e-9), "retract": (-2e-9, -1e-9, 1e-9, 20e-9)}
-TOTALS = {"approach": (10e-9, 50e-9, 90e-9, -3e-6), "retract": (-3e-6, 40e-9, 200e-9, 10e-9)}
+TOTALS = {"approach": (-10e-9, -50e-9, -90e-9, 3e-6), "retract": (3e-6, -40e-9, -200e-9, -10e-9)}
 
 
 def rows_of(voltage, radius, scale=1.0):
@@ -16,8 +16,8 @@ def rows_of(voltage, radius, scale=1.0):
             "voltage": voltage,
             "radius": radius,
             "gap": gap,
-            "adhesion": max(total, 0) * scale,
-            "electrostatic": 5e-9 if voltage else 0.0,
+            "adhesion": min(total, 0) * scale,
+            "electrostatic": -5e-9 if voltage else 0.0,
             "total": total * scale,
         }
         for direction in GAPS

@@ -5,13 +5,12 @@ import pytest
 from helpers_swarm_recording import PERIOD, make_scene
 from rerun.chunk import RrdReader
 
-from iswarm_mj.gripper.bench.attempt_log import Tried
-from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
+from iswarm_mj.gripper.bench.attempt_trace import Tried, trace_attempt
 from iswarm_mj.output.rerun_attempts import AttemptView
 from iswarm_mj.output.rerun_swarm import Recording
 
 GAP, STEP = 5e-6, 4
-LIFT = Tried(2, True, 40.0, 20e-6, 1.41e-3, 14.7e-3, 4e-6, True, 0.7e-3, 0.0)
+LIFT = Tried(2, True, True, 20e-6, 40.0, 1.41e-3, 14.7e-3, 4e-6)
 VAIN = LIFT._replace(ball=0, voltage=10.0, radius=17e-6, succeeded=False)
 BALLS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 

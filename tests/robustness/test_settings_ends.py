@@ -15,7 +15,7 @@ from helpers_worlds import start_of
 from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.floor import probe_tips
-from iswarm_mj.simulation.common import DIFFERENT, check_common
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, check_common
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Above, choices, constraint_of
@@ -54,8 +54,8 @@ def moved(rng, config, names, n):
 
 
 SETTINGS = [(part, f.name) for part in PARTS for f in fields(getattr(SwarmConfig(), part))]
-OF_RUNS = [(part, name) for part, name in SETTINGS if name not in DIFFERENT[part]]
-OF_WORLDS = [(part, name) for part, name in SETTINGS if name in DIFFERENT[part]]
+OF_RUNS = [(part, name) for part, name in SETTINGS if name not in PER_WORLD_FIELDS[part]]
+OF_WORLDS = [(part, name) for part, name in SETTINGS if name in PER_WORLD_FIELDS[part]]
 
 
 def busy_start(config, rng):

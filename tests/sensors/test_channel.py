@@ -1,19 +1,22 @@
 """One exchange of messages: what arrives, how often, and how exactly the distance is measured."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import remember, turned
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
-from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
+from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.messages import Layout, Message
+from iswarm_mj.sensors.messages import Message, Payload
 from iswarm_mj.strategy.vector_strategy import payload_for
 
 MAX_RANGE = 138.6
-LAYOUT = Layout(payload_for(MAX_RANGE))
+PAYLOAD = payload_for(MAX_RANGE)
 CLEAN = OpticsConfig(error_distance_measure=0.0, error_in_communication=0.0, p_communication_break=0.0)
 N = 25_000  # robots, so 1e5 messages
 
@@ -45,7 +48,7 @@ def send(optics, content, wiring, seed=0):
     sender, led, valid, distance = (jnp.asarray(a) for a in wiring)
     links = Links(sender=sender, valid=valid, led=led, bearing=jnp.zeros_like(distance), distance=distance)
     noise = conditions_of(SwarmConfig(optics=optics))
-    return exchange(Channel(noise, LAYOUT), content, links, jax.random.key(seed))
+    return exchange(noise, PAYLOAD, content, links, jax.random.key(seed))
 
 
 def test_without_noise_everything_arrives_as_packed():
@@ -54,9 +57,9 @@ def test_without_noise_everything_arrives_as_packed():
     np.testing.assert_array_equal(arrived, valid)
     np.testing.assert_allclose(measured, distance, rtol=1e-6)
     spoken = Message(jnp.asarray(led), jax.tree.map(lambda a: a[sender], content))
-    expected, _ = LAYOUT.unpack(LAYOUT.pack(spoken))
+    expected, _ = PAYLOAD.unpack(PAYLOAD.pack(spoken))
     jax.tree.map(np.testing.assert_array_equal, message, expected)
-    np.testing.assert_array_equal(bits[sender, led], LAYOUT.pack(spoken))
+    np.testing.assert_array_equal(bits[sender, led], PAYLOAD.pack(spoken))
     np.testing.assert_array_equal(message.led, led)
     np.testing.assert_array_equal(message.payload["priority"], np.asarray(content["priority"])[sender])
 
@@ -90,7 +93,7 @@ def test_two_wrong_bits_pass_for_a_message():
     content = contents(2)
     message, arrived, *_ = send(optics, content, everyone)
     first = jax.tree.map(lambda a: a[0], content)
-    spoken = LAYOUT.unpack(LAYOUT.pack(Message(jnp.int32(0), first)))[0]
+    spoken = PAYLOAD.unpack(PAYLOAD.pack(Message(jnp.int32(0), first)))[0]
     wrong = jax.tree.map(lambda got, said: np.asarray(got != said).reshape(N, 4, -1).any(axis=2), message, spoken)
     rate = 1 - (1 - error) ** (1 / 32)
     one_wrong = 32 * rate * (1 - rate) ** 31
@@ -104,6 +107,25 @@ def test_breaks_and_damage_are_independent():
     together = lost(clean_but(p_communication_break=0.1, error_in_communication=0.1))
     damaged = lost(clean_but(error_in_communication=0.1), seed=2)
     assert abs(together - (1 - 0.9 * (1 - damaged))) < 0.005
+
+
+def test_breaks_depend_neither_on_the_number_of_wrong_bits_nor_on_their_places():
+    """Of 1e5 messages whose checks nobody looks at, most with two wrong bits, as many break of each kind."""
+    noise = clean_but(p_communication_break=0.2, error_in_communication=0.9, independent_bit_errors=True)
+    conditions = conditions_of(SwarmConfig(optics=dataclasses.replace(noise, parity_check=False)))
+    zeros, shape = jnp.zeros((N, 4), jnp.int32), (N, 4)
+    links = Links(zeros, jnp.ones(shape, bool), zeros, jnp.zeros(shape), jnp.full(shape, 5.0))
+    payload = Payload({"word": Integer(29)})
+    got = exchange(conditions, payload, {"word": jnp.zeros(N, jnp.int32)}, links, jax.random.key(5))
+    wrong = (np.asarray(got.message.payload["word"]) << 2 | np.asarray(got.message.led)).ravel()
+    arrives, count = np.asarray(got.is_heard).ravel(), np.bitwise_count(wrong)
+    lowest = np.log2(np.where(wrong, wrong & -wrong, 1)).astype(int)
+    apart = np.log2(np.where(wrong, wrong, 1)).astype(int) - lowest
+    near = np.minimum(apart, 32 - apart) <= 6
+    kinds = [count == 0, count == 2, (count == 1) & (lowest < 10), (count == 1) & (lowest > 20)]
+    kinds += [(count == 2) & near, (count == 2) & ~near]
+    for kind in kinds:
+        assert kind.sum() > 3000 and abs(arrives[kind].mean() - 0.8) < 4.5 * np.sqrt(0.16 / kind.sum())
 
 
 def test_distances_are_measured_to_ten_percent():

@@ -8,7 +8,7 @@ from helpers_sensing import remember, wrapped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.sensors.fields import KINDS, Bearing, Flag, Integer, Real, Vector, stated
+from iswarm_mj.sensors.fields import KINDS, Bearing, Flag, Integer, Real, Vector, to_json
 from iswarm_mj.utils.errors import UserError
 
 FIELDS = (Flag(), Integer(4), Integer(3, low=-5), Integer(31), Real(-2, 7, bits=6), Bearing(3), Vector(50.0, 3, 4, 2))
@@ -88,7 +88,7 @@ def test_vectors_that_are_none_are_not_sent():
 
 @pytest.mark.parametrize("field", FIELDS, ids=str)
 def test_declarations_survive_json(field):
-    content = stated(field)
+    content = to_json(field)
     kind = content.pop("kind")
     assert KINDS[kind](**content) == field
 
@@ -96,25 +96,29 @@ def test_declarations_survive_json(field):
 @pytest.mark.parametrize(
     "kind, arguments, words",
     [
-        (Integer, {"bits": 0}, r"Integer\(bits=0, low=0\) cannot be encoded; make bits a whole number from 1 to 31"),
-        (Integer, {"bits": 32}, "from 1 to 31"),
-        (Integer, {"bits": 2.5}, "make bits a whole number"),
-        (Integer, {"bits": True}, "make bits a whole number"),
-        (Integer, {"bits": 4, "low": 2**31 - 3}, "has values that int32 has not"),
-        (Integer, {"bits": 4, "low": 0.5}, "make low a whole number"),
-        (Real, {"low": 1, "high": 1, "bits": 4}, "has an empty range; give a low below the high"),
-        (Real, {"low": 2, "high": 1, "bits": 4}, "has an empty range"),
-        (Real, {"low": float("nan"), "high": 1, "bits": 4}, "make low a finite number"),
-        (Real, {"low": 0, "high": 1e39, "bits": 4}, "make high a finite number of Python in single precision"),
-        (Real, {"low": 0, "high": jnp.float32(3), "bits": 4}, "make high a finite number of Python"),
-        (Real, {"low": 0, "high": "far", "bits": 4}, "make high a finite number"),
-        (Real, {"low": 0, "high": 1, "bits": 25}, "make bits a whole number from 1 to 24"),
-        (Real, {"low": 1e6, "high": 1e6 + 1, "bits": 8}, "steps that single precision cannot tell apart; use fewer"),
-        (Real, {"low": 0, "high": 1, "bits": 4, "unit": 3}, "has a unit that is no word"),
-        (Bearing, {"bits": 0}, "make bits a whole number from 1 to 16"),
-        (Vector, {"max_range": 0.0}, "has no range; make max_range positive"),
-        (Vector, {"max_range": float("inf")}, "make max_range a finite number"),
-        (Vector, {"max_range": 5.0, "hop_bits": 0}, "make hop_bits a whole number"),
+        (Integer, {"bits": 0}, r"Integer\.bits must be a whole number between 1 and 31 \(got 0\)"),
+        (Integer, {"bits": 32}, r"between 1 and 31 \(got 32\)"),
+        (Integer, {"bits": 2.5}, r"Integer\.bits must be a whole number"),
+        (Integer, {"bits": True}, r"Integer\.bits must be a whole number"),
+        (
+            Integer,
+            {"bits": 4, "low": 2**31 - 3},
+            r"Integer\.low must be .* and 2147483632, so that all",
+        ),
+        (Integer, {"bits": 4, "low": 0.5}, r"Integer\.low must be a whole number"),
+        (Real, {"low": 1, "high": 1, "bits": 4}, r"Real\.high must be above the low, 1 \(got 1\)"),
+        (Real, {"low": 2, "high": 1, "bits": 4}, r"Real\.high must be above the low"),
+        (Real, {"low": float("nan"), "high": 1, "bits": 4}, r"Real\.low must be between"),
+        (Real, {"low": 0, "high": 1e39, "bits": 4}, r"Real\.high must be between -3\.40282e\+38 and 3\.40282e\+38"),
+        (Real, {"low": 0, "high": jnp.float32(3), "bits": 4}, r"Real\.high must be between"),
+        (Real, {"low": 0, "high": "far", "bits": 4}, r"Real\.high must be between"),
+        (Real, {"low": 0, "high": 1, "bits": 25}, r"Real\.bits must be a whole number between 1 and 24"),
+        (Real, {"low": 1e6, "high": 1e6 + 1, "bits": 8}, "fewer, since single precision cannot tell the steps apart"),
+        (Real, {"low": 0, "high": 1, "bits": 4, "unit": 3}, r"Real\.unit must be a str"),
+        (Bearing, {"bits": 0}, r"Bearing\.bits must be a whole number between 1 and 16"),
+        (Vector, {"max_range": 0.0}, r"Vector\.max_range must be"),
+        (Vector, {"max_range": float("inf")}, r"Vector\.max_range must be"),
+        (Vector, {"max_range": 5.0, "hop_bits": 0}, r"Vector\.hop_bits must be a whole number"),
     ],
 )
 def test_what_cannot_be_encoded(kind, arguments, words):

@@ -78,6 +78,23 @@ def test_a_sender_in_the_same_slot_jams():
     assert front((4, 0, 1), (4, 0, 4)) == [2, 2]  # the own LED blinds the side to the nearest
 
 
+def test_slots_of_later_leds_go_round_the_window():
+    """Robot 1 lights its back LED in slot 7 + 2 - 8, robot 2 its left LED in slot 0 + 1; both shine on robot 0."""
+
+    def front(first_slots, leds):
+        shape = (3, 4, 2)
+        sender = jnp.zeros(shape, jnp.int32).at[0, FRONT].set(jnp.array([1, 2]))
+        valid = jnp.zeros(shape, bool).at[0, FRONT].set(True)
+        led = jnp.zeros(shape, jnp.int32).at[0, FRONT].set(jnp.array(leds))
+        distance = jnp.zeros(shape).at[0, FRONT].set(jnp.array([5.0, 6.0]))
+        links = understood(timed(), Links(sender, valid, led, distance, distance), jnp.array(first_slots))
+        return int(links.sender[0, FRONT]) if links.valid[0, FRONT] else -1
+
+    assert front((4, 7, 0), (BACK, LEFT)) == -1
+    assert front((4, 7, 0), (BACK, FRONT)) == 1
+    assert front((4, 6, 7), (RIGHT, BACK)) == -1
+
+
 def test_silent_robots_jam_nobody():
     """Engines leave out the light of robots that send none."""
     poses, sends = place((0, 0, 0), (4, 2.6, 213), (6, -2.6, 157)), np.array([[True, False, True]])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from iswarm_mj.sensors.checks import parity
 from iswarm_mj.sensors.fields import Vector
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.sensors.messages import Layout, Message, corrupt
+from iswarm_mj.sensors.messages import Message, corrupt
 from iswarm_mj.strategy.vector_strategy import payload_for
 
 MAX_RANGE = 138.6
@@ -23,8 +23,8 @@ BEARING = 2 * np.pi / 32
 vectors = st.tuples(st.floats(-np.pi, np.pi), st.floats(0, MAX_RANGE), st.integers(0, 14))
 PATTERNS = np.array([0, 1, 0xFFFFFFFF, 0x80000000, 0xDEADBEEF, 0x12345678], np.uint32)
 
-LAYOUT, VECTOR = Layout(payload_for(MAX_RANGE)), Vector(MAX_RANGE)
-pack_here, unpack_here = jax.jit(LAYOUT.pack), jax.jit(LAYOUT.unpack)
+PAYLOAD, VECTOR = payload_for(MAX_RANGE), Vector(MAX_RANGE)
+pack_here, unpack_here = jax.jit(PAYLOAD.pack), jax.jit(PAYLOAD.unpack)
 
 
 def vector(bearing, steps):
@@ -55,7 +55,7 @@ def message(led=0, priority=False, dust=None, dump=None):
     ],
 )
 def test_hand_worked_messages_have_the_documented_layout(content, bits):
-    packed = LAYOUT.pack(content)
+    packed = PAYLOAD.pack(content)
     assert packed.dtype == jnp.uint32
     assert f"{int(packed):032b}" == f"{bits:032b}"
 
@@ -73,9 +73,9 @@ def test_bits_are_those_of_the_codec_that_knew_no_other_payload(n_leds):
         vectors = {name: VectorMemory(*(of(f"{name}_{p}") for p in VectorMemory._fields)) for name in ("dust", "dump")}
         return Message(of("led"), {"priority": of("priority"), **vectors})
 
-    layout = Layout(payload_for(138.6, n_leds), n_leds)
-    np.testing.assert_array_equal(layout.pack(content("sent")), kept[f"bits{n_leds}"])
-    got, is_right = layout.unpack(jnp.asarray(kept[f"noisy{n_leds}"]))
+    payload = payload_for(138.6, n_leds)
+    np.testing.assert_array_equal(payload.pack(content("sent"), n_leds), kept[f"bits{n_leds}"])
+    got, is_right = payload.unpack(jnp.asarray(kept[f"noisy{n_leds}"]), n_leds)
     np.testing.assert_array_equal(is_right, kept[f"ok{n_leds}"])
     assert 0.1 < 1 - np.mean(is_right) < 0.5
     jax.tree.map(np.testing.assert_array_equal, got, content("got"))
@@ -123,7 +123,7 @@ def test_parity_is_that_of_the_number_of_ones():
 
 
 def test_one_wrong_bit_is_found_and_two_are_not():
-    bits = int(LAYOUT.pack(message(3, True, remember(vector(8, 30), hop=5))))
+    bits = int(PAYLOAD.pack(message(3, True, remember(vector(8, 30), hop=5))))
     single = np.array([bits ^ 1 << i for i in range(32)], np.uint32)
     double = np.array([bits ^ 1 << i ^ 1 << j for i, j in combinations(range(32), 2)], np.uint32)
     assert not np.asarray(unpack_here(jnp.asarray(single))[1]).any()

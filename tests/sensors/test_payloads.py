@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
-from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.messages import Layout, Message, Payload
+from iswarm_mj.sensors.messages import Message, Payload
 from iswarm_mj.utils.errors import UserError
 
 HEAT = Payload({"count": Integer(bits=4), "heat": Real(0, 1, bits=8)})
@@ -19,21 +19,20 @@ HEAT = Payload({"count": Integer(bits=4), "heat": Real(0, 1, bits=8)})
 def test_fields_stand_one_after_the_other():
     """Parity, 17 zeros, heat, count, LED; worked by hand."""
     content = {"count": jnp.int32(9), "heat": jnp.float32(0.2)}
-    bits = Layout(HEAT).pack(Message(jnp.int32(2), content))
+    bits = HEAT.pack(Message(jnp.int32(2), content))
     assert f"{int(bits):032b}" == "1" + 17 * "0" + f"{51:08b}" + "1001" + "10"
-    bits = Layout(HEAT, 5).pack(Message(jnp.int32(4), content | {"count": jnp.int32(8)}))
+    bits = HEAT.pack(Message(jnp.int32(4), content | {"count": jnp.int32(8)}), 5)
     assert f"{int(bits):032b}" == "0" + 16 * "0" + f"{51:08b}" + "1000" + "100"
 
 
 def test_another_check_stands_in_the_highest_bits():
     payload = Payload(HEAT.fields, check="crc-16/xmodem")
-    bits = Layout(payload).pack(Message(jnp.int32(1), {"count": jnp.int32(0), "heat": jnp.float32(0)}))
+    bits = payload.pack(Message(jnp.int32(1), {"count": jnp.int32(0), "heat": jnp.float32(0)}))
     assert int(bits) & 0xFFFF == 1 and int(bits) >> 16 == 0x1021  # the polynomial is the remainder of x^16
 
 
 def test_without_fields_messages_tell_the_led():
-    layout = Layout(Payload())
-    message, is_right = layout.unpack(layout.pack(Message(jnp.arange(4), {})))
+    message, is_right = Payload().unpack(Payload().pack(Message(jnp.arange(4), {})))
     np.testing.assert_array_equal(message.led, range(4))
     assert message.payload == {} and is_right.all()
 
@@ -46,7 +45,7 @@ def sent(payload, content, n_leds=4, error=0.0):
     sender = jnp.broadcast_to(jnp.array([[1], [0]]), (n, n_leds))
     distance = jnp.full((n, n_leds), 5.0)
     links = Links(sender, jnp.ones((n, n_leds), bool), led, distance, distance)
-    return exchange(Channel(noise, Layout(payload, n_leds)), content, links, jax.random.key(0))
+    return exchange(noise, payload, content, links, jax.random.key(0))
 
 
 def test_what_is_said_is_heard_within_half_a_step():
@@ -72,7 +71,7 @@ def test_every_damaged_message_is_found_out():
 def test_declarations_survive_json():
     fields = {"flag": Flag(), "v": Vector(30.0, 3, 3, 2), "b": Bearing(3), "r": Real(-1, 1, 4, unit="mm")}
     payload = Payload(fields, check="crc-3/gsm")
-    assert Payload.restored(payload.stated()) == payload
+    assert Payload.from_json(payload.to_json()) == payload
 
 
 @pytest.mark.parametrize(
@@ -106,4 +105,4 @@ def test_refused(fields, check, words):
 def test_another_bit_for_the_leds_may_be_one_too_many():
     payload = Payload({"a": Integer(29)})
     with pytest.raises(UserError, match=r"29 bits .* with 3 for the LED's number .* by 1 bits"):
-        Layout(payload, 5)
+        payload.check_room(5)

@@ -16,7 +16,7 @@ from iswarm_mj.config import (
     StrategyConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import DIFFERENT, common
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, common
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -49,7 +49,14 @@ OTHERS = {
         p_communication_break=0.3,
     ),
     "drive": DriveConfig(error_turn=10.0, error_step=0.2),
-    "gripper": GripperConfig(drop_rate=0.1, grasp_voltage=41.0, release_voltage=54.0, relative_humidity=20.0),
+    "gripper": GripperConfig(
+        drop_rate=0.1,
+        grasp_voltage=41.0,
+        release_voltage=54.0,
+        relative_humidity=20.0,
+        spread_tool_object=0.3,
+        spread_object_substrate=0.4,
+    ),
 }
 """Parts of a configuration with other values in the settings in which worlds may differ."""
 
@@ -95,10 +102,10 @@ def test_all_that_may_differ_is_tried_here():
         for part, other in OTHERS.items()
     }
     at_the_start = {"arena": {"ball_radius_min", "ball_radius_max"}, "gripper": {"work_tool_object"}}
-    assert tried["strategy"] == DIFFERENT["strategy"] and tried["drive"] == DIFFERENT["drive"]
-    assert tried["optics"] == DIFFERENT["optics"]
-    assert tried["arena"] | at_the_start["arena"] == DIFFERENT["arena"]
-    assert tried["gripper"] <= DIFFERENT["gripper"] >= at_the_start["gripper"]
+    assert tried["strategy"] == PER_WORLD_FIELDS["strategy"] and tried["drive"] == PER_WORLD_FIELDS["drive"]
+    assert tried["optics"] == PER_WORLD_FIELDS["optics"]
+    assert tried["arena"] | at_the_start["arena"] == PER_WORLD_FIELDS["arena"]
+    assert tried["gripper"] <= PER_WORLD_FIELDS["gripper"] >= at_the_start["gripper"]
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ SEQUENTIAL = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), strategy=Strateg
 USERS = {
     "slots": (perceive, "draw_first_slots", 1),
     "turns": (decide, "draw_turns", 0),
-    "channel": (perceive, "exchange", 3),
+    "channel": (perceive, "exchange", 4),
     "task": (Cleaning, "advance", 3),
     "strategy": (VectorStrategy, "act", 3),
     "actuators": (decide, "actuate", 6),

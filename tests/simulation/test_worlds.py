@@ -27,7 +27,7 @@ CROWD = 100
 """Robots in the densest swarm, and the capacity of another one, which shares its program."""
 
 
-DAMP = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3, spread_object_substrate=0.3)
+DAMP = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3)
 HUMID = replace(SMALL, gripper=DAMP)
 QUIET = replace(SMALL, optics=OpticsConfig(error_distance_measure=0.0))
 VARIED = [
@@ -55,9 +55,8 @@ class TestManyWorlds:
             np.testing.assert_array_equal(start.task.position, (offset * RD).astype(np.float32))
             humid = 2.0 if gripper == DAMP else 1.0  # at 80 and at 10 %
             for what in ("tool_object", "object_substrate"):
-                sigma = np.sqrt(np.log1p(getattr(gripper, f"spread_{what}") ** 2))
-                work = humid * getattr(gripper, f"work_{what}") * np.exp(sigma * rng.standard_normal(n))
-                np.testing.assert_array_equal(getattr(start.task, f"work_{what}"), work.astype(np.float32))
+                work = np.float32(humid * getattr(gripper, f"work_{what}"))
+                np.testing.assert_array_equal(getattr(start.task, f"work_{what}"), np.full(n, work))
             radii = np.random.default_rng([world.seed, 2**32 - 1]).uniform(15e-6, 25e-6, n)
             np.testing.assert_array_equal(start.task.radius, radii.astype(np.float32))
             is_dead = np.isin(np.arange(world.n_robots), rng.permutation(world.n_robots)[: self.dead(world)])

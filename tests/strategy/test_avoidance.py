@@ -8,7 +8,7 @@ import pytest
 from helpers_sensing import RADIUS, senses_nothing
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
-from iswarm_mj.strategy.avoidance import avoidance_distance, repulsion, repulsion_range
+from iswarm_mj.strategy.avoidance import Kept, kept_distances, repulsion
 from iswarm_mj.strategy.controller import avoid
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
@@ -20,11 +20,8 @@ CONFIG = SwarmConfig()
     "preset, to_empty, to_flagged, of_loaded", [("type1", 0.65, 0.40, 0.25), ("type2", 0.77, 0.41, 0.27)]
 )
 def test_distances_of_table_2(preset, to_empty, to_flagged, of_loaded):
-    kept = avoidance_distance(rules_of(PRESETS[preset]), jnp.array([False, True]), jnp.array([[False, True]] * 2))
-    np.testing.assert_allclose(kept, [[to_empty, to_flagged], [of_loaded, of_loaded]], rtol=1e-6)
-    np.testing.assert_array_equal(
-        avoidance_distance(PRESETS[preset], jnp.array([False, True]), jnp.array([[False, True]] * 2)), kept
-    )
+    kept = kept_distances(rules_of(PRESETS[preset]), jnp.array([False, True]), jnp.array([[False, True]] * 2))
+    np.testing.assert_allclose(kept.threshold, [[to_empty, to_flagged], [of_loaded, of_loaded]], rtol=1e-6)
 
 
 @pytest.mark.parametrize("degrees", [0, 90, 180, 270, 33])
@@ -32,20 +29,21 @@ def test_push_is_straight_away_and_linear(degrees):
     angle = np.radians(degrees)
     away = -np.array([np.cos(angle), np.sin(angle)])
     shares = np.array([0.0, 0.25, 0.5, 0.9, 1.0, 1.5, 40.0])
-    push = repulsion(
-        *(jnp.asarray(a)[:, None] for a in (np.full(7, angle), shares * 0.65, np.full(7, 0.65), np.ones(7)))
+    bearing, distance, edge, weight = (
+        jnp.asarray(a)[:, None] for a in (np.full(7, angle), shares * 0.65, np.full(7, 0.65), np.ones(7))
     )
+    push = repulsion(bearing, distance, Kept(edge, edge), weight)
     np.testing.assert_allclose(push, np.maximum(1 - shares, 0)[:, None] * away, atol=1e-6)
 
 
 def test_pushes_add_up():
     bearing, near = jnp.array([[0.0, jnp.pi / 2, jnp.pi]]), jnp.array([[0.5, 0.5, 0.75]])
-    push = repulsion(bearing, near, jnp.ones((1, 3)), jnp.array([[1.0, 2.0, 1.0]]))
+    push = repulsion(bearing, near, Kept(*jnp.ones((2, 1, 3))), jnp.array([[1.0, 2.0, 1.0]]))
     np.testing.assert_allclose(push, [[-0.5 + 0.25, -1.0]], atol=1e-6)
 
 
 def test_no_distance_to_keep_is_no_push():
-    push = repulsion(*(jnp.array([[a]]) for a in (0.0, 0.1, 0.0, 1.0)))
+    push = repulsion(jnp.zeros((1, 1)), jnp.full((1, 1), 0.1), Kept(*jnp.zeros((2, 1, 1))), jnp.ones((1, 1)))
     np.testing.assert_allclose(push, 0, atol=1e-6)
 
 
@@ -130,7 +128,7 @@ def test_the_potential_never_ends_before_the_distance_to_keep():
     genome = replace(PRESETS["type1"], priority_coll_avoid_dist=0.9)
     loaded, flags = jnp.array([False, True]), jnp.array([[False, True]] * 2)
     for word in ("scaled", "higher"):
-        reach = repulsion_range(rules_of(genome, StrategyConfig(priority_repulsion=word)), loaded, flags)
+        reach = kept_distances(rules_of(genome, StrategyConfig(priority_repulsion=word)), loaded, flags).reach
         np.testing.assert_allclose(reach, [[0.65, 0.9], [0.25, 0.25]], rtol=1e-6)
 
 

@@ -6,22 +6,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_controller import CONFIG, PROBE, RULES, STEP, approach_here, draws, genes, genes_read, memories
+from helpers_controller import CONFIG, PROBE, RULES, STEP, approach_here, draws, genes, genes_read, memories, strategy
 from helpers_sensing import senses_nothing, turned
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
-from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.controller import (
-    approaching,
-    choose,
-    init,
-    may_pick,
-    priority_flag,
-    steer,
-)
+from iswarm_mj.strategy.controller import approaching, choose, steer
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD
 
+KEY = jax.random.key(0)
 choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (choose, steer))
 
 
@@ -149,8 +142,9 @@ def test_the_tip_comes_to_the_ball(seed):
 def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
     seen = senses_nothing(1)._replace(at_dust=jnp.array([True]), ball_vector=jnp.array([[0.0, 1.5]]))
     seen = seen._replace(**{name: jnp.array([value]) for name, value in change.items()})
-    worker, scout = init(1, 0), init(1, 1)
-    assert approaching(RULES, worker, seen)[0] == approaches and not approaching(RULES, scout, seen)[0]
+    for n_scouts, comes in ((0, approaches), (1, False)):
+        one = strategy(n_scouts=n_scouts)
+        assert approaching(one.picks(one.init(1, KEY)), seen)[0] == comes
 
 
 def test_the_tip_goes_to_the_ball_that_is_approached():
@@ -160,13 +154,13 @@ def test_the_tip_goes_to_the_ball_that_is_approached():
 
 
 def test_scouts_pick_only_if_they_may():
-    memory = init(4, 2)
-    np.testing.assert_array_equal(may_pick(RULES, memory), [False, False, True, True])
-    assert may_pick(genes_read(scouts_pick=True), memory).all()
+    memory = strategy(n_scouts=2).init(4, KEY)
+    np.testing.assert_array_equal(strategy().picks(memory), [False, False, True, True])
+    assert strategy(genes_read(scouts_pick=True)).picks(memory).all()
 
 
 def test_who_sends_the_priority_flag():
-    memory, loaded = init(4, 2), jnp.array([False, True, False, True])
+    memory, loaded = strategy(n_scouts=2).init(4, KEY), jnp.array([False, True, False, True])
     for scouts, carriers, flags in (
         (False, True, [0, 1, 0, 1]),
         (True, False, [1, 1, 0, 0]),
@@ -174,11 +168,11 @@ def test_who_sends_the_priority_flag():
         (False, False, [0, 0, 0, 0]),
     ):
         rules = genes(priority_signal_scouts=scouts, priority_signal_loaded=carriers)
-        np.testing.assert_array_equal(priority_flag(rules, memory, loaded), np.array(flags, bool))
+        np.testing.assert_array_equal(strategy(rules).say(memory, loaded)["priority"], np.array(flags, bool))
 
 
 def test_workers_and_scouts_at_the_start():
-    memory = controller.init(10, 3)
+    memory = strategy(n_scouts=3).init(10, KEY)
     np.testing.assert_array_equal(memory.is_scout, np.arange(10) < 3)
     assert not memory.dust.known.any() and not memory.dump.known.any()
 

@@ -17,6 +17,7 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import Situation, decide
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.controller import (
+    RobotMemory,
     approach,
     approaching,
     avoid,
@@ -25,7 +26,6 @@ from iswarm_mj.strategy.controller import (
     learn,
     steer,
 )
-from iswarm_mj.strategy.interface import RobotMemory
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 
 DROPPING = SwarmConfig(gripper=GripperConfig(drop_rate=0.2))
@@ -71,7 +71,7 @@ def test_relabelled_robots_do_the_same():
         memory = learn(RULES, memory, seen, numbers)
         wanted, limit, follows = choose(CONFIG, RULES, memory, seen, numbers)
         command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
-        comes = approaching(RULES, memory, seen)
+        comes = approaching(STRATEGY.picks(memory), seen)
         return memory, follows, command, approach(CONFIG, PROBE, comes, seen.ball_vector, command)
 
     new = rng.permutation(n)

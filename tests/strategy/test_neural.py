@@ -13,9 +13,9 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import INPUTS, SHAPE, SHIPPED, SIGNALS, WAYS, Neural, untrained
-from iswarm_mj.strategy.payloads import layout_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -167,8 +167,29 @@ class TestWays:
         assert np.abs(one.turn).max() > 0.5 and np.abs(memory["said"]).min() > 0
 
 
+class TestSenses:
+    def test_a_place_where_nothing_can_be_lifted_is_forgotten(self):
+        policy = strategy()
+        found = jnp.array([[0.0, 9.0], [0.0, 9.0]])
+        memory, _ = does(policy, sees(2, at_dust=jnp.ones(2, bool), ball_vector=found))
+        assert memory["food"].known.all()
+        memory, _ = does(policy, sees(2, grasp_failed=jnp.array([True, False])), memory)
+        np.testing.assert_array_equal(memory["food"].known, [False, True])
+
+    def test_the_loudest_signal_keeps_its_sign(self):
+        """Robots whose speed is what they hear walk backwards."""
+        weights = np.array(strategy(ahead=1).weights)
+        linear = weights[(SHAPE.inputs + 1) * SHAPE.hidden :].reshape(-1, SHAPE.outputs)
+        linear[INPUTS.index("heard_a"), len(WAYS)] = 1.0
+        seen = sees(is_heard=jnp.array([[True, True, False, True]]))
+        for signals, loudest in (((0.5, -0.75, 9, 0), -0.75), ((0.5, 0.25, 9, 0), 0.5)):
+            payload = seen.payload | {"a": jnp.array([signals])}
+            _, command = does(untrained(CONFIG, ROBOT, weights), seen._replace(payload=payload))
+            assert command.forward[0] == pytest.approx(loudest * RD / 2, rel=1e-5)
+
+
 def test_messages_fit_robots_of_eight_sides():
-    assert layout_of(untrained(CONFIG, ROBOT), 8).payload.fields[0][0] == "a"
+    payload_of(untrained(CONFIG, ROBOT)).check_room(8)
 
 
 def test_what_was_decided_is_said_in_the_next_step():

@@ -4,26 +4,26 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_controller import act, act_here
 from helpers_sensing import remember, senses_nothing
 
 from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation.decide import executed
 from iswarm_mj.strategy.avoidance import is_blocked
-from iswarm_mj.strategy.controller import act
+from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.interface import Command, RobotMemory
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
 from iswarm_mj.strategy.vectors import believed_motion
 from iswarm_mj.utils.units import RD
 
 N, PROBE = 5000, (0.9, 0.0)
 NOTHING = RobotMemory(*[remember(jnp.zeros((N, 2)), known=False)] * 2, jnp.zeros(N, bool))
-decide = jax.jit(act, static_argnums=(0, 1))
 
 
 def acts(strategy, seen, memory=NOTHING, genome=PRESETS["type1"]):
-    return decide(SwarmConfig(), PROBE, rules_of(genome, strategy), memory, seen, jax.random.key(4))
+    return act_here(SwarmConfig(), PROBE, rules_of(genome, strategy), memory, seen, jax.random.key(4))
 
 
 def neighbour_ahead(distance):

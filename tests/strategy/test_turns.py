@@ -15,21 +15,21 @@ from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmCon
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.sensors.channel import Channel, exchange
+from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
-from iswarm_mj.sensors.messages import Layout
 from iswarm_mj.simulation import decide
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import SwarmState, WorldParams
-from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.interface import Observation, RobotMemory
+from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.signatures import observation_shapes
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
+from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.errors import UserError
 
 NO_NOISE = OpticsConfig(error_distance_measure=0, error_in_communication=0, p_communication_break=0)
@@ -151,7 +151,7 @@ def swarm_that_hears(n_seed):
 @jax.jit
 def transmit(strategy, links, key, memory, loaded):
     """What arrives of all that robots say."""
-    return exchange(Channel(CONDITIONS, Layout(payload_for(138.6))), strategy.say(memory, loaded), links, key)
+    return exchange(CONDITIONS, payload_for(138.6), strategy.say(memory, loaded), links, key)
 
 
 @jax.jit
@@ -210,7 +210,7 @@ def test_what_robots_remember_is_what_they_told_the_others():
     strategy, memory, _, seen, _, key = swarm_that_hears(0)
     listened, (moved, command) = strategy.listen(memory, seen, key), strategy.act(memory, seen, key)
     for one, other in ((listened.dust, moved.dust), (listened.dump, moved.dump)):
-        expected = controller.after_motion(one, command.turn, command.forward)
+        expected = after_motion(one, command.turn, command.forward)
         jax.tree.map(np.testing.assert_array_equal, expected, other)
 
 
@@ -233,7 +233,7 @@ def primitives(jaxpr):
 
 def test_by_default_nothing_is_repeated(monkeypatch):
     """Updates at once are what they were: no loop in the program, no random number more."""
-    monkeypatch.setattr("iswarm_mj.strategy.controller.computed_once", lambda compute: compute())
+    monkeypatch.setattr("iswarm_mj.strategy.vector_strategy.computed_once", lambda compute: compute())
     config = SwarmConfig()
     n, texts = 6, {}
     for order in ("synchronous", "sequential"):

@@ -10,9 +10,8 @@ from helpers_worlds import start_of
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
-from iswarm_mj.tasks.layout import no_balls
-from iswarm_mj.tasks.protocol import Around, Things
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots
+from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
@@ -34,12 +33,12 @@ def test_light_by_hand():
 
 def test_either_spot_is_the_brighter_one():
     starts = [start_of(CONFIG, 50, 0, index, task=TASK) for index in range(40)]
-    east = [float(start.own["east"]) for start in starts]
+    east = [float(start.task.east) for start in starts]
     assert set(east) == {-1.0, 1.0} and abs(np.mean(east)) < 0.5
     start = starts[0]
-    task, things = as_task(TASK), Things(start.task, start.own)
-    assert check_task(task, CONFIG, read_robot(), things, 50).keys() == {"light"}
-    assert TASK.areas(CONFIG, things)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
+    task, state = as_task(TASK), start.task
+    assert check_task(task, CONFIG, read_robot(), state, 50).keys() == {"light"}
+    assert TASK.areas(CONFIG, state)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -75,15 +74,15 @@ def test_spots_may_touch_the_walls(spots):
 def advanced(poses, present, east=1.0, key=0):
     """The task's state and what robots sense, at poses in radii of a robot."""
     present = np.asarray(present)
-    around = Around(np.multiply(poses, [RD, RD, 1.0]), present, present, present, None, CONFIG, None, None)
-    things = Things(no_balls(), {"east": np.float32(east), "shares": np.zeros(2, np.float32)})
-    return TASK.advance(things, around, jax.random.key(key))
+    inputs = TaskInputs(np.multiply(poses, [RD, RD, 1.0]), present, present, present, None, CONFIG, None, None)
+    state = Spots(np.float32(east), np.zeros(2, np.float32))
+    return TASK.advance(state, inputs, jax.random.key(key))
 
 
 def test_shares_are_of_the_robots_that_are_there():
     poses = np.array([[10, 0, 0], [11, 0, 0], [-10, 0, 0], [0, 0, 0], [10, 1, 0]], float)
-    things, _ = advanced(poses, [True, True, True, True, False])
-    assert things.own["shares"].tolist() == [0.5, 0.25] and TASK.progress(things) == 50
+    state, _ = advanced(poses, [True, True, True, True, False])
+    assert state.shares.tolist() == [0.5, 0.25] and TASK.progress(state) == 50
 
 
 def test_photodiodes_err_by_their_share():

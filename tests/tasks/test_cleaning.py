@@ -8,14 +8,15 @@ from helpers_worlds import start_of
 
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.tasks.cleaning import CLEANING, POINTS
-from iswarm_mj.tasks.protocol import Around, Things
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.measures import PICKED
+from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import check_task
 
 
 def test_it_is_a_task(small):
     start = start_of(small, N, 0, 0)
-    assert check_task(CLEANING, small, read_robot(), Things(start.task), N) == {}
+    assert check_task(CLEANING, small, read_robot(), start.task, N) == {}
 
 
 def test_rewards_are_the_balls_part_of_the_fitness(small):
@@ -24,20 +25,18 @@ def test_rewards_are_the_balls_part_of_the_fitness(small):
     there = jnp.ones(N, bool)
     before, total = first_step(run.start), np.zeros(N)
     for after in records(run):
-        around = Around(
+        inputs = TaskInputs(
             jnp.asarray(after.poses[0]), there, there, there, conditions_of(run.config), run.config, run.robot
         )
-        old, new = (Things(jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.task)) for r in (before, after))
-        reward = np.asarray(CLEANING.reward(old, new, around))
+        old, new = (jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.task) for r in (before, after))
+        reward = np.asarray(CLEANING.reward(old, new, inputs))
         at_work = np.flatnonzero(reward)
-        changed = np.asarray(
-            new.balls.was_picked ^ old.balls.was_picked | new.balls.is_delivered ^ old.balls.is_delivered
-        )
-        assert set(at_work) == set(np.asarray(new.balls.holder)[changed])
+        changed = np.asarray(new.was_picked ^ old.was_picked | new.is_delivered ^ old.is_delivered)
+        assert set(at_work) == set(np.asarray(new.holder)[changed])
         total, before = total + reward, after
     measures = run.measures(0)
     assert measures.delivered >= 3 and measures.picked > measures.delivered
-    assert total.sum() == POINTS * (measures.delivered + measures.picked)
+    assert total.sum() == PICKED * (measures.delivered + measures.picked)
     found = {name: values.tolist() for name, values in run.metrics().items()}
     assert found == {"delivered": [measures.delivered], "picked": [measures.picked]}
     assert run.progress().tolist() == [measures.delivered]

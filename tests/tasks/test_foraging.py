@@ -16,7 +16,6 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
-from iswarm_mj.tasks.protocol import Things
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
@@ -28,11 +27,11 @@ TASK = Foraging(sources=2, source_radius=1.0)
 def test_items_begin_at_their_sources():
     for index in range(5):
         start = start_of(SMALL, 6, 1, index, task=TASK)
-        away = start.task.position - start.own["centres"][np.arange(4) % 2]
+        away = start.task.items.position - start.task.centres[np.arange(4) % 2]
         assert np.hypot(*away.T).max() <= RD + 1e-4
-        distance = np.hypot(*start.own["centres"].T) / RD
+        distance = np.hypot(*start.task.centres.T) / RD
         assert (distance >= 3.25 - 1e-4).all() and (distance <= 6.5 + 1e-4).all()
-    assert check_task(as_task(TASK), SMALL, read_robot(), Things(start.task, start.own), 6) == {}
+    assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
 
 
 def test_sources_beyond_the_walls_are_refused():
@@ -62,18 +61,18 @@ def test_a_source_moves_when_its_last_item_is_home():
     run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
     before, items, moved = jax.tree.map(lambda a: a[0], run.start), 0, 0
     for after in records(run):
-        old, new = before.swarm.task, after.swarm.task
-        home = after.swarm.task["home"][0]
+        old, new = before.swarm.task.items, after.swarm.task.items
+        home = after.swarm.task.is_home[0]
         assert (old.is_held[0][home]).all() and not new.is_held[0][home].any()
         items += home.sum()
-        moves = (after.swarm.task["centres"] != before.swarm.task["centres"]).any(axis=-1)[0]
+        moves = (after.swarm.task.centres != before.swarm.task.centres).any(axis=-1)[0]
         source = np.arange(4) % 2
         for place in range(2):
             was_last = (new.is_delivered[0] | home)[source == place].all() or moves[place]
             assert moves[place] == (was_last and home[source == place].any())
         back = moves[source]
         assert not new.is_delivered[0][back].any()
-        away = new.position[0] - after.swarm.task["centres"][0][source]
+        away = new.position[0] - after.swarm.task.centres[0][source]
         assert (np.hypot(*away[back].T) <= RD + 1e-4).all()
         assert (new.is_delivered[0][~back] == (old.is_delivered[0] | home)[~back]).all()
         moved, before = moved + moves.sum(), after

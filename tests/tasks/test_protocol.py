@@ -57,8 +57,8 @@ class Worth(Cleaning):
 
     first: float = 3.0
 
-    def progress(self, things):
-        return super().progress(things) + self.first.astype(jnp.int32)
+    def progress(self, state):
+        return super().progress(state) + self.first.astype(jnp.int32)
 
 
 def records(run):
@@ -118,21 +118,21 @@ WRONG = {
         changed(lay_out=lambda self, c, n, *a: (np.full((n, 3), np.nan), Eastward.lay_out(self, c, n, *a)[1])),
         r"numbers that are not",
     ),
-    "things": (
-        changed(lay_out=lambda self, c, n, *a: (Eastward.lay_out(self, c, n, *a)[0], None)),
-        r"Eastward.lay_out must return Things with Balls second, of none tasks.layout.no_balls\(\)",
+    "text in the state": (
+        changed(lay_out=lambda self, c, n, *a: (Eastward.lay_out(self, c, n, *a)[0], {"is_east": "yes"})),
+        r"Eastward.lay_out must return arrays and numbers as its state \(got a str as \['is_east'\]\)",
     ),
     "goal": (changed(goal=lambda self, c, n: 0.5), r"Eastward.goal must return a whole number above 0, or None \(got"),
     "state": (
-        changed(advance=lambda self, t, a, k: (t._replace(own=3), Eastward.advance(self, t, a, k)[1])),
-        r"Eastward.advance must return Things of \d+ arrays as its things",
+        changed(advance=lambda self, t, a, k: (3, Eastward.advance(self, t, a, k)[1])),
+        r"Eastward.advance must return dict of 2 arrays as its state",
     ),
     "senses": (
         changed(senses={"light": Quantity("of the sun")}),
         r"Eastward.advance must return by name what senses declares, light \(got gap\)",
     ),
     "progress": (
-        changed(progress=lambda self, t: t.own["is_east"].mean()),
+        changed(progress=lambda self, t: t["is_east"].mean()),
         r"Eastward.progress must return int32\[\] as its result \(got float32\[\]\)",
     ),
     "shape of reward": (
@@ -140,15 +140,15 @@ WRONG = {
         r"Eastward.reward must return float32\[6\] as its result \(got float32\[\]\)",
     ),
     "dtype of reward": (
-        changed(reward=lambda self, b, after, a: after.own["is_east"]),
+        changed(reward=lambda self, b, after, a: after["is_east"]),
         r"Eastward.reward must return float32\[6\] as its result \(got bool\[6\]\)",
     ),
     "shape of metrics": (
-        changed(metrics=lambda self, t: {"share": t.own["is_east"], "steps": t.own["steps"]}),
+        changed(metrics=lambda self, t: {"share": t["is_east"], "steps": t["steps"]}),
         r"Eastward.metrics must return share as a scalar float32, int32 or bool \(got bool\[6\]\)",
     ),
     "metrics": (
-        changed(metrics=lambda self, t: t.own["steps"]),
+        changed(metrics=lambda self, t: t["steps"]),
         r"Eastward.metrics must return by name what measured declares, share, steps \(got a ",
     ),
     "areas": (
@@ -156,7 +156,7 @@ WRONG = {
         r"Eastward.areas must return east as numbers \(M, 3\) \(got shape \(3,\)\)",
     ),
     "control flow": (
-        changed(progress=lambda self, t: jnp.int32(1) if t.own["is_east"].any() else jnp.int32(0)),
+        changed(progress=lambda self, t: jnp.int32(1) if t["is_east"].any() else jnp.int32(0)),
         r"Eastward.progress decides by values that are known only while the robots act",
     ),
 }

@@ -15,7 +15,7 @@ from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import models_directory, read_robot
-from iswarm_mj.sensors.messages import Layout, Message
+from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.avoidance import is_avoided, listening_sides
@@ -82,8 +82,8 @@ def test_messages_carry_the_number_of_each_led(n_leds):
     led = jnp.arange(n_leds, dtype=jnp.int32)
     dust, dump = (remember(jnp.tile(jnp.array(v), (n_leds, 1)), 3) for v in ([60.0, 25.0], [-40.0, 70.0]))
     sent = {"priority": led % 2 == 0, "dust": dust, "dump": dump}
-    layout = Layout(payload_for(140.0, n_leds), n_leds)
-    got, parity_holds = layout.unpack(layout.pack(Message(led, sent)))
+    payload = payload_for(140.0, n_leds)
+    got, parity_holds = payload.unpack(payload.pack(Message(led, sent), n_leds), n_leds)
     assert parity_holds.all()
     np.testing.assert_array_equal(got.led, led)
     np.testing.assert_array_equal(got.payload["priority"], sent["priority"])

@@ -11,7 +11,6 @@ from mujoco.batch import Batch, SimulationError
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
-from iswarm_mj.engines.mujoco.library import keep_no_log
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.utils.arrays import Array
@@ -49,7 +48,6 @@ class MujocoEngine:
             capacity: P, number of robots of the arrays that pass in and out; at least N.
         """
         self._arena, self._capacity, self._n_robots = arena, capacity, len(arena.hull)
-        keep_no_log()
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._force = self._batch.bind("qfrc_applied")

@@ -22,16 +22,3 @@ def library() -> ctypes.CDLL:
 def function_address(function: str) -> int:
     """Address of a function of the MuJoCo library."""
     return ctypes.cast(getattr(library(), function), ctypes.c_void_p).value or 0
-
-
-def keep_no_log() -> None:
-    """Have MuJoCo not write its warnings to MUJOCO_LOG.TXT in the working directory, unless somebody else handles them.
-
-    What they warn of is a fault here, and told.
-    """
-    if mujoco.get_mju_user_warning() is None:
-        mujoco.set_mju_user_warning(_ignore)
-
-
-def _ignore(_: str) -> None:
-    """Do nothing about a warning."""

@@ -19,9 +19,9 @@ from iswarm_mj.experiments.analysis.learning_figure import draw_learning
 from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 from iswarm_mj.simulation.strategies import stated
-from iswarm_mj.strategy.explain import explained
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -133,7 +133,7 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int) -> Any:
     made = strategy
     for name in ("for_training", "for_world"):
         if hasattr(strategy, name):
-            with explained(f"{type(strategy).__name__}.{name}"):
+            with user_code(f"{type(strategy).__name__}.{name}"):
                 made = getattr(strategy, name)(config, read_robot(), n_robots)
             break
     weights: Any = getattr(made, "weights", None)

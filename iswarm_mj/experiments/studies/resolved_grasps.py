@@ -41,16 +41,12 @@ VOLTAGES = (30.0, 40.0, 55.0)
 BALANCE, TRIALS = "quasi-static", "dynamic"
 ATTEMPT_TIME = 1.0
 """For which a robot stays at a ball that it lifts or releases, a control step [s]; a choice, the paper tells none."""
-SPREAD: Values = {
-    "gripper.spread_tool_object": 0.0,
-    "gripper.spread_object_substrate": 0.0,
-    "gripper.spot_spread_tool_object": 0.12,
-    "gripper.spot_spread_object_substrate": 0.16,
+OF_ATTEMPTS: Values = {
     "gripper.tool_error": 4e-6,
     "gripper.grasp_time": ATTEMPT_TIME,
     "gripper.release_time": ATTEMPT_TIME,
 }
-"""All of the calibrated spread of adhesion is from attempt to attempt, so that an attempt in vain can be made again."""
+"""Of attempts, beside the calibrated spread of adhesion."""
 
 ATTEMPTS = Measure(
     "attempts", "attempts per ball", "per ball", lambda row: row["attempts"] / max(row["picked"], 1), False
@@ -83,7 +79,7 @@ def entries(plan: Plan) -> list[Entry]:
                 for resolution in (BALANCE, TRIALS):
                     setting = {"relative_humidity": humidity, "grasp_voltage": voltage, "resolution": resolution}
                     own = {f"gripper.{key}": value for key, value in setting.items()}
-                    config = varied(plan.config, {**SPREAD, **own})
+                    config = varied(plan.config, {**OF_ATTEMPTS, **own})
                     for repeat in range(repeats):
                         seed = run_seed(plan.seed, number, round(humidity), round(voltage), repeat)
                         labels = {"type": name, **setting, "repeat": repeat}

@@ -1,15 +1,20 @@
 """The leaps of `leaps`, for trials in a batch: at the end of each step, whoever can leap does."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from iswarm_mj.gripper.bench.leaps import MARGIN, REST
+from iswarm_mj.engines.mjx.api import mjx
+from iswarm_mj.gripper.bench import leap_laws
+from iswarm_mj.gripper.bench.leap_laws import REST, Hanging
 from iswarm_mj.gripper.bench.model import Layout
-from iswarm_mj.gripper.mjx_forces import Force, GripperForces
+from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State
 from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Array
+
+_laws = in_arrays(leap_laws, jnp)
 
 
 class Leap(NamedTuple):
@@ -17,13 +22,14 @@ class Leap(NamedTuple):
 
     qpos: Float[Array, "nq"]
     qvel: Float[Array, "nv"]
-    ball: Any
-    """`mjx_forces.State`."""
+    ball: State
     time: Float[Array, ""]
     """That passes in the leap, 0: there is none [ms]."""
 
 
-def hung(where: Layout, forces: GripperForces, model: Any, data: Any, force: Force, limit: Array) -> Leap:
+def skip_hanging(
+    where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data, force: Force, limit: Array
+) -> Leap:
     """Charge flows while a ball hangs at rest, see `leaps.hang`.
 
     Args:
@@ -34,39 +40,21 @@ def hung(where: Layout, forces: GripperForces, model: Any, data: Any, force: For
         force: in that step.
         limit: longest time [ms].
     """
-    voltage, was, (to_probe, to_plate) = data.ctrl[where.voltage], force.ball_voltage, force.capacitances
-    above, below = gaps(where, forces, model, data)
+    above, below = _gaps(where, forces, model, data)
     tool, plate = (force.adhesion[k] for k in tool_and_plate(forces))
-    total = to_probe + to_plate
-    start = (force.state.charge + to_probe * voltage) / total
-    is_still = jnp.abs(data.qvel[where.ball : where.ball + 3]).max() < REST
-    inside = (was > 0) & (start > 0) & (was < voltage) & (start < voltage)
-    can = inside & is_still & (above <= 0) & (below > CLEARANCE) & (forces.leak > 0)
-    across = jnp.where(can, voltage - was, 1.0)
-    up, down = force.pulls[0] / across**2, force.pulls[1] / jnp.where(can, was, 1.0) ** 2
-    still = tool - plate + model.body_mass[forces.joints[forces.ball][0].body] * model.opt.gravity[2]
-
-    def pull(volts: Array) -> Array:
-        return still + up * (voltage - volts) ** 2 - down * volts**2
-
-    least = MARGIN * tool
-    can &= pull(start) > 1.1 * least
-    square = up * voltage**2 + still - least
-    root = jnp.sqrt(jnp.maximum((up * voltage) ** 2 - (up - down) * square, 0.0))
-    end = square / jnp.maximum(up * voltage + root, 1e-12)
-    share = jnp.where(can & (end < voltage), (voltage - start) / jnp.where(end < voltage, voltage - end, 1.0), 1.0)
-    relaxation = forces.leak * total
-    ever = jnp.where(pull(voltage) <= least, relaxation * jnp.log(jnp.maximum(share, 1.0)), limit)
-    time = jnp.where(can, jnp.clip(ever, 0.0, limit), 0.0)
-    volts = voltage + (start - voltage) * jnp.exp(-time / jnp.where(can, relaxation, 1.0))
-    height = above * (1 - pull(volts) / jnp.where(can, pull(start), 1.0))
-    charge = to_plate * volts - to_probe * (voltage - volts)
-    qpos = data.qpos.at[where.ball + 2].add(jnp.where(time > 0, height, 0.0))
-    ball = force.state._replace(charge=jnp.where(time > 0, charge, force.state.charge))
-    return Leap(qpos, jnp.where(time > 0, 0.0, data.qvel), ball, time)
+    hold = tool - plate + model.body_mass[forces.joints[forces.ball][0].body] * model.opt.gravity[2]
+    voltage, charge = data.ctrl[where.voltage], force.state.charge
+    ball = Hanging(voltage, force.ball_voltage, charge, *force.capacitances, forces.leak, *force.pulls, tool, hold)
+    rests = (above <= 0) & (below > CLEARANCE) & (jnp.abs(data.qvel[where.ball : where.ball + 3]).max() < REST)
+    time = jnp.where(rests, jnp.maximum(_laws.hanging_time(ball, limit, 1.1), 0.0), 0.0)
+    later, share = _laws.after_hanging(ball, time)
+    leapt = time > 0
+    qpos = data.qpos.at[where.ball + 2].add(jnp.where(leapt, above * (1 - share), 0.0))
+    state = force.state._replace(charge=jnp.where(leapt, later, charge))
+    return Leap(qpos, jnp.where(leapt, 0.0, data.qvel), state, time)
 
 
-def flown(where: Layout, forces: GripperForces, model: Any, leap: Leap, volts: Array, limit: Array) -> Leap:
+def skip_flight(where: Layout, forces: GripperForces, model: mjx.Model, leap: Leap, volts: Array, limit: Array) -> Leap:
     """An uncharged ball flies freely, see `leaps.fly`; it is a sphere, so that its turning does not matter.
 
     Args:
@@ -78,31 +66,26 @@ def flown(where: Layout, forces: GripperForces, model: Any, leap: Leap, volts: A
         limit: longest time [ms].
     """
     gravity, rise = -model.opt.gravity[2], leap.qvel[where.ball + 2]
-    above, below = (gap - CLEARANCE for gap in gaps(where, forces, model, leap))
+    above, below = (gap - CLEARANCE for gap in _gaps(where, forces, model, leap))
     can = (volts == 0) & (leap.ball.charge == 0) & (above > 0) & (below > 0)
-    falls = (rise + jnp.sqrt(jnp.maximum(rise**2 + 2 * gravity * below, 0.0))) / gravity
-    reaches = (rise > 0) & (rise**2 > 2 * gravity * above)
-    root = jnp.sqrt(jnp.maximum(rise**2 - 2 * gravity * above, 0.0))
-    time = jnp.where(reaches, 2 * above / jnp.where(reaches, rise + root, 1.0), falls)
+    time = _laws.flight_time(rise, above, below, gravity)
     time = jnp.where(can & (time > 2 * model.opt.timestep), jnp.clip(time, 0.0, limit), 0.0)
-    path = leap.qvel[where.ball : where.ball + 3] * time
-    path = path.at[2].add(-gravity * time**2 / 2)
+    path = (leap.qvel[where.ball : where.ball + 3] * time).at[2].add(-gravity * time**2 / 2)
     qpos = leap.qpos.at[where.ball : where.ball + 3].add(path)
     qvel = leap.qvel.at[where.ball + 2].add(-gravity * time)
     return Leap(qpos, qvel, leap.ball, leap.time + time)
 
 
-def met(where: Layout, forces: GripperForces, model: Any, leap: Leap) -> Leap:
+def sync_contacts(where: Layout, forces: GripperForces, model: mjx.Model, leap: Leap) -> Leap:
     """What the contacts remember after a leap, so that they take it for no impact."""
-    both = gaps(where, forces, model, leap)
+    both = _gaps(where, forces, model, leap)
     own = jnp.stack([both[int(surface != forces.probe)] for _, surface in forces.pairs])
-    leapt: Bool[Array, ""] = leap.time > 0
-    before = jnp.where(leapt, own, leap.ball.before)
-    rebound = jnp.where(leapt, 0.0, leap.ball.rebound)
+    before = jnp.where(leap.time > 0, own, leap.ball.before)
+    rebound = jnp.where(leap.time > 0, 0.0, leap.ball.rebound)
     return leap._replace(ball=leap.ball._replace(before=before, rebound=rebound))
 
 
-def gaps(where: Layout, forces: GripperForces, model: Any, state: Any) -> tuple[Array, Array]:
+def _gaps(where: Layout, forces: GripperForces, model: mjx.Model, state: mjx.Data | Leap) -> tuple[Array, Array]:
     """Gaps between the tool's face and a ball below it, and between ball and plate, see `leaps` [um]."""
     height, radius = state.qpos[where.ball + 2], model.geom_size[forces.ball, 0]
     return state.qpos[where.slide] + where.tip_height - height - radius, height - radius

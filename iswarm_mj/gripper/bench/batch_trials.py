@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.batch_leaps import flown, hung, met, tool_and_plate
+from iswarm_mj.gripper.bench.batch_leaps import skip_flight, skip_hanging, sync_contacts, tool_and_plate
 from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared
 from iswarm_mj.gripper.bench.model import SINK
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
@@ -160,9 +160,9 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     hangs = (gap_plate > PROTOCOL.away) & (gap_tool < TOUCH)
     is_over = jnp.where(attempt.releases, stays | is_late, time >= script.end[-1])
     waits, falls = attempt.releases & jnp.isinf(left) & (time > PROTOCOL.rise_time), down & ~is_over
-    leap = hung(where, mine, model, data, force, jnp.where(waits, (RELEASE_LIMIT - time) / MS, 0.0))
-    leap = flown(where, mine, model, leap, volts, jnp.where(falls, PROTOCOL.flight_limit / MS, 0.0))
-    leap = met(where, mine, model, leap)
+    leap = skip_hanging(where, mine, model, data, force, jnp.where(waits, (RELEASE_LIMIT - time) / MS, 0.0))
+    leap = skip_flight(where, mine, model, leap, volts, jnp.where(falls, PROTOCOL.flight_limit / MS, 0.0))
+    leap = sync_contacts(where, mine, model, leap)
     data = data.replace(qpos=leap.qpos, qvel=leap.qvel)
     new = slot._replace(
         left=left,

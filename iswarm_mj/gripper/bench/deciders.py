@@ -7,7 +7,6 @@ from jax.custom_batching import custom_vmap
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
-from iswarm_mj.gripper.bench import attempt_log
 from iswarm_mj.utils.arrays import Array
 
 
@@ -33,9 +32,7 @@ def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
         from iswarm_mj.gripper.bench.swarm_trials import outcomes
 
         lifts, releases, *others = np.asarray(numbers)
-        attempts = Attempts(lifts > 0, releases > 0, *others)
-        found = outcomes(gripper.release_gap, attempts)
-        attempt_log.note(attempts, found)
+        found = outcomes(gripper.release_gap, Attempts(lifts > 0, releases > 0, *others))
         return np.stack(found).astype(np.float32)
 
     def on_host(numbers: Array) -> Array:

@@ -200,7 +200,7 @@ def _advance(
             ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
             ctrl = ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
             now = now.replace(ctrl=ctrl)
-            force = gripper_force(mine, sized, now, ball)
+            force = gripper_force(mine, sized, mjx.kinematics(sized, now), ball)
             contacts = _updated(contacts, k, force.gaps[order], -now.qvel[where.ball + 2])
             return mjx.step(sized, now.replace(qfrc_applied=force.generalized)), force.state, contacts
 

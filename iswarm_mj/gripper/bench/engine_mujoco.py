@@ -2,18 +2,19 @@
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from mujoco.batch import Batch
 
-from iswarm_mj.engines.mujoco.library import keep_no_log
 from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.film import Film
-from iswarm_mj.gripper.bench.leaps import Row, places, press
+from iswarm_mj.gripper.bench.leaps import Row, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
@@ -21,13 +22,31 @@ from iswarm_mj.gripper.units import MS, UM
 
 MEMORY = 2**18
 """Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
-_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""What a recorded state consists of."""
 BLOCK = 256
 """Physics steps in one call of MuJoCo."""
 
 
+class Recorded(NamedTuple):
+    """T physics steps of a bench one after the other."""
+
+    phases: list[str]
+    """Of each step."""
+    states: Float[np.ndarray, "T+1 n"]
+    """Of MuJoCo, before the first step and after each of them."""
+
+
 class MujocoBench:
-    """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core."""
+    """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core.
+
+    Attributes:
+        model: of the first bench.
+        where: numbers are in its arrays.
+        at: indices of the plugins' numbers in `plugin_state`, by instance and field.
+        row: state of the first bench; what is written there is the state from which physics goes on.
+        recorded: all steps of the first bench, where they are kept.
+    """
 
     def __init__(
         self,
@@ -37,6 +56,7 @@ class MujocoBench:
         spec: mujoco.MjSpec | None = None,
         hanging: float | None = None,
         timestep: float | None = None,
+        is_recorded: bool = False,
     ):
         """Place the balls.
 
@@ -47,23 +67,24 @@ class MujocoBench:
             spec: of the bench, by default `bench_spec`.
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
             timestep: instead of that of the specification [s].
+            is_recorded: keep all states of the first bench, for `tracing.trace_of`.
         """
+        self.recorded: list[Recorded] | None = [] if is_recorded else None
         self._make = partial(_compiled, timestep) if spec is None else partial(sized, spec)
         self._usual = partial(_usual, timestep, trials[0].probe_radius)
         self._own: mujoco.MjModel | None = None
         models = [self._make(trial) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
-        self._where = layout(first)
-        self._gaps = [plugin.state_index(first, "electrostatic", name) for name in ("probe_gap", "plate_gap")]
-        self._numbers = [plugin.state_index(first, *names) for names in plugin_numbers(trials[0])]
+        self.where, self.at = layout(first), plugin.state_indices(first)
+        self._gaps = [self.at["electrostatic", name] for name in ("probe_gap", "plate_gap")]
+        self._numbers = [self.at[names] for names in plugin_numbers(trials[0])]
         keep_no_log()
         self._batch = Batch(first, len(trials), threads)
         self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
         self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
         self._first = self._batch.state[0].copy()
         self._touch = np.zeros(len(trials))
-        self.places = places(first)
         self.row = Row(self._qpos[0], self._qvel[0], self._state[0], self._batch.bind("qacc_warmstart")[0])
         self._place(models, trials, start_gap, hanging)
 
@@ -87,12 +108,11 @@ class MujocoBench:
             qpos[i], self._touch[i] = start(model, trial, start_gap, hanging)
             state[i, self._numbers] = list(plugin_numbers(trial).values())
         self._ctrl[:] = 0
-        self._ctrl[:, self._where.tip] = qpos[:, self._where.slide]
-        self._ctrl[:, self._where.aside_servo] = qpos[:, self._where.aside]
+        self._ctrl[:, self.where.tip] = qpos[:, self.where.slide]
+        self._ctrl[:, self.where.aside_servo] = qpos[:, self.where.aside]
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
-        del phase
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
         n_steps, begin, end = self._plan(ids, duration, tip, voltage)
         contacts = _Contacts(len(ids))
@@ -101,64 +121,90 @@ class MujocoBench:
         for first in range(0, n_steps, BLOCK):
             count = min(BLOCK, n_steps - first)
             control = None if is_still else self._way(begin, end, _shares(n_steps)[first : first + count])
-            speed = -self._qvel[ids, None, self._where.ball + 2]
-            with without_timers():
-                block = self._batch.rollout(count, control, record=("qvel", "plugin_state"), ids=chosen)
-            speed = np.concatenate([speed, -block["qvel"][:, :-1, self._where.ball + 2]], axis=1)
+            speed = -self._qvel[ids, None, self.where.ball + 2]
+            block = self._rollout([phase] * count, control, ("qvel", "plugin_state"), chosen)
+            speed = np.concatenate([speed, -block["qvel"][:, :-1, self.where.ball + 2]], axis=1)
             contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
         return self._watch(contacts, ids)
 
     def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
-        """See `FilmBench.moves`."""
-        ids, ways = np.arange(len(self._touch)), []
+        """Make several moves one after the other; gaps, speed and `finite` at their end are known, no contacts.
+
+        Args:
+            moves: of the tool.
+            skip: leap over that many steps, in the last of which the tool presses the ball on the plate.
+        """
+        ids, ways, phases = np.arange(len(self._touch)), [], []
         begin = self._ctrl[ids]
-        for _, duration, tip, voltage in moves:
+        for phase, duration, tip, voltage in moves:
             n_steps, _, end = self._plan(ids, duration, tip, voltage, begin)
             ways.append(self._way(begin, end, _shares(n_steps)))
+            phases += [phase] * n_steps
             begin = ways[-1][:, -1]
         way = np.concatenate(ways, axis=1)
         if skip:
-            self.elapse("skip", skip)
+            self.elapse(phases[:skip], way[:, :skip])
             press(self, way[0, skip - 1])
-            way = way[:, skip:]
-        with without_timers():
-            self._batch.rollout(way.shape[1], way, record=())
+        self._rollout(phases[skip:], way[:, skip:])
         return self._watch(_Contacts(len(ids), self._state[:, self._gaps]), ids)
 
     def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
-        """See `FilmBench.film`."""
-        del phase
+        """Let physics go on where tip [m] and voltage [V] are and stay, on a bench with one ball."""
         n_steps, _, self._ctrl[:] = self._plan(np.zeros(1, int), duration, tip, voltage)
         time, fall, self._warned = (
             self._batch.state[0, 0],
-            -self._qvel[0, self._where.ball + 2],
+            -self._qvel[0, self.where.ball + 2],
             self._batch.warning.copy(),
         )
-        with without_timers():  # a bench with a warning stands still from then on
-            block = self._batch.rollout(n_steps, None, record=("qvel", "plugin_state", _STATE))
-        velocity, gaps = block["qvel"][0, :, self._where.ball :], block["plugin_state"][0][:, self._gaps] * UM
-        finite = np.isfinite(block[_STATE][0]).all(axis=1)
+        # A bench with a warning stands still from then on.
+        block = self._rollout([phase] * n_steps, None, ("qvel", "plugin_state", STATE))
+        velocity, gaps = block["qvel"][0, :, self.where.ball :], block["plugin_state"][0][:, self._gaps] * UM
+        finite = np.isfinite(block[STATE][0]).all(axis=1)
         if (self._batch.warning > self._warned).any():
-            finite[max(int(np.count_nonzero(np.diff(block[_STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
+            finite[max(int(np.count_nonzero(np.diff(block[STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
         return Film(
             gap_tool=gaps[:, 0],
             gap_plate=gaps[:, 1],
             fall=np.concatenate([[fall], -velocity[:-1, 2]]) * UM / MS,
             speed=np.sqrt((velocity[:, :3] ** 2).sum(axis=1)) * UM / MS,
             finite=finite,
-            states=block[_STATE][0],
+            states=block[STATE][0],
         )
 
     def rewind(self, film: Film, step: int) -> None:
-        """See `FilmBench.rewind`."""
+        """Return to the end of a step of the last film; what happened since is forgotten."""
         self._batch.state[0] = film.states[step]
+        forgotten = len(film.finite) - 1 - step % len(film.finite)
+        while self.recorded and forgotten:
+            last = self.recorded.pop()
+            kept, forgotten = max(0, len(last.phases) - forgotten), max(0, forgotten - len(last.phases))
+            if kept:
+                self.recorded.append(Recorded(last.phases[:kept], last.states[: kept + 1]))
         if film.finite[step]:
             self._batch.warning[:] = self._warned
 
-    def elapse(self, phase: str, steps: int) -> None:
-        """See `LeapBench.elapse`."""
-        del phase
-        self._batch.state[0, 0] += steps * self.timestep / MS
+    def number(self, instance: str, field: str) -> float:
+        """A number of the first ball's plugins, see `plugin.state_index`."""
+        return float(self._state[0, self.at[instance, field]])
+
+    def elapse(self, phases: list[str], control: np.ndarray | None = None) -> None:
+        """Let time pass without physics, unless what happens meanwhile is recorded; arguments as of `_rollout`."""
+        if self.recorded is None:
+            self._batch.state[0, 0] += len(phases) * self.timestep / MS
+        elif phases:
+            self._rollout(phases, control)
+
+    def _rollout(
+        self, phases: list[str], control: np.ndarray | None, record: tuple[Any, ...] = (), ids: np.ndarray | None = None
+    ) -> dict[Any, np.ndarray]:
+        """Take a physics step for each phase with these controls (n, T, nu), None: the present ones."""
+        begin = self._batch.state[:1].copy()
+        wanted = record if self.recorded is None else (*record, STATE)
+        with without_timers():
+            block = self._batch.rollout(len(phases), control, record=tuple(dict.fromkeys(wanted)), ids=ids)
+        if self.recorded is not None:
+            self.recorded.append(Recorded(phases, np.concatenate([begin, block[STATE][0]])))
+        return block
 
     def _plan(
         self, ids: np.ndarray, duration: float, tip: float, voltage: Voltages, begin: np.ndarray | None = None
@@ -168,24 +214,24 @@ class MujocoBench:
         self.steps += n_steps * len(ids)
         begin = self._ctrl[ids] if begin is None else begin
         end = begin.copy()
-        end[:, self._where.tip] = self._touch[ids] + tip / UM - self._where.tip_height
-        end[:, self._where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
+        end[:, self.where.tip] = self._touch[ids] + tip / UM - self.where.tip_height
+        end[:, self.where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
         return n_steps, begin, end
 
     def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
         way = begin[:, None] + shares[:, :1] * (end - begin)[:, None]
-        tip = self._where.tip
+        tip = self.where.tip
         way[:, :, tip] = begin[:, None, tip] + shares[:, 1] * (end - begin)[:, None, tip]
         return way
 
     def throw(self, height: float, speed: np.ndarray) -> None:
         """Put the balls at a height above the plate [m], falling at these speeds (B,) [m/s]."""
-        self._qpos[:, self._where.ball + 2] += height / UM
-        self._qvel[:, self._where.ball + 2] = -speed * MS / UM
+        self._qpos[:, self.where.ball + 2] += height / UM
+        self._qvel[:, self.where.ball + 2] = -speed * MS / UM
 
     def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
-        ball = slice(self._where.ball, self._where.ball + 3)
+        ball = slice(self.where.ball, self.where.ball + 3)
         speed = np.sqrt((self._qvel[ids, ball] ** 2).sum(axis=1))
         warned = self._batch.warning[ids].any(axis=(1, 2))
         finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned

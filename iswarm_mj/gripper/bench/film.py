@@ -1,13 +1,12 @@
 """What a bench with one ball did, physics step by step, so that it can be wound back to any of them."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.gripper.bench.base import Bench, Move, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.leaps import LeapBench
+from iswarm_mj.gripper.bench.base import speed_at_zero
 
 
 class Film(NamedTuple):
@@ -26,69 +25,17 @@ class Film(NamedTuple):
     states: Sequence[Any]
     """Of the bench, as each step ended."""
 
-
-class FilmBench(Bench, LeapBench, Protocol):
-    """A bench with one ball that can be filmed."""
-
-    def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
-        """Make several moves one after the other; gaps, speed and `finite` at their end are known, no contacts.
-
-        Args:
-            moves: of the tool.
-            skip: leap over that many steps, in the last of which the tool presses the ball on the plate.
-        """
-        ...
-
-    def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
-        """Let physics go on where tip [m] and voltage [V] are and stay, on a bench with one ball."""
-        ...
-
-    def rewind(self, film: Film, step: int) -> None:
-        """Return to the end of a step of the last film; what happened since is forgotten."""
-        ...
+    def landing_speed(self, last: int) -> float:
+        """Downward speed at the first contact with the plate up to a step, nan: there was none [m/s]."""
+        touches = np.flatnonzero(self.gap_plate[: last + 1] <= 0)
+        if not len(touches):
+            return float("nan")
+        at = int(touches[0])
+        pairs = np.stack([self.gap_plate, self.fall], axis=1)
+        return float(speed_at_zero(pairs[at - 1], pairs[at])) if at else float(self.fall[0])
 
 
 def joined(film: Film, more: Film) -> Film:
     """A film and the one that followed it."""
-    numbers = [np.concatenate(pair) for pair in zip(film[:-2], more[:-2], strict=True)]
-    finite = np.concatenate([film.finite, more.finite])
-    return Film(*numbers[:4], finite=finite, states=[*film.states, *more.states])
-
-
-class Look(NamedTuple):
-    """An interval of a film, steps `first` to `last`."""
-
-    film: Film
-    first: int
-    last: int
-
-    @property
-    def gap_tool(self) -> float:
-        """As its last step began [m]."""
-        return float(self.film.gap_tool[self.last])
-
-    @property
-    def gap_plate(self) -> float:
-        """As its last step began [m]."""
-        return float(self.film.gap_plate[self.last])
-
-    @property
-    def speed(self) -> float:
-        """At its end [m/s]."""
-        return float(self.film.speed[self.last])
-
-    @property
-    def finite(self) -> bool:
-        """Whether the whole state was finite at its end."""
-        return bool(self.film.finite[self.last])
-
-    @property
-    def landing_speed(self) -> float:
-        """Downward speed at the first contact with the plate, nan: there was none [m/s]."""
-        gaps = self.film.gap_plate[self.first : self.last + 1]
-        touches = gaps <= 0
-        at = int(np.argmax(touches))
-        if not touches[at]:
-            return float("nan")
-        pairs = np.stack([gaps, self.film.fall[self.first : self.last + 1]], axis=1)
-        return float(speed_at_zero(pairs[at - 1], pairs[at])) if at else float(pairs[0, 1])
+    numbers = [np.concatenate(pair) for pair in zip(film[:-1], more[:-1], strict=True)]
+    return Film(*numbers, states=[*film.states, *more.states])

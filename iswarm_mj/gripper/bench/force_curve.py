@@ -2,10 +2,26 @@
 
 from typing import Any
 
-from iswarm_mj.gripper.bench.engine_tracing import TraceBench
+import numpy as np
+
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 
+UNITS = {
+    "voltage": "V",
+    "radius": "m",
+    "tip": "m",
+    "gap": "m",
+    "adhesion": "N",
+    "electrostatic": "N",
+    "contact": "N",
+    "total": "N",
+}
+"""Columns of a curve and their units. `tip` is the height of the tool's face above its first touch of the ball at rest,
+`gap` that between tool and ball, negative in contact. Forces act on the tool as in an AFM: attraction is negative,
+`contact` positive, and `total` their sum."""
 SLOWDOWN = 4.0
 """How much slower than in a trial the tool moves."""
 
@@ -19,32 +35,32 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
         voltage: of the tool, from the start [V].
 
     Returns:
-        One row per physics step: direction ("approach" or "retract"), voltage [V], radius, tip, gap [m], and the
-        forces between tool and ball: adhesion and electrostatic (attractive), contact (repulsive), total [N].
+        One row per physics step: direction ("approach" or "retract"), and the columns of `UNITS`.
     """
-    bench = TraceBench(trial, protocol.start_gap)
+    bench = MujocoBench([trial], protocol.start_gap, 1, is_recorded=True)
     far, pressed, peeled = protocol.start_gap, -protocol.press, protocol.peel
     bench.move("voltage", protocol.rise_time, far, voltage)
     bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, voltage)
     bench.move("contact", protocol.dwell, pressed, voltage)
     bench.move("retract", SLOWDOWN * protocol.peel_time, peeled, voltage)
     bench.move("away", SLOWDOWN * protocol.approach_time, far, voltage)
-    trace = bench.trace()
+    trace = trace_of(bench)
     directions = {"approach": "approach", "contact": "approach", "retract": "retract", "away": "retract"}
-    rows = []
-    for i, phase in enumerate(trace.phases[k] for k in trace.phase):
-        if phase not in directions:
-            continue
-        attraction = trace.adhesion_tool[i] + max(0.0, trace.electrostatic[i])
-        numbers = {
-            "voltage": voltage,
-            "radius": trial.radius,
-            "tip": trace.probe[i, 2] - 2 * trial.radius,
-            "gap": trace.gap_tool[i],
-            "adhesion": trace.adhesion_tool[i],
-            "electrostatic": max(0.0, trace.electrostatic[i]),
-            "contact": trace.contact_tool[i],
-            "total": attraction - trace.contact_tool[i],
-        }
-        rows.append({"direction": directions[phase], **{name: float(value) for name, value in numbers.items()}})
-    return rows
+    adhesion, electrostatic = -trace.adhesion_tool, -np.maximum(0.0, trace.electrostatic)
+    columns = {
+        "voltage": np.full_like(trace.time, voltage),
+        "radius": np.full_like(trace.time, trial.radius),
+        "tip": trace.probe[:, 2] - 2 * trial.radius,
+        "gap": trace.gap_tool,
+        "adhesion": adhesion,
+        "electrostatic": electrostatic,
+        "contact": trace.contact_tool,
+        "total": adhesion + electrostatic + trace.contact_tool,
+    }
+    rows = (
+        dict(zip(columns, values, strict=True)) for values in zip(*(c.tolist() for c in columns.values()), strict=True)
+    )
+    phases = (trace.phases[k] for k in trace.phase)
+    return [
+        {"direction": directions[phase], **row} for phase, row in zip(phases, rows, strict=True) if phase in directions
+    ]

@@ -1,8 +1,8 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from functools import cache
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench.base import Move
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.film import FilmBench, Look, joined
+from iswarm_mj.gripper.bench.film import joined
 from iswarm_mj.gripper.bench.leaps import fly, hang, is_below
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
@@ -45,32 +45,27 @@ class Found(NamedTuple):
     """[m/s]; 0 where nothing lands."""
 
 
-_FREE: list[MujocoBench] = []
-"""Benches for one trial that nobody uses, for any thread; those of a thread of JAX would end with each call."""
+@cache
+def _bench() -> MujocoBench:
+    """The bench of one trial that all attempts use, since making one takes as long as 300 steps."""
+    return MujocoBench([Trial(20e-6, 0.0, 0.0)], PROTOCOL.start_gap, threads=1, timestep=TIMESTEP)
 
 
-@contextmanager
-def _bench(trial: Trial, hanging: float | None = None) -> Iterator[MujocoBench]:
-    """A bench, used again, since making it takes as long as 300 steps; hence trials are made one after the other."""
-    try:
-        bench = _FREE.pop()
-        bench.place(trial, PROTOCOL.start_gap, hanging)
-    except IndexError:
-        bench = MujocoBench([trial], PROTOCOL.start_gap, threads=1, hanging=hanging, timestep=TIMESTEP)
-    yield bench
-    _FREE.append(bench)
+_IN_USE = Lock()
+"""Trials are made one after the other."""
 
 
 def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
     """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
     rows = []
-    for trial, volts in zip(trials, voltage, strict=True):
-        with _bench(trial) as bench:
-            rows.append((*lift_on(bench, float(volts)), 0.0))
+    with _IN_USE:
+        for trial, volts in zip(trials, voltage, strict=True):
+            _bench().place(trial, PROTOCOL.start_gap)
+            rows.append((*lift_on(_bench(), float(volts)), 0.0))
     return Found(*map(np.array, zip(*rows, strict=True)))
 
 
-def lift_on(bench: FilmBench, voltage: float) -> tuple[bool, float]:
+def lift_on(bench: MujocoBench, voltage: float) -> tuple[bool, float]:
     """Whether a ball on a new bench hangs in the end, and how long that took [s]."""
     p = PROTOCOL
     watch = bench.moves([*touching(p), *lifting(p, voltage)], round(PRESSED / bench.timestep) if is_below(bench) else 0)
@@ -80,13 +75,14 @@ def lift_on(bench: FilmBench, voltage: float) -> tuple[bool, float]:
 def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
     """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
     rows = []
-    for trial, volts in zip(trials, voltage, strict=True):
-        with _bench(trial, gap) as bench:
-            rows.append(drop_on(bench, float(volts), gap))
+    with _IN_USE:
+        for trial, volts in zip(trials, voltage, strict=True):
+            _bench().place(trial, PROTOCOL.start_gap, gap)
+            rows.append(drop_on(_bench(), float(volts), gap))
     return Found(*map(np.array, zip(*rows, strict=True)))
 
 
-def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, float]:
+def drop_on(bench: MujocoBench, voltage: float, gap: float) -> tuple[bool, float, float]:
     """Whether a ball that hangs on a new bench stays, how long that took [s], and the speed of its landing [m/s]."""
     p = PROTOCOL
     bench.moves([Move("rise", p.rise_time, gap, voltage)])
@@ -94,9 +90,9 @@ def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, 
     seen = _seen_to_leave(bench, gap, voltage, RELEASE_LIMIT - time)
     if seen is None:
         return False, RELEASE_LIMIT, 0.0
-    impact = seen.landing_speed
+    last, impact = seen
     watch = bench.move("cut", p.cut_time, gap, 0.0)
-    start = time + (seen.last + 1) * bench.timestep + p.cut_time
+    start = time + (last + 1) * bench.timestep + p.cut_time
     time, since, film = start, start, None
     landing, speed, above, finite = (
         float(values[0]) for values in (watch.landing_speed, watch.speed, watch.gap_plate, watch.finite)
@@ -106,7 +102,7 @@ def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, 
     while not stays and finite and time < start + p.flight_limit - p.cut_time:
         time += fly(bench, "fall", start + p.flight_limit - p.cut_time - time)
         film = bench.film("fall", _FALLS if np.isnan(impact) else _HITS, gap, 0.0)
-        impact = Look(film, 0, len(film.finite) - 1).landing_speed if np.isnan(impact) else impact
+        impact = film.landing_speed(len(film.finite) - 1) if np.isnan(impact) else impact
         returns = np.flatnonzero(_reach(film.speed, film.gap_plate) >= gap / 2)
         since = time + (returns[-1] + 1 if len(returns) else 0) * bench.timestep
         time, finite = time + len(film.finite) * bench.timestep, bool(film.finite[-1])
@@ -115,7 +111,7 @@ def drop_on(bench: FilmBench, voltage: float, gap: float) -> tuple[bool, float, 
     more = round((until - time) / bench.timestep)
     if film is not None and more < 0:
         bench.rewind(film, max(more - 1, -len(film.finite)))
-    bench.elapse("fall", max(0, more))
+    bench.elapse(["fall"] * max(0, more))
     return stays, until, float(np.nan_to_num(impact))
 
 
@@ -124,10 +120,10 @@ def _reach(speed: np.ndarray | float, above: np.ndarray | float) -> np.ndarray:
     return np.asarray(speed) ** 2 / (2 * GRAVITY) + np.maximum(above, 0.0)
 
 
-def _seen_to_leave(bench: FilmBench, gap: float, voltage: float, limit: float) -> Look | None:
-    """The time until a ball, looked at since it last touched the tool, is seen to have left it; the bench is there.
+def _seen_to_leave(bench: MujocoBench, gap: float, voltage: float, limit: float) -> tuple[int, float] | None:
+    """Steps until a ball, looked at since it last touched the tool, is seen to have left it; its landing speed [m/s].
 
-    None: it still hangs after a time [s].
+    The bench is there. None: the ball still hangs after a time [s].
     """
     again, most = (round(duration / bench.timestep) for duration in (PROTOCOL.watch_time, limit))
     if most < 1:
@@ -142,7 +138,7 @@ def _seen_to_leave(bench: FilmBench, gap: float, voltage: float, limit: float) -
         if seen or not film.finite[-1]:
             last = seen[0] if seen else len(away) - 1
             bench.rewind(film, last)
-            return Look(film, 0, last)
+            return last, film.landing_speed(last)
         if len(away) > most:
             bench.rewind(film, most - 1)
             return None

@@ -5,22 +5,6 @@ import math
 from iswarm_mj.utils.arrays import Quantity, array_module
 
 
-def work_of_adhesion(surface_energy_1: Quantity, surface_energy_2: Quantity) -> Quantity:
-    """Work of adhesion of two surfaces, W = 2 sqrt(gamma_1 gamma_2).
-
-    Source: geometric mean, stated below Eq. 1. Valid for dispersion forces between clean surfaces.
-
-    Args:
-        surface_energy_1: surface energy of one body [J/m^2].
-        surface_energy_2: surface energy of the other [J/m^2].
-
-    Returns:
-        Work of adhesion [J/m^2].
-    """
-    xp = array_module(surface_energy_1, surface_energy_2)
-    return 2 * xp.sqrt(surface_energy_1) * xp.sqrt(surface_energy_2)
-
-
 def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
     """Pull-off force of a compliant contact, F = 3/2 pi R W.
 

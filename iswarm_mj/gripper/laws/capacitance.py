@@ -5,14 +5,16 @@ from functools import cache
 
 import numpy as np
 
-from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY
 from iswarm_mj.gripper.laws.probe_table import (
+    AXES,
     GAP_EXPONENTS,
     PROBE_EXPONENTS,
     coefficients_of,
     interpolated,
     probe_factor,
+    spline_coefficients,
 )
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Quantity, array_module
 
 
@@ -38,7 +40,7 @@ def capacitance(task: str, gap: Quantity, radius: Quantity, probe_radius: Quanti
     xp = array_module(gap, radius, probe_radius, least)
     wide = xp.maximum(gap, least)
     ratios = wide / radius, probe_radius / radius
-    share = interpolated(xp, capacitance_spline(task), *ratios)
+    share = interpolated(capacitance_spline(task), *ratios)
     share = share + probe_factor(task, *ratios) / 2 * (1 - gap / wide)
     return 4 * math.pi * VACUUM_PERMITTIVITY * radius * share
 
@@ -56,3 +58,12 @@ def capacitance_spline(task: str) -> np.ndarray:
     edge = np.asarray(probe_factor(task, last, 2.0**PROBE_EXPONENTS)) / (4 if task == "pick" else 40)
     tail = np.cumsum(parts[::-1], axis=0)[::-1]
     return coefficients_of(np.concatenate([tail, np.zeros((1, len(PROBE_EXPONENTS)))]) + edge)
+
+
+def tables() -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (4, rows + 2, columns + 2) of the splines of `spline.shape_of`, and `probe_table.AXES`.
+
+    Of the forces to pick and to release, then of the capacitances to probe and plate.
+    """
+    tasks = ("pick", "release")
+    return np.stack([of(task) for of in (spline_coefficients, capacitance_spline) for task in tasks]), AXES

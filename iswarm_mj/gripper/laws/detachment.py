@@ -13,7 +13,8 @@ import math
 from jaxtyping import Bool
 
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
-from iswarm_mj.gripper.laws.electrostatics import VACUUM_PERMITTIVITY, pick_force, release_force
+from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Array, Quantity, array_module
 
 WORK_TOOL_OBJECT = 1.41e-3

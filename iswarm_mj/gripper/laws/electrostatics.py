@@ -4,12 +4,9 @@ import math
 from typing import Literal
 
 from iswarm_mj.gripper.laws.probe_table import probe_factor
-from iswarm_mj.gripper.laws.sphere_plane import capacitance_series, force_series
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Quantity
 from iswarm_mj.utils.errors import UserError
-
-VACUUM_PERMITTIVITY = 8.8541878188e-12
-"""Electric constant eps0, CODATA 2022 [F/m]."""
 
 Model = Literal["boundary_elements", "asymptotic"]
 
@@ -30,43 +27,12 @@ def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quan
     return math.pi * VACUUM_PERMITTIVITY * voltage**2 * (radius / gap)
 
 
-def sphere_plane_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quantity:
-    """Force between a sphere and a plane, F = 2 pi eps0 V^2 sum_n (n coth(n a) - coth a) / sinh(n a).
-
-    Source: derivative of the bispherical capacitance (Smythe 1950), cosh a = 1 + D/R. Valid at all gaps.
-
-    Args:
-        voltage: between sphere and plane [V].
-        gap: closest distance D, above 0 [m].
-        radius: radius of the sphere [m].
-
-    Returns:
-        Attractive force, positive [N].
-    """
-    return math.pi * VACUUM_PERMITTIVITY * voltage**2 * force_series(gap / radius)
-
-
-def sphere_plane_capacitance(gap: Quantity, radius: Quantity) -> Quantity:
-    """Capacitance of a sphere above a grounded plane, C = 4 pi eps0 R sinh(a) sum_n 1 / sinh(n a).
-
-    Source: bispherical coordinates (Smythe 1950), cosh a = 1 + D/R. Valid at all gaps.
-
-    Args:
-        gap: closest distance D, above 0 [m].
-        radius: radius of the sphere [m].
-
-    Returns:
-        Capacitance [F].
-    """
-    return 4 * math.pi * VACUUM_PERMITTIVITY * radius * capacitance_series(gap / radius)
-
-
 def release_force(
     voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model = "boundary_elements"
 ) -> Quantity:
     """Force towards the plane on a sphere that touches a probe, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
 
-    Source: f from `boundary_elements` (sphere and probe at V, plane at 0, probe 20 R long), through
+    Source: f from boundary elements (sphere and probe at V, plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; "asymptotic" takes f = 1, Eq. 2.
 
     Args:
@@ -87,7 +53,7 @@ def pick_force(
 ) -> Quantity:
     """Force towards a probe on a sphere that lies on the plane, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
 
-    Source: f from `boundary_elements` (probe at V, sphere and plane at 0, probe 20 R long), through
+    Source: f from boundary elements (probe at V, sphere and plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; "asymptotic" takes f = 1, Eq. 2.
 
     Args:

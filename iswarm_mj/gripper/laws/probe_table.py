@@ -1,16 +1,17 @@
 """Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, from a table in the package.
 
 Bicubic spline of ln f in log2(D/R) and log2(R_m/R): twice differentiable. The numbers come from
-`boundary_elements`.
+`tools/boundary_elements.py`.
 """
 
 from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from iswarm_mj.utils.arrays import Array, Quantity, array_module, is_concrete
+from iswarm_mj.gripper.laws import spline
+from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.utils.arrays import Quantity, array_module, is_concrete
 from iswarm_mj.utils.errors import UserError
 
 GAP_EXPONENTS = np.arange(-27, 7) / 3
@@ -18,6 +19,9 @@ GAP_EXPONENTS = np.arange(-27, 7) / 3
 
 PROBE_EXPONENTS = np.arange(-18, 10) / 3
 """log2 of R_m/R in the table, 1/64 to 8."""
+
+AXES = np.array([[e[0], e[1] - e[0], len(e), 2.0 ** e[0], 2.0 ** e[-1]] for e in (GAP_EXPONENTS, PROBE_EXPONENTS)])
+"""First exponent, step, number of knots, least and largest ratio of each."""
 
 FILE = "probe_table.csv"
 
@@ -37,35 +41,28 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
     Returns:
         f, a pure number.
     """
-    xp = array_module(gap_ratio, probe_ratio)
-    return interpolated(xp, spline_coefficients(task), gap_ratio, probe_ratio)
+    return interpolated(spline_coefficients(task), gap_ratio, probe_ratio)
 
 
-def interpolated(xp, spline: np.ndarray, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
+def interpolated(coefficients: np.ndarray, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
     """Positive quantity of the table's two ratios, whose logarithm has these `coefficients_of`; limits as above."""
-    row, row_weights = _locate(xp, "gap over sphere radius", gap_ratio, GAP_EXPONENTS)
-    column, column_weights = _locate(xp, "probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
-    coefficients = xp.asarray(spline, dtype=row_weights.dtype)
-    patch = coefficients[row[..., :, None], column[..., None, :]]
-    return xp.exp(xp.sum(patch * row_weights[..., :, None] * column_weights[..., None, :], axis=(-2, -1)))
+    _check("gap over sphere radius", gap_ratio, GAP_EXPONENTS)
+    _check("probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
+    xp = array_module(gap_ratio, probe_ratio)
+    functions = in_arrays(spline, xp)
+    place = functions.place_of(xp.asarray(gap_ratio), xp.asarray(probe_ratio), AXES.tolist())
+    return functions.value_at(xp.asarray(coefficients, dtype=place[2][0].dtype), place)
 
 
-def _locate(xp, name: str, ratio: Quantity, exponents: np.ndarray) -> tuple[Int[Array, "... 4"], Float[Array, "... 4"]]:
-    """Indices (..., 4) of the spline's coefficients around each ratio, and their weights (..., 4)."""
+def _check(name: str, ratio: Quantity, exponents: np.ndarray) -> None:
     low, high = 2.0 ** exponents[0], 2.0 ** exponents[-1]
-    if is_concrete(ratio):
-        given = np.asarray(ratio)
-        bad = given[~((given >= low * (1 - 1e-6)) & (given <= high * (1 + 1e-6)))]
-        if bad.size:
-            raise UserError(
-                f"The {name} is {bad.flat[0]:.4g}, outside the table's {low:.4g} to {high:.4g}; "
-                'change the gap or the radii, or use model="asymptotic" for gaps far below the radii.'
-            )
-    place = (xp.log2(xp.clip(ratio, low, high)) - exponents[0]) / (exponents[1] - exponents[0])
-    cell = xp.clip(xp.floor(place), 0, len(exponents) - 2)
-    t = place - cell
-    weights = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t * (1 + t - t**2), t**3]
-    return cell.astype(int)[..., None] + np.arange(4), xp.stack(weights, axis=-1) / 6
+    given = np.asarray(ratio) if is_concrete(ratio) else np.ones(1)
+    bad = given[~((given >= low * (1 - 1e-6)) & (given <= high * (1 + 1e-6)))]
+    if bad.size:
+        raise UserError(
+            f"The {name} is {bad.flat[0]:.4g}, outside the table's {low:.4g} to {high:.4g}; "
+            'change the gap or the radii, or use model="asymptotic" for gaps far below the radii.'
+        )
 
 
 @cache

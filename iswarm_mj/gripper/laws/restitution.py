@@ -82,24 +82,3 @@ def capture_restitution(speed: Quantity, sticks_at: Quantity) -> Quantity:
     """Greatest restitution e_p with which a ball stays at its first impact, v_s / v: what a field that pulls it away
     from the surface leaves (`with_adhesion`)."""
     return sticks_at / speed
-
-
-def brach_dunn_speed(
-    speed: Quantity, work: Quantity, radius: Quantity, moduli: tuple[float, float], density: Quantity
-) -> Quantity:
-    """Speed whose energy adhesion keeps at an impact speed, (2 W_A / m)^(1/2), another estimate of `sticking_speed`.
-
-    Source: Brach and Dunn 1992, W_A = (5/4 pi^(9/2) (k_1 + k_2) rho)^(2/5) gamma r^2 |v|^(4/5), k = 1 / (pi E')
-    with the plane-strain moduli E' of the two bodies, and gamma = W: the work of separating the largest area of a
-    Hertzian contact, pi a^2.
-
-    Args:
-        speed: of the impact [m/s].
-        work: work of adhesion W [J/m^2].
-        radius: of the sphere [m].
-        moduli: E / (1 - nu^2) of sphere and plane [Pa].
-        density: of the sphere [kg/m^3].
-    """
-    compliance = sum(1 / (math.pi * modulus) for modulus in moduli)
-    energy = (1.25 * math.pi**4.5 * compliance * density) ** 0.4 * work * radius**2 * speed**0.8
-    return (2 * energy / (4 / 3 * math.pi * radius**3 * density)) ** 0.5

@@ -80,8 +80,3 @@ def effective_work(work: Quantity, radius: Quantity, surface: Surface) -> Quanti
     separating = work * (1 + surface.hysteresis)
     rough = separating * roughness_factor(radius, surface)
     return xp.maximum(rough, preloaded_pull_off(separating, surface) / (2 * math.pi * radius))
-
-
-def roughness_for(factor: float, radius: float, spacing: float) -> float:
-    """Roughness that lowers the pull-off to a share [m], where contact with one asperity decides: the first term."""
-    return (1 / factor - 1) * spacing**2 / (58.14 * radius)

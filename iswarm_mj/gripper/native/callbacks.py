@@ -15,20 +15,25 @@ import numba
 import numpy as np
 from numba import types
 
-from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution
+from iswarm_mj.gripper import contact
+from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
+from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.humidity import humidity_factor
-from iswarm_mj.gripper.native import attraction, attributes, circuit, fields, impact, spline
+from iswarm_mj.gripper.laws.numbers import numbers_of
+from iswarm_mj.gripper.native import attraction, attributes, fields, state
 from iswarm_mj.gripper.native.attraction import attract, gap_to
 from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
-from iswarm_mj.gripper.native.circuit import ball_voltage, relaxed, shapes_of
 from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
-from iswarm_mj.gripper.native.impact import rebound_ratio
-from iswarm_mj.gripper.native.spline import spline_tables
-from iswarm_mj.gripper.units import CLEARANCE, NN, UM
+from iswarm_mj.gripper.native.state import OF_ADHESION, OF_ELECTROSTATIC
+from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 
-_dmt = compiled(adhesion.dmt_pull_off)
-_van_der_waals = compiled(adhesion.van_der_waals_force)
 _asymptotic = compiled(electrostatics.asymptotic_force)
+_contact = numbers_of(contact, {}, compiled)
+# Callbacks are cached on disk if each global that they call is a function by itself.
+_adhesion_force, _rebound_ratio, _rebounds_on = _contact.adhesion_force, _contact.rebound_ratio, _contact.rebounds_on
+_ball_voltage, _relaxed_charge = _contact.ball_voltage, _contact.relaxed_charge
+_shape_of = numbers_of(spline, {}, compiled).shape_of
+_is_broken, _next_potential = _contact.is_broken, _contact.next_potential
 
 _nstate = types.int32(Struct, types.int32)
 _init = types.int32(Struct, Struct, types.int32)
@@ -42,7 +47,7 @@ def _offsets() -> np.ndarray:
 
     Numba caches compiled code on disk, and the arrays that a callback encloses are part of the key.
     """
-    modules = (adhesion, electrostatics, restitution, attraction, attributes, circuit, fields, impact, spline)
+    modules = (adhesion, electrostatics, restitution, contact, attraction, attributes, fields, spline, state)
     text = "".join([mujoco.__version__, *(inspect.getsource(module) for module in modules)])
     return np.append(pointer_offsets(), zlib.crc32(text.encode()))
 
@@ -95,125 +100,97 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
 
 def adhesion_callbacks() -> dict[str, Any]:
-    """Callbacks of impacts and of adhesion, 2 pi R W h(RH) in contact and van der Waals attraction out of it.
-
-    The state is ball, surface, work, humidity, hamaker, restitution, yield_pressure, modulus; gap, force, before,
-    rebound, impact_speed, impulse. Out of contact the distance z of the surfaces is the gap plus
-    z0 = sqrt(A / (12 pi W)), at which A R / (6 z^2) is the pull-off force.
-    """
-    offsets, factors = _offsets(), np.asarray(humidity_factor(np.arange(101.0)))
+    """Callbacks of impacts and of adhesion, 2 pi R W h(RH) in contact and van der Waals attraction out of it."""
+    offsets, factors, at = _offsets(), np.asarray(humidity_factor(np.arange(101.0))), OF_ADHESION
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
         f = read_fields(m, d, offsets)
-        s = f.plugin_stateadr[instance]
-        ball, surface = int(f.plugin_state[s]), int(f.plugin_state[s + 1])
-        percent = min(max(f.plugin_state[s + 3], 0.0), 100.0)
+        state, s = f.plugin_state, f.plugin_stateadr[instance]
+        ball, surface = int(state[s + at.ball]), int(state[s + at.surface])
+        percent = min(max(state[s + at.humidity], 0.0), 100.0)
         low = min(int(percent), 99)
         factor = factors[low] + (percent - low) * (factors[low + 1] - factors[low])
-        work = f.plugin_state[s + 2] * factor * NN / UM
-        hamaker = f.plugin_state[s + 4] * NN * UM
+        work = state[s + at.work] * factor * NN / UM
         gap, nx, ny, nz = gap_to(f, ball, surface)
-        radius = f.geom_size[3 * ball] * UM
-        force = 0.0
-        if gap <= 0:
-            force = _dmt(radius, work)
-        elif hamaker > 0 and work > 0:
-            force = _van_der_waals(hamaker, radius, gap * UM + math.sqrt(hamaker / (12 * math.pi * work)))
-        force /= NN
-        before, push = f.plugin_state[s + 10], 0.0
+        radius, mass = f.geom_size[3 * ball] * UM, f.body_mass[f.geom_bodyid[ball]]
+        force = _adhesion_force(work, state[s + at.hamaker] * NN * UM, radius, gap * UM) / NN
+        before, push = state[s + at.before], 0.0
         if gap <= 0 and before > 0:
-            mass, speed = f.body_mass[f.geom_bodyid[ball]], (before - gap) / f.timestep
-            fixed, pressure, modulus = f.plugin_state[s + 5], f.plugin_state[s + 6], f.plugin_state[s + 7]
-            ratio = rebound_ratio(speed, mass, radius, work, fixed, pressure, modulus)
+            speed, density = (before - gap) / f.timestep, mass * 1e-9 / (4 / 3 * math.pi * radius**3)
+            pressure, modulus = state[s + at.yield_pressure] * PRESSURE, state[s + at.modulus] * PRESSURE
+            restitution = state[s + at.restitution]
+            ratio = _rebound_ratio(speed * (UM / MS), density, radius, work, restitution, pressure, modulus)
             if ratio > 0:
                 push = mass * (1 + ratio) * speed / f.timestep
-                f.plugin_state[s + 11] = 2.0
-            f.plugin_state[s + 12] = speed
-            f.plugin_state[s + 13] = mass * (1 + ratio) * speed
-        if f.plugin_state[s + 11] > 0:
+                state[s + at.rebound] = 2.0
+            state[s + at.impact_speed] = speed
+            state[s + at.impulse] = mass * (1 + ratio) * speed
+        if state[s + at.rebound] > 0:
             force = 0.0
-        f.plugin_state[s + 8] = gap
-        f.plugin_state[s + 9] = force
+        state[s + at.gap], state[s + at.force] = gap, force
         if force != push:
             attract(f, ball, surface, gap, nx, ny, nz, force - push)
 
     @_callback(_advance)
     def advance(m, d, instance):
         f = read_fields(m, d, offsets)
-        s = f.plugin_stateadr[instance]
-        gap, before = f.plugin_state[s + 8], f.plugin_state[s + 10]
-        if f.plugin_state[s + 11] > 1:
-            f.plugin_state[s + 11] = 1.0
-        elif gap > CLEARANCE or gap <= before:
-            f.plugin_state[s + 11] = 0.0
-        f.plugin_state[s + 10] = gap
+        state, s = f.plugin_state, f.plugin_stateadr[instance]
+        gap, rebound = state[s + at.gap], state[s + at.rebound]
+        state[s + at.rebound] = _rebounds_on(rebound > 1, rebound, gap, state[s + at.before])
+        state[s + at.before] = gap
 
     return {"compute": compute, "advance": advance}
 
 
 def electrostatic_callbacks() -> dict[str, Any]:
-    """Callbacks of the force of a voltage on the ball, and of the potential of the ball.
-
-    The state is ball, probe, plate, voltage, contact_gap, off_voltage, leak, contact, plate_contact, oxide, breakdown;
-    potential, probe_gap, plate_gap, force, charge, ball_voltage, broken, to_probe, to_plate, up, down.
-    """
-    offsets, (splines, axes) = _offsets(), spline_tables()
+    """Callbacks of the force of a voltage on the ball, and of the potential of the ball."""
+    offsets, (splines, axes), at = _offsets(), tables(), OF_ELECTROSTATIC
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
         f = read_fields(m, d, offsets)
-        s = f.plugin_stateadr[instance]
-        ball, probe, plate = int(f.plugin_state[s]), int(f.plugin_state[s + 1]), int(f.plugin_state[s + 2])
-        voltage = f.ctrl[int(f.plugin_state[s + 3])]
+        state, s = f.plugin_state, f.plugin_stateadr[instance]
+        ball, probe, plate = int(state[s + at.ball]), int(state[s + at.probe]), int(state[s + at.plate])
+        voltage = f.ctrl[int(state[s + at.voltage])]
         probe_gap, px, py, pz = gap_to(f, ball, probe)
         plate_gap, nx, ny, nz = gap_to(f, ball, plate)
-        least, leak = f.plugin_state[s + 4], f.plugin_state[s + 6]
+        least, has_circuit = state[s + at.contact_gap], state[s + at.leak] > 0
         radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
-        above, below = max(probe_gap, least), max(plate_gap, least)
-        release = f.plugin_state[s + 11] > 0.5 and plate_gap > 0
-        up_voltage, down_voltage = (0.0, voltage) if release else (voltage, 0.0)
-        sizes = (probe_gap, plate_gap, least, probe_radius)
-        pick_shape, release_shape, to_probe, to_plate = shapes_of(radius, sizes, splines, axes)
-        if leak > 0:
-            down_voltage = ball_voltage(f.plugin_state[s + 15], voltage, to_probe, to_plate)
-            up_voltage = voltage - down_voltage
-        f.plugin_state[s + 16] = down_voltage
-        up = down = 0.0
-        if up_voltage != 0:
-            up = pick_shape * _asymptotic(up_voltage, above * UM, radius * UM) / NN
+        pick, to_probe = _shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
+        release, to_plate = _shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
+        charge, potential = state[s + at.charge], state[s + at.potential]
+        mine = _ball_voltage(has_circuit, charge, potential, voltage, (to_probe, to_plate), plate_gap)
+        across = voltage - mine
+        up = pick * _asymptotic(across, max(probe_gap, least) * UM, radius * UM) / NN
+        down = release * _asymptotic(mine, max(plate_gap, least) * UM, radius * UM) / NN
+        if across != 0:
             attract(f, ball, probe, probe_gap, px, py, pz, up)
-        if down_voltage != 0:
-            down = release_shape * _asymptotic(down_voltage, below * UM, radius * UM) / NN
+        if mine != 0:
             attract(f, ball, plate, plate_gap, nx, ny, nz, down)
-        f.plugin_state[s + 12] = probe_gap
-        f.plugin_state[s + 13] = plate_gap
-        f.plugin_state[s + 14] = up - down
-        f.plugin_state[s + 18], f.plugin_state[s + 19] = to_probe, to_plate
-        f.plugin_state[s + 20], f.plugin_state[s + 21] = up, down
+        state[s + at.ball_voltage], state[s + at.force] = mine, up - down
+        state[s + at.probe_gap], state[s + at.plate_gap] = probe_gap, plate_gap
+        state[s + at.to_probe], state[s + at.to_plate] = to_probe, to_plate
+        state[s + at.up], state[s + at.down] = up, down
 
     @_callback(_advance)
     def advance(m, d, instance):
         f = read_fields(m, d, offsets)
-        s = f.plugin_stateadr[instance]
-        voltage = f.ctrl[int(f.plugin_state[s + 3])]
-        probe_gap, plate_gap, least = f.plugin_state[s + 12], f.plugin_state[s + 13], f.plugin_state[s + 4]
-        if f.plugin_state[s + 6] > 0:
-            across = voltage - f.plugin_state[s + 16]
-            if probe_gap <= 0 and abs(across) >= f.plugin_state[s + 9] * f.plugin_state[s + 10]:
-                f.plugin_state[s + 17] = 1.0
-            elif probe_gap > least:
-                f.plugin_state[s + 17] = 0.0
-            resistance = f.plugin_state[s + 7] if f.plugin_state[s + 17] > 0 else f.plugin_state[s + 6]
-            above = 1 / resistance if probe_gap <= 0 else 0.0
-            below = 1 / f.plugin_state[s + 8] if plate_gap <= 0 else 0.0
-            if above + below > 0:
-                now = (f.plugin_state[s + 16], voltage, f.plugin_state[s + 18], f.plugin_state[s + 19])
-                f.plugin_state[s + 15] = relaxed(now, above, below, f.timestep)
-            f.plugin_state[s + 11] = 1.0 if abs(f.plugin_state[s + 16]) > abs(across) else 0.0
-        elif plate_gap <= 0:
-            f.plugin_state[s + 11] = 0.0
-        elif probe_gap <= least and abs(voltage) <= f.plugin_state[s + 5]:
-            f.plugin_state[s + 11] = 1.0
+        state, s = f.plugin_state, f.plugin_stateadr[instance]
+        voltage, mine = f.ctrl[int(state[s + at.voltage])], state[s + at.ball_voltage]
+        gaps = probe_gap, plate_gap = state[s + at.probe_gap], state[s + at.plate_gap]
+        least, has_circuit = state[s + at.contact_gap], state[s + at.leak] > 0
+        if has_circuit:
+            strength = state[s + at.oxide] * state[s + at.breakdown]
+            broken = _is_broken(voltage - mine, probe_gap, state[s + at.broken], least, strength)
+            resistance = state[s + at.contact] if broken > 0 else state[s + at.leak]
+            to_probe = 1 / resistance if probe_gap <= 0 else 0.0
+            to_plate = 1 / state[s + at.plate_contact] if plate_gap <= 0 else 0.0
+            capacitances = state[s + at.to_probe], state[s + at.to_plate]
+            charge = state[s + at.charge]
+            charge = _relaxed_charge(charge, mine, voltage, capacitances, to_probe, to_plate, f.timestep)
+            state[s + at.broken], state[s + at.charge] = broken, charge
+        potential, off = state[s + at.potential], state[s + at.off_voltage]
+        state[s + at.potential] = _next_potential(has_circuit, potential, mine, voltage, gaps, least, off)
 
     return {"compute": compute, "advance": advance}

@@ -1,6 +1,6 @@
 """Which balls stay where they land: a map over impact speed and restitution, and shares over the voltage's cut.
 
-python -m iswarm_mj.gripper.bench.landing
+python tools/landing_map.py
 """
 
 from collections.abc import Sequence

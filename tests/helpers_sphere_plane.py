@@ -1,4 +1,4 @@
-"""Bispherical sums of a sphere above a plane, to full precision from contact to far away.
+"""Force and capacitance of a sphere above a plane by bispherical sums, to full precision from contact to far away.
 
 For a >= 0.5 the sums themselves; below, their Mellin expansion in a, whose error there is below 3e-12.
 """
@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Quantity, array_module
 
 SWITCH = 0.5
@@ -23,6 +24,37 @@ MELLIN = [
     for j, b in enumerate(_BERNOULLI, start=1)
 ]
 """Pairs (k, c_k zeta(-k)), where 1/sinh(x) = 1/x + sum_k c_k x^k."""
+
+
+def sphere_plane_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quantity:
+    """Force between a sphere and a plane, F = 2 pi eps0 V^2 sum_n (n coth(n a) - coth a) / sinh(n a).
+
+    Source: derivative of the bispherical capacitance (Smythe 1950), cosh a = 1 + D/R. Valid at all gaps.
+
+    Args:
+        voltage: between sphere and plane [V].
+        gap: closest distance D, above 0 [m].
+        radius: radius of the sphere [m].
+
+    Returns:
+        Attractive force, positive [N].
+    """
+    return math.pi * VACUUM_PERMITTIVITY * voltage**2 * force_series(gap / radius)
+
+
+def sphere_plane_capacitance(gap: Quantity, radius: Quantity) -> Quantity:
+    """Capacitance of a sphere above a grounded plane, C = 4 pi eps0 R sinh(a) sum_n 1 / sinh(n a).
+
+    Source: bispherical coordinates (Smythe 1950), cosh a = 1 + D/R. Valid at all gaps.
+
+    Args:
+        gap: closest distance D, above 0 [m].
+        radius: radius of the sphere [m].
+
+    Returns:
+        Capacitance [F].
+    """
+    return 4 * math.pi * VACUUM_PERMITTIVITY * radius * capacitance_series(gap / radius)
 
 
 def capacitance_series(gap_ratio: Quantity) -> Quantity:

@@ -3,15 +3,19 @@
 The unknown is the surface charge density, constant on each ring-shaped element; the potential of a ring is a
 complete elliptic integral; the grounded plane z = 0 is an image of opposite sign; the force on the sphere is
 the integral of the Maxwell stress sigma^2 / (2 eps0). Lengths are in sphere radii, potentials in units of
-the applied one, and eps0 = 1. Needs SciPy, and serves off-line only: it makes the table of the package, by
+the applied one, and eps0 = 1. Needs SciPy. Makes the table of the package:
 
-    python -m iswarm_mj.gripper.laws.boundary_elements
+    python tools/boundary_elements.py
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+
+from iswarm_mj.gripper.laws import probe_table
+from iswarm_mj.gripper.laws.probe_table import FILE, GAP_EXPONENTS, PROBE_EXPONENTS
 
 PROBE_LENGTH = 20.0
 """Length of the probe [sphere radii]; at small gaps the force does not depend on it."""
@@ -188,19 +192,15 @@ def extrapolated_factor(gap: float, probe_radius: float, task: str) -> float:
 
 def main() -> None:
     """Write the table of shape factors beside `probe_table`; a few minutes."""
-    from pathlib import Path
-
-    from iswarm_mj.gripper.laws.probe_table import FILE, GAP_EXPONENTS, PROBE_EXPONENTS
-
     lines = [
-        "# F D / (R pi eps0 V^2); made by: python -m iswarm_mj.gripper.laws.boundary_elements",
+        "# F D / (R pi eps0 V^2); made by: python tools/boundary_elements.py",
         "# log2_D_over_R,log2_Rm_over_R,release,pick",
     ]
     for gap in GAP_EXPONENTS:
         for probe in PROBE_EXPONENTS:
             factors = (extrapolated_factor(2.0**gap, 2.0**probe, task) for task in ("release", "pick"))
             lines.append(",".join([f"{gap:.4f}", f"{probe:.4f}", *(f"{factor:.6f}" for factor in factors)]))
-    Path(__file__).with_name(FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    Path(probe_table.__file__).with_name(FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

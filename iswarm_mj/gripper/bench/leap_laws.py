@@ -1,0 +1,104 @@
+"""Closed forms of times of a trial that need no physics steps: a ball that hangs while charge flows, one that flies.
+
+Functions of numbers, see `laws.numbers`, for one trial and for batches. Units of the bench.
+"""
+
+from math import exp, log, sqrt
+from typing import Any, NamedTuple
+
+from iswarm_mj.gripper.laws.numbers import where
+
+MARGIN = 0.03
+"""Part of the tool's adhesion by which a ball must be held while a leap lasts: with less it is about to leave."""
+REST = 0.2
+"""Speed up to which a ball that touches the tool counts as resting [um/ms]."""
+
+
+class Hanging(NamedTuple):
+    """A ball that hangs at rest at the tool, after a physics step."""
+
+    voltage: Any
+    """Of the tool, constant."""
+    mine: Any
+    """Voltage of the ball in that step."""
+    charge: Any
+    to_probe: Any
+    """Capacitance."""
+    to_plate: Any
+    """Capacitance."""
+    leak: Any
+    """Resistance of the tool's contact."""
+    up: Any
+    """Pull of the tool's field in that step."""
+    down: Any
+    """Pull of the plate's field in that step."""
+    adhesion: Any
+    """Of the tool."""
+    hold: Any
+    """Adhesion of the tool, less that of the plate, less the weight."""
+
+
+def _start(ball: Any) -> Any:
+    """Voltage of the ball as the leap begins."""
+    return (ball.charge + ball.to_probe * ball.voltage) / (ball.to_probe + ball.to_plate)
+
+
+def _relaxes(ball: Any) -> Any:
+    """Whether the ball's voltage is between 0 and the tool's, which it follows."""
+    start = _start(ball)
+    return (ball.leak > 0) & (ball.mine > 0) & (ball.mine < ball.voltage) & (start > 0) & (start < ball.voltage)
+
+
+def _pulls(ball: Any) -> Any:
+    """Pulls of the two fields over the squares of their voltages."""
+    relaxes = _relaxes(ball)
+    return (
+        ball.up / where(relaxes, ball.voltage - ball.mine, 1.0) ** 2,
+        ball.down / where(relaxes, ball.mine, 1.0) ** 2,
+    )
+
+
+def _held(ball: Any, volts: Any) -> Any:
+    """Force that holds the ball at the tool when it has this voltage."""
+    up, down = _pulls(ball)
+    return ball.hold + up * (ball.voltage - volts) ** 2 - down * volts**2
+
+
+def hanging_time(ball: Any, limit: Any, slack: Any) -> Any:
+    """Time until the ball is held with no more than `MARGIN`, at most `limit`; 0 if no leap is possible.
+
+    Its voltage follows that of the tool, u' = (V - u) / T, T = (C_t + C_p) R, and with it falls the force that holds
+    it, adhesion + a (V - u)^2 - b u^2 - weight.
+
+    Args:
+        ball: at rest.
+        limit: longest time.
+        slack: `MARGIN` is exceeded at the start by this factor at least.
+    """
+    start, voltage, least, (up, down) = _start(ball), ball.voltage, MARGIN * ball.adhesion, _pulls(ball)
+    can = _relaxes(ball) & (_held(ball, start) > slack * least)
+    square = up * voltage**2 + ball.hold - least
+    inside = (up * voltage) ** 2 - (up - down) * square
+    end = square / where(can, up * voltage + sqrt(where(can & (inside > 0), inside, 0.0)), 1.0)
+    leaves = can & (_held(ball, voltage) <= least) & (start < end) & (end < voltage)
+    share = where(leaves, voltage - start, 1.0) / where(leaves, voltage - end, 1.0)
+    time = where(leaves, ball.leak * (ball.to_probe + ball.to_plate) * log(share), limit)
+    return where(can, where(time < limit, time, limit), 0.0)
+
+
+def after_hanging(ball: Any, time: Any) -> tuple[Any, Any]:
+    """Charge of the ball after this time, and the share of its depth in the tool's contact that is left."""
+    start, can = _start(ball), _relaxes(ball)
+    relaxation = where(can, ball.leak * (ball.to_probe + ball.to_plate), 1.0)
+    volts = ball.voltage + (start - ball.voltage) * exp(-time / relaxation)
+    held = _held(ball, start)
+    share = _held(ball, volts) / where(held > 0, held, 1.0)
+    return ball.to_plate * volts - ball.to_probe * (ball.voltage - volts), share
+
+
+def flight_time(rise: Any, above: Any, below: Any, gravity: Any) -> Any:
+    """Time until a ball with this upward speed reaches the height `above` or falls by `below`, both above 0."""
+    reaches = (rise > 0) & (rise**2 > 2 * gravity * above)
+    up = 2 * above / where(reaches, rise + sqrt(where(reaches, rise**2 - 2 * gravity * above, 0.0)), 1.0)
+    lowest = rise**2 + 2 * gravity * below
+    return where(reaches, up, (rise + sqrt(where(lowest > 0, lowest, 0.0))) / gravity)

@@ -1,0 +1,112 @@
+"""Traces of trials from the states that a bench recorded."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from iswarm_mj.gripper import plugin
+from iswarm_mj.gripper.bench.engine_mujoco import STATE, MujocoBench
+from iswarm_mj.gripper.bench.model import layout
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.staircase import hang, rung, stays_up, touch
+from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.bench.trial_trace import Trace
+from iswarm_mj.gripper.units import MS, NN, UM
+
+States = Float[np.ndarray, "T n"]
+
+
+def trace_trial(
+    trial: Trial, protocol: Protocol, voltage: float | None, gap: float, timestep: float | None = None
+) -> Trace:
+    """Trace of a trial from the approach to a ball that rests again.
+
+    Args:
+        trial: the ball.
+        protocol: what the tool does.
+        voltage: at which it lifts [V]; None: the highest rung is tried, and the ball is released only if that lifts it.
+        gap: to the plate at which the ball is released [m].
+        timestep: instead of that of the model [s].
+    """
+    bench = MujocoBench([trial], protocol.start_gap, 1, timestep=timestep, is_recorded=True)
+    highest = protocol.highest_rung * protocol.step_voltage
+    touch(bench, protocol)
+    watch = rung(bench, protocol, highest if voltage is None else voltage)
+    if stays_up(watch, protocol)[0]:
+        hang(bench, protocol, gap)
+        release(bench, protocol, np.array([True]), gap, to_the_end=True)
+    return trace_of(bench)
+
+
+def trace_of(bench: MujocoBench) -> Trace:
+    """Trace of all physics steps of a recorded bench: each sample is a state, with the forces that act from it on."""
+    recorded, model, where = bench.recorded or [], bench.model, layout(bench.model)
+    before, after = (np.concatenate([part.states[cut] for part in recorded]) for cut in (np.s_[:-1], np.s_[1:]))
+    names = [name for part in recorded for name in part.phases]
+    phases = tuple(dict.fromkeys(names))
+    qpos, control = _part(model, before, "QPOS"), _part(model, after, "CTRL")
+    ball, aside = qpos[:, where.ball : where.ball + 7], qpos[:, where.aside]
+    tip = qpos[:, where.slide] + where.tip_height
+
+    def result(instance: str, field: str, states: States = after) -> Float[np.ndarray, "T"]:
+        return _part(model, states, "PLUGIN")[:, plugin.state_index(model, instance, field)]
+
+    def lost(instance: str) -> Float[np.ndarray, "T"]:
+        """Energy that a rebound costs in each step [fJ], m v^2 (1 - e^2) / 2."""
+        begins = (result(instance, "before", before) > 0) & (result(instance, "gap") <= 0)
+        impulse, mass = result(instance, "impulse"), model.body("ball").mass[0]
+        energy = impulse * (result(instance, "impact_speed") - impulse / mass / 2)
+        return np.where(begins & (result(instance, "rebound") > 0), energy, 0.0)
+
+    contacts, drive = _forces(model, before, control)
+    weight, probe_weight = (-model.opt.gravity[2] * model.body(name).mass[0] for name in ("ball", "probe"))
+    return Trace(
+        time=_part(model, before, "TIME")[:, 0] * MS,
+        phase=np.array([phases.index(name) for name in names]),
+        phases=phases,
+        voltage=control[:, where.voltage],
+        probe=np.stack([aside, np.zeros_like(tip), tip], axis=1) * UM,
+        ball=ball[:, :3] * UM,
+        ball_quaternion=ball[:, 3:],
+        gap_tool=result("electrostatic", "probe_gap") * UM,
+        gap_plate=result("electrostatic", "plate_gap") * UM,
+        adhesion_tool=result("adhesion_probe", "force") * NN,
+        adhesion_plate=result("adhesion_plate", "force") * NN,
+        electrostatic=result("electrostatic", "force") * NN,
+        contact_tool=contacts[:, 0] * NN,
+        contact_plate=contacts[:, 1] * NN,
+        on_plate_potential=result("electrostatic", "potential") < 0.5,
+        ball_voltage=result("electrostatic", "ball_voltage"),
+        broken=result("electrostatic", "broken") > 0.5,
+        drive=drive[:, where.tip] * NN,
+        impact_loss=(lost("adhesion_probe") + lost("adhesion_plate")) * NN * UM,
+        radius=float(model.geom("ball").size[0]) * UM,
+        probe_radius=float(model.geom("probe").size[0]) * UM,
+        weight=float(weight) * NN,
+        probe_weight=float(probe_weight) * NN,
+    )
+
+
+def _part(model: mujoco.MjModel, states: States, name: str) -> Float[np.ndarray, "T k"]:
+    """Columns of states that hold one of the parts of `mjtState`."""
+    bit = int(getattr(mujoco.mjtState, f"mjSTATE_{name}"))
+    first = mujoco.mj_stateSize(model, STATE & (bit - 1))
+    return states[:, first : first + mujoco.mj_stateSize(model, bit)]
+
+
+def _forces(
+    model: mujoco.MjModel, states: States, control: Float[np.ndarray, "T nu"]
+) -> tuple[Float[np.ndarray, "T 2"], Float[np.ndarray, "T nu"]]:
+    """Normal forces of the ball's contacts with tool and plate, and forces of the actuators, in each state [nN]."""
+    data, plate, force = mujoco.MjData(model), model.geom("plate").id, np.zeros(6)
+    contacts, drives = np.zeros((len(states), 2)), np.zeros_like(control)
+    for state, now, contact, drive in zip(states, control, contacts, drives, strict=True):
+        mujoco.mj_setState(model, data, state, STATE)
+        data.ctrl[:] = now
+        mujoco.mj_forward(model, data)
+        for i, geoms in enumerate(data.contact.geom):
+            mujoco.mj_contactForce(model, data, i, force)
+            contact[int(plate in geoms)] += max(0.0, force[0])
+        drive[:] = data.actuator_force
+    return contacts, drives

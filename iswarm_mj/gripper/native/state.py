@@ -1,0 +1,89 @@
+"""The state of the plugins' instances: attributes as numbers, then results."""
+
+from collections import namedtuple
+from typing import NamedTuple
+
+import numpy as np
+
+from iswarm_mj.gripper.native.attributes import ACTUATOR, GEOM, NUMBER
+from iswarm_mj.gripper.native.fields import CYLINDER, PLANE, SPHERE
+
+ADHESION = "iswarm.adhesion"
+ELECTROSTATIC = "iswarm.electrostatic"
+
+
+class Attribute(NamedTuple):
+    """An attribute of a plugin instance in MJCF."""
+
+    name: str
+    constraint: str
+    """The values that are valid, with their unit."""
+    kind: int
+    low: float = 0.0
+    """Least number, or a type of geom."""
+    high: float = np.inf
+    """Largest number, or another type of geom."""
+    default: float = np.nan
+    """Number if the attribute is absent; nan: it is required."""
+
+
+_BALL = Attribute("ball", "the name of a sphere", GEOM, SPHERE, SPHERE)
+
+ATTRIBUTES = {
+    ADHESION: (
+        _BALL,
+        Attribute("surface", "the name of a plane or a cylinder", GEOM, PLANE, CYLINDER),
+        Attribute("work", "the work of adhesion at 10 % RH, a number of at least 0 [nN/um]", NUMBER),
+        Attribute("humidity", "the relative humidity, a number from 0 to 100 [%]", NUMBER, 0, 100, 10),
+        Attribute("hamaker", "the Hamaker constant, a number of at least 0 [nN um]", NUMBER, default=0),
+        Attribute("restitution", "the restitution without adhesion, a number from 0 to 1", NUMBER, 0, 1, 0),
+        Attribute("yield_pressure", "the yield pressure, a number of at least 0 [nN/um^2]", NUMBER, default=0),
+        Attribute("modulus", "the reduced modulus, a number of at least 0 [nN/um^2]", NUMBER, default=0),
+    ),
+    ELECTROSTATIC: (
+        _BALL,
+        Attribute("probe", "the name of a cylinder", GEOM, CYLINDER, CYLINDER),
+        Attribute("plate", "the name of a plane", GEOM, PLANE, PLANE),
+        Attribute("voltage", "the name of an actuator, whose control is the voltage [V]", ACTUATOR),
+        Attribute("contact_gap", "the effective gap D_eff of a touching tool, a number from 1e-3 [um]", NUMBER, 1e-3),
+        Attribute("off_voltage", "the voltage taken as off, a number of at least 0 [V]", NUMBER, default=1),
+        Attribute(
+            "leak", "the resistance of a touching tool's oxide, a number of at least 0 [TOhm]", NUMBER, default=0
+        ),
+        Attribute("contact", "the resistance after breakdown, a number above 0 [TOhm]", NUMBER, 1e-15, default=1e-9),
+        Attribute("plate_contact", "the plate's resistance, a number above 0 [TOhm]", NUMBER, 1e-15, default=1e-9),
+        Attribute("oxide", "the thickness of the tool's oxide, a number of at least 0 [um]", NUMBER, default=0.07),
+        Attribute("breakdown", "the field that breaks it, a number of at least 0 [V/um]", NUMBER, default=1000),
+    ),
+}
+"""Attributes of each plugin, in the order of its state."""
+
+COMPUTED = {
+    ADHESION: {"gap": 0.0, "force": 0.0, "before": 0.0, "rebound": 0.0, "impact_speed": 0.0, "impulse": 0.0},
+    ELECTROSTATIC: {
+        **{"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
+        **{"charge": 0.0, "ball_voltage": 0.0, "broken": 0.0, "to_probe": 0.0, "to_plate": 0.0},
+        **{"up": 0.0, "down": 0.0},
+    },
+}
+"""Results that follow the attributes in the state, and their values after a reset.
+
+gap, probe_gap, plate_gap [um]; force [nN], positive towards the surface, or towards the probe and negative towards the
+plate; potential 0 for the plate's and 1 for the probe's, or the nearer of the two in a circuit; charge [fC] and voltage
+of the ball against the plate [V] in a circuit; broken: 1 if the oxide of the present contact broke down; to_probe,
+to_plate: the ball's capacitances [fF]; up, down: the two pulls of which `force` is the difference [nN]. Of impacts:
+before, the gap one step earlier [um]; rebound, 0 no, 1 going on, 2 begins in this step; speed [um/ms] and impulse
+[nN ms] of the last one.
+"""
+
+
+def state_fields(plugin: str) -> tuple[str, ...]:
+    """Names of the numbers in the state of a plugin's instance."""
+    return (*(attribute.name for attribute in ATTRIBUTES[plugin]), *COMPUTED[plugin])
+
+
+OF_ADHESION, OF_ELECTROSTATIC = (
+    namedtuple("Places", state_fields(plugin))(*range(len(state_fields(plugin))))
+    for plugin in (ADHESION, ELECTROSTATIC)
+)
+"""Place of each number in an instance's state, by name; constants where numba compiles."""

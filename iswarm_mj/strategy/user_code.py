@@ -1,0 +1,71 @@
+"""Errors in a user's own code, in one sentence that names the line and the remedy."""
+
+import sysconfig
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import jax
+
+import iswarm_mj
+from iswarm_mj.utils.errors import SimulationFault, UserError
+
+_INNER = ("<", str(Path(iswarm_mj.__file__).parent), *map(sysconfig.get_path, ("stdlib", "purelib", "platlib")))
+"""How paths of code begin that is not the user's."""
+
+_TRACED = {
+    jax.errors.TracerBoolConversionError: (
+        "decides by values that are known only while the robots act, which Python's if, while, and, or, not cannot",
+        "use jnp.where(condition, a, b), the operators & | ~, or jax.lax.cond",
+    ),
+    jax.errors.TracerArrayConversionError: (
+        "hands NumPy values that are known only while the robots act",
+        "use jax.numpy in its place",
+    ),
+    jax.errors.NonConcreteBooleanIndexError: (
+        "selects by a mask that is known only while the robots act",
+        "use jnp.where(mask, a, b), which keeps the shape",
+    ),
+    (jax.errors.ConcretizationTypeError, jax.errors.TracerIntegerConversionError): (
+        "needs now a number that is known only while the robots act",
+        "use jax.numpy or jax.lax (as jax.lax.fori_loop), or make a parameter of the class static by "
+        'field(metadata={"static": True})',
+    ),
+}
+"""Errors of JAX where Python asks for values of arrays that it traces: what the line does, and the remedy."""
+
+
+@contextmanager
+def user_code(what: str) -> Iterator[None]:
+    """Turn exceptions of the user's code into a `UserError` that names its line; those of this package pass.
+
+    Args:
+        what: that is called, as `Walk.act`.
+
+    Raises:
+        UserError: the code raised something else.
+    """
+    try:
+        yield
+    except (UserError, SimulationFault):
+        raise
+    except (Exception, SystemExit) as error:
+        frames = [one for one in traceback.extract_tb(error.__traceback__) if not one.filename.startswith(_INNER)]
+        if isinstance(error, SystemExit) and not frames:  # the command line's parser has explained a flag
+            raise
+        raise UserError(_sentence(what, error, frames)) from error
+
+
+def _sentence(what: str, error: BaseException, frames: list[traceback.FrameSummary]) -> str:
+    """What went wrong, and in which of the user's own lines, of which the error passed through `frames`."""
+    place = "its parameters or its call"
+    if isinstance(error, SyntaxError) and error.filename:
+        place = f"{error.filename}, line {error.lineno}: `{(error.text or '').strip()}`"
+    elif frames:
+        place = f"{frames[-1].filename}, line {frames[-1].lineno}: `{frames[-1].line}`"
+    for kinds, (does, remedy) in _TRACED.items():
+        if isinstance(error, kinds):
+            return f"{what} {does} ({place}); {remedy}"
+    text = ": ".join(filter(None, [type(error).__name__, str(error).strip().partition("\n")[0]]))
+    return f"{what} raised {text} ({place}); correct it there"
