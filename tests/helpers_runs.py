@@ -17,6 +17,7 @@ from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.utils.units import RD
 
 N = 30
@@ -71,6 +72,7 @@ def end_of(run):
 def check_balls(run, record):
     """Each ball is lying, held or delivered; held ones hang at a tip, one a robot; delivered ones lie in the dump."""
     balls, arena, robot = record.swarm.task, run.config.arena, run.robot
+    centres = ball_centres(balls, record.poses, robot)
     for world in range(run.settings.n_worlds):
         held, delivered, lying = balls.is_held[world], balls.is_delivered[world], balls.is_lying[world]
         assert lying.sum() + held.sum() + delivered.sum() == arena.n_dust
@@ -80,16 +82,12 @@ def check_balls(run, record):
         x, y, yaw = record.poses[world, holder[held]].T
         ahead, beside = robot.probe_tip
         tip = [x + ahead * np.cos(yaw) - beside * np.sin(yaw), y + ahead * np.sin(yaw) + beside * np.cos(yaw)]
-        np.testing.assert_allclose(ball_centres(balls, record.poses, robot)[world, held, :2].T, tip, atol=1e-5)
-        assert (ball_centres(balls, record.poses, robot)[world, held, 2] < robot.tip_height).all()
-        assert (
-            np.abs(ball_centres(balls, record.poses, robot)[world, delivered, :2]).max(initial=0.0)
-            <= arena.dump_size / 2 * RD + 1e-4
-        )
+        at = centres[world]
+        np.testing.assert_allclose(at[held, :2].T, tip, atol=1e-5)
+        assert (at[held, 2] < robot.tip_height).all()
+        assert np.abs(at[delivered, :2]).max(initial=0.0) <= arena.dump_size / 2 * RD + 1e-4
         radius = balls.radius[world]
-        np.testing.assert_allclose(
-            ball_centres(balls, record.poses, robot)[world, ~held, 2], 1e3 * radius[~held], rtol=1e-6
-        )
+        np.testing.assert_allclose(at[~held, 2], 1e3 * radius[~held], rtol=1e-6)
 
 
 def spoil(run, step, world, robot, value=1e3):

@@ -1,7 +1,12 @@
-"""Beginnings of worlds, and where balls are."""
+"""Beginnings, parameters and states of worlds of cleaning, and where balls are."""
+
+import jax.numpy as jnp
 
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.simulation import initial
+from iswarm_mj.gripper.handling import loaded
+from iswarm_mj.sensors.conditions import conditions_of
+from iswarm_mj.simulation import initial, worlds
+from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.grasping import ball_centres
 
@@ -11,6 +16,26 @@ def start_of(config, n_robots, seed, index, failed_fraction=0.0, task=CLEANING):
     return initial.draw_start(config, task, read_robot(), n_robots, seed, index, failed_fraction)
 
 
+def begin_with(monkeypatch, starts):
+    """Let worlds begin with these starts, by their indices, however they are; the other ones as they are drawn."""
+    draw = worlds.draw_start
+
+    def draw_start(config, task, robot, n_robots, seed, index, *more):
+        return starts[index] if index in starts else draw(config, task, robot, n_robots, seed, index, *more)
+
+    monkeypatch.setattr(worlds, "draw_start", draw_start)
+
+
 def centres(record):
     """Centres of the balls in the record of a run of cleaning, with the paper's robots [mm]."""
     return ball_centres(record.swarm.task, record.poses, read_robot())
+
+
+def params_of(config, strategy, key, n_robots):
+    """Parameters of a world of N robots, which the first delivery finishes."""
+    return WorldParams(strategy, conditions_of(config), key, jnp.ones(n_robots, bool), jnp.int32(1), CLEANING)
+
+
+def swarm_of(memory, balls, n_robots):
+    """State of a world of N living robots."""
+    return SwarmState(memory, balls, jnp.ones(n_robots, bool), loaded(balls, n_robots))

@@ -37,6 +37,16 @@ def test_runs_on_the_host_do_without_mjx():
     assert done.stdout == "False\n"
 
 
+def test_simulation_does_without_the_bench():
+    """A large part of the package, which only runs that resolve attempts load."""
+    modules = [f"iswarm_mj.simulation.{path.stem}" for path in MODULES if path.parent.name == "simulation"]
+    assert "iswarm_mj.simulation.run" in modules
+    code = f"import sys, {', '.join(modules)}\n"
+    code += "print([name for name in sys.modules if name.startswith('iswarm_mj.gripper.bench')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 MODULES = sorted(Path(iswarm_mj.__file__).parent.rglob("*.py"))
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import iswarm_mj
-from iswarm_mj.commands import swarm_options
 from iswarm_mj.commands.main import COMMANDS, parse
 from iswarm_mj.config import ArenaConfig, OpticsConfig
 from iswarm_mj.strategy.interface import Observation
@@ -103,7 +102,7 @@ def test_commands_are_understood(page, command, example, monkeypatch):
         assert end.value.code == 0
     else:
         if "--worlds 1024" in command:  # which is for a GPU
-            monkeypatch.setattr(swarm_options, "can_use_warp", lambda: True)
+            monkeypatch.setattr("iswarm_mj.engines.planar.settings.can_use_warp", lambda: True)
         parsed = parse(words)
         if hasattr(parsed, "checked"):
             parsed.checked()
@@ -123,16 +122,16 @@ QUICK = {
 """What makes a command short, where it is not."""
 
 
+def run(arguments):
+    command = [sys.executable, "-m", "iswarm_mj", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0, f"{shlex.join(arguments)}: {done.stderr}"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_commands_run(page, example):
     """One after the other, as a reader types them, with fewer steps and runs."""
-
-    def run(arguments):
-        command = [sys.executable, "-m", "iswarm_mj", *arguments]
-        done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
-        assert done.returncode == 0, f"{shlex.join(arguments)}: {done.stderr}"
-
     run(["clean", "--steps", "101"])  # what pages look at
     for words in commands(page):
         if "--help" in words or any(part in shlex.join(words) for part in INSTALLED):
@@ -151,15 +150,14 @@ def test_commands_run(page, example):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["quick-start.md", "strategies.md", "tasks.md", "files.md", "environments.md"])
 def test_python_runs(name, example):
-    """Blocks as a reader copies them, with fewer steps and robots."""
-    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    """Blocks as a reader copies them, with fewer steps and robots, after the page's commands for what they load."""
+    page = ROOT / "docs" / name
+    text = page.read_text(encoding="utf-8")
     files = ("# walk", "# gather")
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if not block.startswith(files)]
-    if "runs/clean" in "".join(blocks):
-        short = ["clean", "--engine", "planar", "--robots", "20", "--steps", "12"]
-        subprocess.run(
-            [sys.executable, "-m", "iswarm_mj", *short], check=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
-        )
+    made = {words[-1]: words[1:] for words in commands(page) if words[-2] == "--out"}
+    for out in sorted(set(re.findall(r'"(runs/\w+)"', "".join(blocks)))):
+        run([*made.get(out, ["clean", "--engine", "planar"]), "--robots", "20", "--steps", "12"])
     for block in blocks:
         for old, new in (
             ("steps=200", "steps=3"),

@@ -17,8 +17,8 @@ import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.experiments.analysis.statistics import difference, interval, mean
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.analysis.statistics import difference, interval, mean
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import SHAPE, SHIPPED, SIGNALS, untrained
@@ -46,7 +46,9 @@ def main():
     parser.add_argument("--dust-area-offset", type=float, default=6.5)
     parser.add_argument("--n-dust", type=int, default=36)
     parser.add_argument("--paper", action="store_true", help="the paper's arena")
-    parser.add_argument("--refinement", type=int, default=PlanarSettings.refinement, help="of the engine's physics steps")
+    parser.add_argument(
+        "--refinement", type=int, default=PlanarSettings.refinement, help="of the engine's physics steps"
+    )
     parser.add_argument("--only", nargs="+", help="rows beside type 1")
     parser.add_argument("--weights", type=Path, default=SHIPPED)
     parser.add_argument("--threads", type=int, default=0)

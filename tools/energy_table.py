@@ -10,8 +10,8 @@ from dataclasses import replace
 from statistics import fmean
 
 from iswarm_mj.config import EnergyConfig, SwarmConfig
-from iswarm_mj.simulation.run import Run
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for

@@ -18,13 +18,13 @@ import jax
 import numpy as np
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.gripper.attempts import Attempts
 from iswarm_mj.gripper.bench.batch_trials import by_batch
 from iswarm_mj.gripper.bench.swarm_trials import outcomes
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for

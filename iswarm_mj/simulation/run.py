@@ -18,7 +18,7 @@ from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, stated
 from iswarm_mj.simulation.tasks import metrics_of
-from iswarm_mj.simulation.worlds import World, vector_strategies, worlds_of_seed
+from iswarm_mj.simulation.worlds import World, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -105,21 +105,20 @@ class Run:
             density = genome.density_of_robots
             settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
         check_kind("settings", settings, RunSettings)
-        worlds = worlds_of_seed(genome, settings) if worlds is None else worlds
         engine, task = MujocoSettings() if engine is None else engine, CLEANING if task is None else task
-        setup = set_up(config, settings, engine, task, worlds, robot_file)
+        setup = set_up(config, settings, engine, task, genome if worlds is None else worlds, robot_file)
         n_worlds = len(setup.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
         self.config, self.genome, self.settings, self.engine = config, genome, settings, setup.engine
-        self.worlds, self.starts, self.task, self.goal = list(worlds), setup.starts, setup.task, setup.goal
+        self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
         self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
         self.strategy, n_leds = strategy, len(setup.robot.sides)
         if strategy is None:
-            own = vector_strategies(config, setup.robot, worlds)
+            own = vector_strategies(config, setup.robot, self.worlds)
             self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
-            own = of_all_worlds(strategy, config, setup.robot, worlds, is_per_world=strategy_per_world)
+            own = of_all_worlds(strategy, config, setup.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.watch = Stopwatch()

@@ -17,7 +17,8 @@ from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.memory_check import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.tasks import ENDLESS, Job, goal_of, job_of
-from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
+from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_object
@@ -83,7 +84,7 @@ def set_up(
     settings: RunSettings,
     engine: EngineSettings,
     task: Any,
-    worlds: Sequence[World],
+    worlds: Sequence[World] | Genome,
     robot_file: Path | str | None = None,
 ) -> Setup:
     """Check what the user gives, and draw how worlds begin.
@@ -93,7 +94,7 @@ def set_up(
         settings: of the run.
         engine: that carries it out.
         task: what the robots are to do.
-        worlds: whose beginnings are drawn.
+        worlds: whose beginnings are drawn; or the genome of those of the settings' seed.
         robot_file: MJCF file of the robots; None for `models/robot.xml`.
 
     Raises:
@@ -107,11 +108,12 @@ def set_up(
     check_kind("robot_file", robot_file, (Path, str, NoneType))
     file = None if robot_file is None else Path(robot_file).absolute()
     robot = read_robot(file)
+    check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
+    worlds = worlds_of_seed(worlds, settings) if isinstance(worlds, Genome) else worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
     check("worlds", type(worlds).__name__, "a list of World", are_worlds)
     largest = max(world.n_robots for world in worlds)
     check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
-    check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
     check_object(task)
     goal = goal_of(task, config, settings)
     check_robots(config.arena, largest, cell_of(robot))

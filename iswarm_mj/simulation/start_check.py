@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
@@ -31,14 +32,23 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robot, arena:
     yaw, size = poses[:, 2], np.broadcast_to((a, b), (len(poses), 2))
     hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), size])
     beyond = np.abs(corners(hulls)).max(axis=(1, 2)) > edge
-    _refuse(name, poses, beyond, f"such that robots stand within the walls, {edge:g} mm from the middle")
+    _refuse(name, "robot", poses, beyond, f"such that robots stand within the walls, {edge:g} mm from the middle")
     for box in numbers(arena.obstacles, RD):
         inside = overlap(hulls, np.broadcast_to(box, hulls.shape))
-        _refuse(name, poses, inside, "such that no robot stands in an obstacle")
+        _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle")
     pairs = cKDTree(poses[:, :2]).query_pairs(2 * robot.circumradius, output_type="ndarray")
-    first, second = pairs[overlap(hulls[pairs[:, 0]], hulls[pairs[:, 1]])][:1].T
-    found = f"robots {first} and {second} at {poses[[*first, *second], :2].round(3).tolist()} mm"
-    check(name, found, "such that no robots overlap", not len(first))
+    for pair in pairs[overlap(hulls[pairs[:, 0]], hulls[pairs[:, 1]])][:1].tolist():
+        found = " and ".join(f"{number} at {poses[number, :2].round(3).tolist()}" for number in pair)
+        check(name, f"robots {found} mm", "such that no robots overlap", False)
+
+
+def check_shapes(name: str, state: Any, drawn: Any) -> None:
+    """Raise a ConfigError unless a state of a task has the structure and the shapes of one that the task laid out."""
+    found, structure = jax.tree.structure(state), jax.tree.structure(drawn)
+    check(name, found, f"as the task lays it out, {structure}", found == structure)
+    for (path, leaf), usual in zip(jax.tree_util.tree_leaves_with_path(state), jax.tree.leaves(drawn), strict=True):
+        found, shape = np.shape(leaf), np.shape(usual)
+        check(f"{name}{jax.tree_util.keystr(path)}", found, f"an array of shape {shape}", found == shape)
 
 
 def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
@@ -58,7 +68,7 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
     }
     edge = mm_from_rd(arena.size) / 2
     outside = np.abs(own["position"]).max(axis=1, initial=0.0) > edge
-    _refuse(f"{name}.position", own["position"], outside, f"within the walls, {edge:g} mm from the middle")
+    _refuse(f"{name}.position", "ball", own["position"], outside, f"within the walls, {edge:g} mm from the middle")
     for part in ("radius", "work_tool_object", "work_object_substrate"):
         check(f"{name}.{part}", own[part].min(initial=np.inf), "above 0", bool((own[part] > 0).all()))
     held, holder = own["is_held"], own["holder"]
@@ -70,11 +80,11 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
     check(f"{name}.holder", holder[held].tolist(), "another robot for each held ball", is_one_each)
 
 
-def _refuse(name: str, places: np.ndarray, is_bad: np.ndarray, constraint: str) -> None:
+def _refuse(name: str, what: str, places: np.ndarray, is_bad: np.ndarray, constraint: str) -> None:
     """Raise a ConfigError that names the first bad place, if there is one."""
     if is_bad.any():
         number = int(is_bad.argmax())
-        check(name, f"number {number} at {places[number, :2].round(3).tolist()} mm", constraint, False)
+        check(name, f"{what} {number} at {places[number, :2].round(3).tolist()} mm", constraint, False)
 
 
 def _of_balls() -> list[tuple[str, tuple[int, ...], str]]:

@@ -15,7 +15,7 @@ from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses
+from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -191,12 +191,14 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
 
 def _start(config: SwarmConfig, task: Task, robot: Robot, world: World) -> Start:
     own, given, n_robots = world.config or config, world.start, world.n_robots
+    drawn = draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)
     if given is None:
-        return draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)
+        return drawn
     check_kind("start", given, Start)
     check_array("start.poses", given.poses, (n_robots, 3), "f")
     check_array("start.is_alive", given.is_alive, (n_robots,), "b")
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
+    check_shapes("start.task", given.task, drawn.task)
     if isinstance(task, BallTask):
         with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)

@@ -3,7 +3,7 @@
 import functools
 import math
 import numbers
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from iswarm_mj.utils.errors import ConfigError
@@ -22,7 +22,7 @@ class Within:
     unit: str = ""
     reason: str = ""
     """Why there is no more, where that is not obvious."""
-    source: tuple[type, str] | None = field(default=None, compare=False)
+    source: tuple[type, str] | None = None
     """Class and field whose limits these are, where `constraint_of` returned them for another one."""
 
     def allows(self, value: Any) -> bool:

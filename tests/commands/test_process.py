@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from helpers_cli import CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, result
 from helpers_rrd import read
+from helpers_worlds import begin_with, start_of
 
-from iswarm_mj.commands import swarm_options
+from iswarm_mj.commands.main import parse
 from iswarm_mj.commands.swarm_options import Swarm
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation import worlds as simulation_worlds
 
 
 class TestFaults:
@@ -38,17 +38,12 @@ class TestFaults:
         assert fault.startswith("step 8, world 0: the pose of robot 5 is not finite; ")
 
     def test_of_one_world_leave_the_others_their_results(self, capfd, monkeypatch):
-        draw = simulation_worlds.draw_start
-
-        def draw_start(config, n_robots, seed, index, *others):
-            start = draw(config, n_robots, seed, index, *others)
-            if index == 1:
-                start.poses[3, 0] = 50.0
-            return start
-
         flags = (*SMALL, "--worlds=3", "--steps=30", "--no-record")
         assert code_of("clean", *flags, "--out=healthy") == 0
-        monkeypatch.setattr(simulation_worlds, "draw_start", draw_start)
+        config = parse(["clean", *SMALL]).config
+        start = start_of(config, 30, 0, 1)
+        start.poses[3, 0] = 50.0
+        begin_with(monkeypatch, {1: start})
         assert code_of("clean", *flags, "--out=out") == 1
         out, error = capfd.readouterr()
         assert out.count("30 in 3 world(s)") == 2
@@ -176,7 +171,7 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
 
     @pytest.mark.parametrize(("has_gpu", "impl"), [(True, "warp"), (False, "numba")])
     def test_is_the_default_where_there_is_a_gpu(self, monkeypatch, has_gpu, impl):
-        monkeypatch.setattr(swarm_options, "can_use_warp", lambda: has_gpu)
+        monkeypatch.setattr("iswarm_mj.engines.planar.settings.can_use_warp", lambda: has_gpu)
         assert Swarm(engine="planar").implementation == impl
         assert Swarm(engine="planar", impl="numba").implementation == "numba"
         assert Swarm(engine="mujoco").implementation is None and Swarm(engine="mjx").implementation == "jax"

@@ -9,10 +9,10 @@ import pytest
 from helpers_jobs import jobs_of, outcomes_of
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.runner import batches, pool
+from iswarm_mj.experiments.runner import batches
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution
-from iswarm_mj.simulation import room
+from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.measures import Measures
@@ -59,7 +59,7 @@ class TestMjx:
         with monkeypatch.context() as patch:
             patch.setattr(jax, "devices", lambda: [SimpleNamespace(platform=device[0], device_kind=device[1])])
             patch.setattr(importlib.util, "find_spec", lambda name: (has_warp and name == "warp") or None)
-            assert batches.implementation() == expected
+            assert MJX.settings.impl == expected
 
     @pytest.fixture
     def tried(self, monkeypatch):
@@ -94,7 +94,7 @@ class TestMjx:
 
     @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
     def test_a_crowded_batch_gets_larger_buffers(self, jobs, monkeypatch, tried, impl, expected):
-        monkeypatch.setattr(batches, "implementation", lambda: impl)
+        monkeypatch.setattr(batches, "can_use_warp", lambda: impl == "warp")
         assert [outcome.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
         assert [size for size, _ in tried[1]] == expected
 
@@ -133,8 +133,8 @@ def test_large_batches_are_of_similar_size():
 def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
     """Of any sizes, with half of what is free left for what is not estimated."""
     jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
-    free = fitting and int(2 * fitting * room.needed_memory(planar, 1, 950))
-    monkeypatch.setattr(room, "_free_memory", lambda _: free)
+    free = fitting and int(2 * fitting * memory_check.needed_memory(planar, 1, 950))
+    monkeypatch.setattr(memory_check, "_free_memory", lambda _: free)
     parts = batches._parts(range(len(jobs)), jobs, planar)
     assert [len(part) for part in parts] == sizes
     assert [index for part in parts for index in part] == list(range(384))
@@ -144,23 +144,22 @@ class TestPlanarInBatches:
     def test_where_there_is_a_gpu(self, monkeypatch):
         with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")
         assert not with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10}
-        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         assert with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10, "impl": "warp"}
-        assert not spread.in_batches and spread.on_cpu == PlanarSettings(1)
+        assert not spread.in_batches and spread.settings == PlanarSettings(1)
         assert not Execution().in_batches
 
     def test_a_job_that_finishes_early_took_so_many_steps(self, small, monkeypatch):
         """The other of the batch took all."""
         measures = [Measures(24, 24, 0, 5.0, 13), Measures(3, 4, 0, 5.0, None)]
-        monkeypatch.setattr(batches, "_run", lambda *_: None)
-        monkeypatch.setattr(batches, "_measures", lambda *_: measures)
+        monkeypatch.setattr(batches, "_measured", lambda *_: measures)
         jobs = [Job(small, Genome(), 12, seed, steps=20) for seed in range(2)]
         found = dict(batches.run_batches(jobs, PlanarSettings()))
         assert [found[index].steps for index in range(2)] == [13, 20]
 
     def test_jobs_end_as_alone(self, small, monkeypatch):
         """Jobs of two lengths and of different numbers of robots, some of them dead, as two batches."""
-        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         given = [(12, 1, 20, 0.0), (10, 2, 20, 0.5), (12, 3, 10, 0.0)]
         jobs = [Job(small, Genome(), n, seed, steps=steps, failed_fraction=dead) for n, seed, steps, dead in given]
         begun = []

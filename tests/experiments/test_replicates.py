@@ -8,7 +8,7 @@ import pytest
 from helpers_search import SEARCH, contents, pretend
 
 from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate
-from iswarm_mj.experiments.runner import pool, resumable
+from iswarm_mj.experiments.runner import batches, resumable
 from iswarm_mj.experiments.runner.optimisers import METHODS
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.replicates import replicate_seed
@@ -83,7 +83,7 @@ class TestReplicates:
     def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
         """MJX's time grows with a batch, and the table of a search in workers with each generation."""
         pretend(monkeypatch)
-        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         search, execution = replace(SEARCH, method="random"), Execution(engine)
         found, run_jobs = [], resumable.run_jobs
         monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
@@ -124,7 +124,7 @@ class TestReplicates:
     @pytest.mark.parametrize("engine", ["mujoco", "mjx", "planar"])
     def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, engine):
         """With batches a generation that is known in part is run again as a whole, in all replicates."""
-        monkeypatch.setattr(pool, "can_use_warp", lambda: True)
+        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         pretend(monkeypatch)
         run_search(self.THREE, tmp_path / "whole", execution=Execution(engine, workers=1))
         for number, breaks_after in enumerate((0, 17, 30, 100, 179)):

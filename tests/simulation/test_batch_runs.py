@@ -11,10 +11,9 @@ import jax
 import numpy as np
 import pytest
 from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N, poses, ran, settings
-from helpers_worlds import centres, start_of
+from helpers_worlds import begin_with, centres, start_of
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation import worlds as worlds_of_runs
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -85,11 +84,10 @@ def test_what_is_recorded_is_what_happened(batch):
 
 def test_a_fault_ends_its_world_alone(batch, monkeypatch):
     """Robot 3 of world 1 begins nowhere."""
-    monkeypatch.setattr(worlds_of_runs, "check_start", lambda *_: None)  # which would refuse it
     start = start_of(TINY, N, SEED, 1)
     start.poses[3, 0] = np.nan
-    worlds = [WORLD, replace(WORLD, index=1, start=start), replace(WORLD, index=2)]
-    run, record = planar_run(warp(), worlds, steps=40)
+    begin_with(monkeypatch, {1: start})
+    run, record = planar_run(warp(), steps=40)
     (fault,) = run.faults
     assert (fault.kind, fault.world, fault.step) == (FaultKind.POSE_NOT_FINITE, 1, 1)
     assert "the pose of robot 3 is not finite" in str(fault)

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 import pytest
 from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, mjx_run, poses, ran, settings
-from helpers_worlds import centres, start_of
+from helpers_worlds import begin_with, centres, start_of
 
 from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mjx.arena import contact_capacity
@@ -18,9 +18,11 @@ from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start import Plan, start_loop
-from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.simulation.setup import set_up
+from iswarm_mj.simulation.start import start_loop
+from iswarm_mj.simulation.worlds import World, vector_strategies
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 from iswarm_mj.utils.profiling import Stopwatch
 
@@ -110,12 +112,13 @@ def test_worlds_of_other_conditions():
 
 
 class TestFaults:
-    def test_a_heap_ends_its_world_alone(self, batch):
+    def test_a_heap_ends_its_world_alone(self, batch, monkeypatch):
         """All robots of world 1 begin at one place, where more pairs of them touch than the buffers have room for."""
         start = start_of(TINY, N, SEED, 1)
         heap = start._replace(poses=start.poses * [0.1, 0.1, 1])
         assert contact_capacity(TINY, N).pairs < N * (N - 1) / 2
-        run, record = mjx_run(of_one_kind(WORLD, replace(WORLD, start=heap), WORLD), steps=40)
+        begin_with(monkeypatch, {1: heap})
+        run, record = mjx_run(of_one_kind(WORLD, WORLD, WORLD), steps=40)
         (fault,) = run.faults
         assert fault.kind & FaultKind.TOO_MANY_PAIRS and (fault.world, fault.step) == (1, 1)
         with pytest.raises(SimulationFault, match=r"step 1, world 1: buffer of robot pairs full.*`contact_capacity`"):
@@ -127,10 +130,11 @@ class TestFaults:
         np.testing.assert_array_equal(poses(run)[[0, 2]], poses(batch[0])[[0, 2]])
         assert run.step == 40
 
-    def test_the_run_ends_with_the_last_world(self):
+    def test_the_run_ends_with_the_last_world(self, monkeypatch):
         start = start_of(TINY, N, SEED, 0)
-        heap = replace(WORLD, start=start._replace(poses=start.poses * [0.1, 0.1, 1]))
-        run, record = mjx_run(of_one_kind(heap, heap, heap), steps=40)
+        heap = start._replace(poses=start.poses * [0.1, 0.1, 1])
+        begin_with(monkeypatch, dict.fromkeys(range(3), heap))
+        run, record = mjx_run(of_one_kind(WORLD, WORLD, WORLD), steps=40)
         assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)
         assert [fault.world for fault in run.faults] == [0, 1, 2]
 
@@ -159,12 +163,14 @@ def test_a_world_stands_still_once_it_is_finished(batch):
     assert run.step == max(run.measures(w).finished_at for w in range(WORLDS)) < 40
 
 
+def loop_of_one_world(engine):
+    setup = set_up(TINY, settings(n_worlds=1, steps=1, record_worlds=()), engine, CLEANING, [WORLD])
+    return start_loop(setup, vector_strategies(TINY, setup.robot, [WORLD]), Stopwatch())[0]
+
+
 def test_stages_are_timed_on_worlds_of_the_run_alone():
     """Of one world on a CPU there are two rows, the second a filler."""
-    one, plain = settings(n_worlds=1, steps=1, record_worlds=()), mjx(chunk=1)
-    loop, _ = start_loop(
-        Plan(TINY, one, plain, [WORLD], starts_of(TINY, [WORLD]), None, None, TINY.arena.n_dust), Stopwatch()
-    )
+    loop = loop_of_one_world(mjx(chunk=1))
     params, state, engine = loop.on_first_device()
     assert {a.shape[0] for a in jax.tree.leaves((params, state))} == {1}
     assert not np.asarray(state.is_finished).any()
@@ -173,10 +179,7 @@ def test_stages_are_timed_on_worlds_of_the_run_alone():
 
 
 def test_capacity_of_contacts_is_that_of_the_settings():
-    one, wide = settings(n_worlds=1, record_worlds=()), mjx(contact_capacity=2)
-    loop, _ = start_loop(
-        Plan(TINY, one, wide, [WORLD], starts_of(TINY, [WORLD]), None, None, TINY.arena.n_dust), Stopwatch()
-    )
+    loop = loop_of_one_world(mjx(contact_capacity=2))
     assert loop.on_first_device()[2].arena.capacity == contact_capacity(TINY, N, 2)
 
 

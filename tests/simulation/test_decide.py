@@ -7,14 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import lay
+from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation import decide
-from iswarm_mj.simulation.state import SwarmState, WorldParams
+from iswarm_mj.simulation import decide, perceive
+from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -22,12 +22,12 @@ from iswarm_mj.tasks.cleaning import Cleaning
 
 SEQUENTIAL = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), strategy=StrategyConfig(update_order="sequential"))
 USERS = {
-    "slots": (decide, "draw_first_slots", 1),
+    "slots": (perceive, "draw_first_slots", 1),
     "turns": (decide, "draw_turns", 0),
-    "channel": (decide, "exchange", 4),
+    "channel": (perceive, "exchange", 4),
     "task": (Cleaning, "advance", 3),
     "strategy": (VectorStrategy, "act", 3),
-    "actuators": (decide, "executed", 3),
+    "actuators": (decide, "actuate", 6),
 }
 """What draws random numbers in a step: where it is, its name, and which of its arguments the key is."""
 
@@ -36,8 +36,8 @@ def test_each_draws_numbers_of_its_own_in_each_step():
     """What draws with the same key as another, or in another step, errs or decides alike."""
     n, config = 2, SEQUENTIAL
     strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot().probe_tip)
-    params = WorldParams(strategy, conditions_of(config), jax.random.key(2), jnp.ones(n, bool), jnp.int32(1))
-    state = SwarmState(strategy.init(n, params.key), lay((0.0, -60.0)), jnp.ones(n, bool))
+    params = params_of(config, strategy, jax.random.key(2), n)
+    state = swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n)
     shape = n, 4, config.optics.n_senders
     links = Links(*(jnp.zeros(shape, kind) for kind in (jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32)))
 
@@ -52,11 +52,11 @@ def test_each_draws_numbers_of_its_own_in_each_step():
 
             return mock.patch.object(USERS[name][0], USERS[name][1], wrapped)
 
-        situation = decide.Situation(jnp.zeros((n, 3)), Sight(links, jnp.zeros((n, 4), bool)), step, jnp.array(True))
+        begin = StepInputs(jnp.zeros((n, 3)), Sight(links, jnp.zeros((n, 4), bool)), step, jnp.array(True))
         with ExitStack() as patches:
             for name, (owner, call, place) in USERS.items():
                 patches.enter_context(told(name, getattr(owner, call), place))
-            decide.decide(config, read_robot(), params, state, situation)
+            decide.decide(config, read_robot(), params, state, begin)
         return found
 
     drawn = [keys(step) for step in range(2)]

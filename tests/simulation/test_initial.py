@@ -95,7 +95,7 @@ def test_seeds_and_worlds(small):
     """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
 
     def values(seed, world):
-        poses, balls, *_ = start_of(small, 30, seed, world)
+        poses, balls, _ = start_of(small, 30, seed, world)
         return [poses, balls.position, balls.radius]
 
     first = values(3, 0)
@@ -113,7 +113,7 @@ def test_worlds_of_neighbouring_seeds_begin_differently(small):
 
 
 def test_nothing_is_held_at_the_start(small):
-    _, balls, is_alive, _ = start_of(small, 30, 0, 0)
+    _, balls, is_alive = start_of(small, 30, 0, 0)
     assert balls.position.shape == (24, 2)
     assert is_alive.shape == (30,) and is_alive.all()
     for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):
@@ -127,4 +127,4 @@ def test_a_share_of_the_robots_is_dead_from_the_start(small, fraction, n_dead):
     assert (~one.is_alive).sum() == (~other.is_alive).sum() == n_dead
     assert n_dead == 30 or not np.array_equal(one.is_alive, other.is_alive)
     np.testing.assert_array_equal(one.poses, healthy.poses)
-    np.testing.assert_array_equal(one.balls.position, healthy.balls.position)
+    np.testing.assert_array_equal(one.task.position, healthy.task.position)

@@ -9,17 +9,17 @@ import pytest
 from helpers_mjx import TINY, N, mjx, ran, settings
 from helpers_runs import CountingMemory, Scripted, end_of, records, run_of, scripted
 from helpers_sensing import lay
+from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.decide import Situation, decide
+from iswarm_mj.simulation.decide import decide
+from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -101,8 +101,8 @@ def test_slots_are_drawn_anew_in_each_step():
     """Two robots face each other: a front hears but in the step in which both have drawn the same of eight slots."""
     config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0, slots=8))
     strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, PROBE)
-    params = WorldParams(strategy, conditions_of(config), jax.random.key(2), jnp.ones(2, bool), jnp.int32(1))
-    state = SwarmState(strategy.init(2, params.key), lay((0.0, -60.0)), jnp.ones(2, bool))
+    params = params_of(config, strategy, jax.random.key(2), 2)
+    state = swarm_of(strategy.init(2, params.key), lay((0.0, -60.0)), 2)
     shape = 2, 4, config.optics.n_senders
     none, first = jnp.zeros(shape, jnp.int32), (jnp.arange(2), 0, 0)
     valid = jnp.zeros(shape, bool).at[first].set(True)
@@ -110,8 +110,8 @@ def test_slots_are_drawn_anew_in_each_step():
     poses = jnp.array([[40.0, 0.0, 0.0], [46.0, 0.0, jnp.pi]])
 
     def hears(step):
-        situation = Situation(poses, Sight(links, jnp.zeros((2, 4), bool)), step, jnp.array(True))
-        return decide(config, read_robot(), params, state, situation).links.valid[0, 0]
+        begin = StepInputs(poses, Sight(links, jnp.zeros((2, 4), bool)), step, jnp.array(True))
+        return decide(config, read_robot(), params, state, begin).links.valid[0, 0]
 
     heard = np.asarray(jax.jit(jax.vmap(hears))(jnp.arange(2000)))
     assert abs(heard.mean() - 7 / 8) < 5 * np.sqrt(7 / 64 / 2000)

@@ -2,24 +2,28 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import lay
+from helpers_sensing import lay, place
 
-from iswarm_mj.config import DriveConfig, EnergyConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.gripper.attempts import Outcomes
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.grasping import grip
+from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(energy=EnergyConfig(model="capacitor"))
 FULL = CONFIG.energy.full
-USUAL = conditions_of(CONFIG)
 
 
 def test_light_fills_a_capacitor_and_no_more():
@@ -30,40 +34,49 @@ def test_light_fills_a_capacitor_and_no_more():
 
 
 def test_what_robots_draw():
-    """One stands and sends, one walks at full speed, one waits for energy, one tries to lift a ball, one is dead."""
+    """One stands and sends, one walks at full speed, one waits for energy, one charges its tool, one is dead."""
     command = Command(jnp.zeros(5), jnp.array([0.0, 0.5 * RD, 0.0, 0.0, 0.0]))
-    before = lay((0.0, 60.0))
-    now = before._replace(attempts=jnp.array([1]), worker=jnp.array([3]))
+    charges = jnp.zeros(5).at[3].set(40**2)
     energy, alive = jnp.full(5, 1e-3).at[2].set(0.3e-3), jnp.array([True, True, True, True, False])
-    left = power.after(CONFIG, energy, command, (before, now), USUAL, alive)
+    left = power.after(CONFIG, energy, command, charges, alive)
     tool = 10e-12 * 40**2
     expected = [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool, 0.0]
     np.testing.assert_allclose(energy - left, expected, rtol=1e-5, atol=1e-9)
     large = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8))
-    many = before._replace(attempts=jnp.array([1000]), worker=jnp.array([3]))
-    assert power.after(large, energy, command, (before, many), USUAL, alive)[3] == 0
+    assert power.after(large, energy, command, 1000 * charges, alive)[3] == 0
 
 
+AWAY, ON_DUMP = (40, 0, 30), (0, 0, 30)
+
+
+@pytest.mark.parametrize("succeeds", [True, False])
 @pytest.mark.parametrize(
-    ("what", "volts"),
+    ("where", "holds", "picks", "drop_rate", "volts"),
     [
-        ({"attempts": [1], "failed_grasps": [1]}, 40.0),
-        ({"releases": [1], "is_delivered": [True]}, 55.0),
-        ({"releases": [1], "failed_releases": [1]}, 55.0),
-        ({"is_delivered": [True]}, 0.0),  # it fell
-        ({}, 0.0),
+        (AWAY, False, True, 0.0, 40.0),  # it lifts
+        (ON_DUMP, True, True, 0.0, 55.0),  # it releases
+        (AWAY, True, True, 1.0, 0.0),  # the ball falls
+        (AWAY, False, False, 0.0, 0.0),
     ],
 )
-def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(what, volts):
-    """Or to that of the capacitor, 30 V, if that is less; a large capacitance of the tool makes it visible."""
-    config = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8, message_energy=0.0))
-    before = lay((0.0, 60.0))
-    now = before._replace(**{name: jnp.array(values) for name, values in what.items()})
-    still = Command(*jnp.zeros((2, 1)))
+def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
+    where, holds, picks, drop_rate, volts, succeeds
+):
+    """Or to that of the capacitor, 30 V, if that is less; of the second of two robots, the first is elsewhere."""
+    config = replace(CONFIG, gripper=GripperConfig(drop_rate=drop_rate))
+    poses, robot, here = jnp.asarray(place((60, 60, 0), where), jnp.float32), read_robot(), jnp.ones(2, bool)
+    tip = where[0] + robot.probe_tip[0] * np.exp(1j * np.radians(where[2]))
+    balls = lay((tip.real, tip.imag), holders=[1 if holds else None])
+
+    def decided(gripper, attempts):
+        nothing = jnp.zeros(1)
+        return Outcomes(attempts.lifts & succeeds, attempts.releases & succeeds, nothing > 0, nothing, nothing)
+
     for has in (60.0, 30.0):
-        energy = jnp.array([1e-6 * has**2 / 2])
-        left = power.after(config, energy, still, (before, now), USUAL, jnp.ones(1, bool))
-        np.testing.assert_allclose(energy - left, [1e-8 * min(volts, has) ** 2], rtol=1e-4, atol=1e-9)
+        voltage = jnp.array([45.0, has])
+        inputs = TaskInputs(poses, here, here, here & picks, conditions_of(config), config, robot, decided, voltage)
+        _, sensed = grip(balls, inputs, jax.random.key(0))
+        np.testing.assert_allclose(sensed.tool_voltage_squared, [0.0, min(volts, has) ** 2])
 
 
 @pytest.mark.parametrize(
@@ -102,11 +115,11 @@ def test_in_the_dark_a_swarm_comes_to_rest(small):
 def test_robots_that_wait_for_energy_are_dark(small):
     """And are heard again when there is light: the same poses, with robots whose capacitors are empty."""
     alive = np.ones((1, 3), bool)
-    np.testing.assert_array_equal(power.talks(CONFIG, alive, None), alive)
+    np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, None), alive)
     dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
     energy = jnp.array([[0.37e-3, 0.39e-3, 0.0]])
-    np.testing.assert_array_equal(power.talks(dark, alive, energy), [[False, True, False]])
-    np.testing.assert_array_equal(power.talks(CONFIG, alive, energy), alive)
+    np.testing.assert_array_equal(power.is_emitting(dark, alive, energy), [[False, True, False]])
+    np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, energy), alive)
     lights = [np.asarray(moved(small, power)[-1].links.valid[-1, 0]) for power in (0.0, 0.01)]
     assert not lights[0].any() and lights[1].any()
 

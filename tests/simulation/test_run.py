@@ -8,12 +8,14 @@ import platformdirs
 import pytest
 from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, engine_of, first_step, place_of, poses_of, records, run_of
+from helpers_worlds import centres
 
 from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.decide import Situation, decide_worlds
+from iswarm_mj.simulation.decide import decide_worlds
+from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -37,7 +39,7 @@ class TestBalls:
             old, new = before.swarm.task, record.swarm.task
             assert (new.is_delivered >= old.is_delivered).all()
             stays = (old.is_lying & new.is_lying) | old.is_delivered
-            np.testing.assert_array_equal(record.balls[stays], before.balls[stays])
+            np.testing.assert_array_equal(centres(record)[stays], centres(before)[stays])
             was_picked |= new.is_held[0]
             carried += new.is_held[0]
             np.testing.assert_array_equal(new.carried_steps[0], carried)
@@ -184,7 +186,7 @@ def test_the_start_is_recorded_too(small):
     start = first_step(run.start)
     assert start.step.tolist() == [0] and not start.links.valid.any() and not start.collisions.any()
     np.testing.assert_array_equal(start.poses[0], run.starts[0].poses)
-    np.testing.assert_allclose(start.task[0, :, :2], run.starts[0].task.position, atol=1e-6)
+    np.testing.assert_allclose(centres(start)[0, :, :2], run.starts[0].task.position, atol=1e-6)
 
 
 def test_only_recorded_worlds_are_returned(small):
@@ -219,8 +221,8 @@ def test_the_noise_of_two_steps_differs(small):
     poses = state.bodies.poses.astype(np.float32)
 
     def memories(step):
-        situation = Situation(poses, sight, np.int32(step), running)
-        decision = decide_worlds(small, run.robot, params, state.swarm, situation)
+        begin = StepInputs(poses, sight, np.int32(step), running)
+        decision = decide_worlds(small, run.robot, params, state.swarm, begin)
         return decision.swarm.memory
 
     same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), memories(7), memories(7))

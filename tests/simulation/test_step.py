@@ -2,24 +2,32 @@
 
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_runs import N, first_step, poses_of, records, run_of
-from helpers_worlds import start_of
+from helpers_sensing import lay
+from helpers_worlds import start_of, swarm_of
 from scipy.stats import mannwhitneyu
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Motion, Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.decide import Decision, Situation, Spoken
+from iswarm_mj.simulation.actuate import actuate, drive_phases
+from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.perceive import Spoken, StepInputs
 from iswarm_mj.simulation.state import Fault, SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.step import Stepper, account, ball_centres, drive_phases, limited
+from iswarm_mj.simulation.step import Stepper, after_motion, after_task
 from iswarm_mj.simulation.step import record as record_of
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.grasping import ball_centres
+from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
 
@@ -40,6 +48,14 @@ def driven(config, poses, turn, forward, running=None):
     engine, bodies = placed(config, poses)
     running = np.ones(len(poses), bool) if running is None else np.array(running)
     return engine.move(bodies, drive_phases(config.drive, Command(np.array(turn), np.array(forward))), running)
+
+
+def carried_out(config, turn, forward, is_alive=True, waits=False):
+    """What the drives of N robots make of commands."""
+    n = len(turn)
+    swarm = swarm_of(None, lay((0.0, 60.0)), n)._replace(is_alive=jnp.full(n, is_alive))
+    command = Command(*(jnp.asarray(part, jnp.float32) for part in (turn, forward)))
+    return actuate(config, conditions_of(config), command, swarm, jnp.full(n, waits), jnp.zeros(n), jax.random.key(0))
 
 
 def touching_pairs(motion):
@@ -77,17 +93,20 @@ class TestDrive:
         assert touching_pairs(driven(small, start, [[0, 0]], [[-STEP, 0.0]])) == [[]]
 
     def test_commands_are_brought_within_the_limits(self, small):
-        command = Command(np.array([[3.0, -9.0, 1.5]]), np.array([[0.1, 99.0, -2.0]]))
-        within, refused = limited(small, command)
-        np.testing.assert_allclose(within.turn, [[np.pi / 2, -np.pi / 2, 1.5]])
-        np.testing.assert_allclose(within.forward, [[0.1, STEP, -STEP]])
-        assert not refused.any()
+        done = carried_out(small, [3.0, -9.0, 1.5], [0.1, 99.0, -2.0])
+        np.testing.assert_allclose(done.command.turn, [np.pi / 2, -np.pi / 2, 1.5], rtol=1e-6)
+        np.testing.assert_allclose(done.command.forward, [0.1, STEP, -STEP], rtol=1e-6)
+        assert not done.is_refused.any() and done.energy is None
 
     @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
     def test_commands_that_are_not_finite_are_refused(self, small, value):
-        turn, forward = np.zeros((2, 3)), np.zeros((2, 3))
-        turn[0, 1] = forward[1, 2] = value
-        assert np.argwhere(limited(small, Command(turn, forward))[1]).tolist() == [[0, 1], [1, 2]]
+        assert carried_out(small, [0.0, value, 0.0], [0.0, 0.0, value]).is_refused.tolist() == [False, True, True]
+
+    @pytest.mark.parametrize("who", [{"is_alive": False}, {"waits": True}], ids=str)
+    def test_robots_that_are_dead_or_wait_stand_still(self, small, who):
+        """Whatever they are told, which is then no fault either."""
+        done = carried_out(small, [1.0, np.nan], [1.0, 0.5], **who)
+        assert not np.any(done.command) and not done.is_refused.any()
 
 
 class TestWalls:
@@ -124,20 +143,21 @@ def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
     """Nor did its robots hear anything or move; the other world's did."""
     poses, lit = np.array([[(-8, 0, 0), (8, 0, 0)]] * 2, float), np.ones((2, 2, 4), bool)
     engine, bodies = placed(small, poses)
-    balls = start_of(small, 2, 0, 0).balls
+    balls = start_of(small, 2, 0, 0).task
     balls = type(balls)(*(np.stack([values, values]) for values in balls))
     decision = Decision(
-        swarm=SwarmState(None, balls, np.ones((2, 2), bool)),
+        swarm=SwarmState(None, balls, *np.ones((2, 2, 2), bool)),
         command=Command(np.ones((2, 2)), np.ones((2, 2))),
+        is_refused=np.zeros((2, 2), bool),
         has_priority=lit[..., 0],
         links=Links(*[lit] * len(Links._fields)),
         spoken=Spoken(np.zeros((2, 2), np.uint32), lit, np.ones((2, 2, 4))),
         progress=np.zeros(2, int),
     )
-    params = WorldParams(None, None, None, np.ones((2, 2), bool), np.ones(2, int))
+    params = WorldParams(None, None, None, np.ones((2, 2), bool), np.ones(2, int), None)
     state = WorldState(bodies, decision.swarm, np.zeros((2, 2, 2), bool), *[np.zeros(2, int)] * 4, fault=None)
-    situation = Situation(poses, None, np.int32(3), np.array([True, False]))
-    made = record_of(Stepper(engine, small, None, True), params, state, decision, situation)
+    begin = StepInputs(poses, None, np.int32(3), np.array([True, False]))
+    made = record_of(Stepper(engine, small, None, True), params, state, decision, begin)
     for values in (made.links.valid, made.is_heard, *made.command):
         assert values[0].all() and not values[1].any()
 
@@ -149,9 +169,10 @@ def starts_as_they_are_and_turned(config):
     """Worlds of all seeds, and the same turned by a quarter."""
     worlds = []
     for seed in SEEDS:
-        start = start_of(config, N, seed, 0)
-        off_grid = start.poses + np.random.default_rng(seed).uniform(-0.2, 0.2, (N, 3))  # no two at equal distances
-        start = start._replace(poses=off_grid)
+        rng = np.random.default_rng(seed)
+        apart = place_robots(config.arena, N, rng, cell=1.15)
+        off_grid = apart + rng.uniform(-0.2, 0.2, (N, 3))  # no two at equal distances
+        start = start_of(config, N, seed, 0)._replace(poses=off_grid)
         worlds += [World(Genome(), N, seed, start=s) for s in (start, quarter_turn(start))]
     return worlds
 
@@ -248,12 +269,9 @@ class TestAccount:
         is_refused = np.zeros((3, 3), bool)
         for world, robot in refused:
             is_refused[world, robot] = True
-        is_delivered = np.arange(24) < np.full((3, 1), delivered)
-        swarm = state.swarm._replace(task=state.swarm.task._replace(is_delivered=is_delivered))
-        running = np.array([True, False, False])
-        situation = Situation(poses=None, sight=None, step=np.int32(6), is_running=running)
-        decision = Decision(swarm, None, None, None, None, progress=is_delivered.sum(axis=1))
-        return account(params, state, decision, motion, is_refused, situation)
+        step, running = np.int32(6), np.array([True, False, False])
+        moved = after_motion(state, motion, is_refused, step, running)
+        return after_task(params, moved, np.full(3, delivered), step, running)
 
     def test_only_worlds_that_run_count(self, small):
         new = self.after(small, delivered=2)

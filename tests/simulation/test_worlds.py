@@ -18,6 +18,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies, world_params
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
 
@@ -45,7 +46,7 @@ class TestManyWorlds:
         """Step by step, with the cells of each world made anew: 15^2 less the 3^2 of the dump, row by row."""
         every = np.stack(np.meshgrid(np.arange(-7, 8), np.arange(-7, 8), indexing="ij"), axis=-1).reshape(-1, 2)
         cells = RD * every[np.abs(every).max(axis=1) > 1.5]
-        for world, start in zip(VARIED, starts_of(small, VARIED), strict=True):
+        for world, start in zip(VARIED, starts_of(small, CLEANING, read_robot(), VARIED), strict=True):
             rng, gripper, n = np.random.default_rng([world.seed, world.index]), (world.config or small).gripper, 24
             at = cells[rng.choice(216, world.n_robots, replace=False)]
             yaw = rng.uniform(-np.pi, np.pi, world.n_robots)
@@ -85,7 +86,7 @@ class TestManyWorlds:
         """One program makes the keys of any number of worlds, none is needed if they are given."""
         worlds = [World(TYPE1, 5, key=jax.random.key(k) if has_keys else None, index=k) for k in range(37)]
         with compilations() as names:
-            world_params(small, worlds, vector_strategies(small, read_robot(), worlds), 24, 5)
+            world_params(small, worlds, vector_strategies(small, read_robot(), worlds), CLEANING, 24, 5)
         assert names == ([] if has_keys else ["jit(_keys)"])
 
 
@@ -137,8 +138,15 @@ class TestWhatDoesNotFit:
 
     def test_starts_with_other_balls(self, small):
         start = start_of(small, 5, 0, 0)
-        start = start._replace(task=start.task._replace(radius=start.task.radius[:7]))
-        with pytest.raises(ConfigError, match=r"start\.task\.radius must be an array of shape \(24,\) \(got \(7,\)\)"):
+        start = start._replace(task=jax.tree.map(lambda values: values[:7], start.task))
+        with pytest.raises(
+            ConfigError, match=r"start\.task\.position must be an array of shape \(24, 2\) \(got \(7, 2\)\)"
+        ):
+            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
+
+    def test_starts_of_another_task(self, small):
+        start = start_of(small, 5, 0, 0)._replace(task={"light": np.zeros(5)})
+        with pytest.raises(ConfigError, match=r"start\.task must be as the task lays it out, .*Balls.*light"):
             Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
 
     @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])
@@ -152,11 +160,11 @@ class TestWhatDoesNotFit:
 
     @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
     def test_engines(self, small, engine):
-        with pytest.raises(ConfigError, match="engine must be a MujocoSettings or PlanarSettings or MjxSettings"):
+        with pytest.raises(ConfigError, match="engine must be a EngineSettings"):
             Run(small, TYPE1, RunSettings(5, 3), engine)
 
     def test_more_deliveries_than_balls(self, small):
-        with pytest.raises(ConfigError, match=r"stop_at must be between 1 and the number of balls, 24 \(got 25\)"):
+        with pytest.raises(ConfigError, match=r"stop_at must be between 1 and the goal of Cleaning, 24 \(got 25\)"):
             Run(small, TYPE1, RunSettings(5, 3, stop_at=25))
 
     def test_strategies_without_an_axis_of_worlds(self, small):
@@ -169,6 +177,12 @@ class TestWhatDoesNotFit:
         for world in (-1, 1):
             with pytest.raises(IndexError, match="between 0 and 0"):
                 run.measures(world)
+
+
+@pytest.mark.parametrize(("share", "n_scouts"), [(0.27, 3), (0.23, 2)])
+def test_the_number_of_scouts_is_rounded(small, share, n_scouts):
+    run = Run(small, replace(TYPE1, fraction_scouts=share), RunSettings(10, 1), MujocoSettings(1))
+    assert run.start.swarm.memory.is_scout.sum() == n_scouts
 
 
 @pytest.mark.parametrize("key", [3, jax.random.split(jax.random.key(0), 2), np.zeros(2, np.uint32)])

@@ -3,14 +3,15 @@
 from types import SimpleNamespace
 
 import pytest
-from iswarm_mj.simulation.room import check_room, needed_memory
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation import room
+from iswarm_mj.simulation import memory_check
+from iswarm_mj.simulation.memory_check import check_memory, needed_memory
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import ConfigError
 
 HOST = MujocoSettings()
@@ -18,18 +19,19 @@ HOST = MujocoSettings()
 
 @pytest.fixture
 def four_gigabytes(monkeypatch):
-    monkeypatch.setattr(room, "available_memory", lambda: 4_000_000_000)
+    monkeypatch.setattr(memory_check, "available_memory", lambda: 4_000_000_000)
 
 
 def test_worlds_that_fit_are_allowed(four_gigabytes):
     most = 4_000_000_000 // (283 * (1000 + 8 * 283))
-    check_room(HOST, most, 283)
+    check_memory(HOST, most, 283)
     said = rf"n_worlds must be at most {most} with 283 robots in each, so that the run fits into the 4 GB .* needs 4 GB"
     with pytest.raises(ConfigError, match=said):
-        check_room(HOST, most + 1, 283)
+        check_memory(HOST, most + 1, 283)
 
 
-def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small):
+def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small, monkeypatch):
+    monkeypatch.setattr(World, "__post_init__", lambda world: pytest.fail("a world was made"))
     with pytest.raises(ConfigError, match=r"needs 10\.8 GB \(got 1000000\); use fewer worlds or robots"):
         Run(small, settings=RunSettings(10, 3, n_worlds=1_000_000, record_worlds=()))
 
@@ -42,16 +44,16 @@ def test_a_gpu_has_memory_of_its_own(four_gigabytes, impl, times):
         return MjxSettings(impl, devices=tuple(devices))
 
     n_worlds = int(6e9 / (10 * (1000 * times + 80)))
-    check_room(settings(4 * 10**9, 5 * 10**9), n_worlds, 10)
+    check_memory(settings(4 * 10**9, 5 * 10**9), n_worlds, 10)
     with pytest.raises(ConfigError, match="the 3 GB of memory that are free"):
-        check_room(settings(4 * 10**9), n_worlds, 10)
+        check_memory(settings(4 * 10**9), n_worlds, 10)
 
 
 def test_nothing_is_refused_where_nothing_is_known(monkeypatch):
-    monkeypatch.setattr(room, "available_memory", lambda: None)
-    check_room(HOST, 10**9, 1000)
+    monkeypatch.setattr(memory_check, "available_memory", lambda: None)
+    check_memory(HOST, 10**9, 1000)
     unknown = SimpleNamespace(platform="gpu", memory_stats=lambda: None)
-    check_room(MjxSettings(devices=(unknown,)), 10**9, 1000)
+    check_memory(MjxSettings(devices=(unknown,)), 10**9, 1000)
 
 
 def test_pairs_count_in_large_worlds():
