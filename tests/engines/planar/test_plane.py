@@ -1,5 +1,7 @@
 """What the planar engine reads from a model, and which models it refuses."""
 
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ def arena_with(change=None, n_robots=2):
 
 def test_numbers_are_those_of_the_robot():
     plane = read_plane(arena_with())
-    assert plane[:4] == pytest.approx((1, 1, 0.1, 0.15))
+    assert plane[:5] == pytest.approx((1, 1, math.sqrt(2), 0.1, 0.15))
     assert plane.servo == pytest.approx((1, 1, 1))
     assert (plane.edge, plane.timestep) == pytest.approx((24.5 * RD, 0.1))
     assert plane.between_robots.inverse_weight == 2 * plane.at_walls.inverse_weight == pytest.approx(2 / 15)
