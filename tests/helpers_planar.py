@@ -8,6 +8,7 @@ import numpy as np
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.reception import points_of, read_light
 
 
 def placed(engine, poses, present=None):
@@ -31,6 +32,12 @@ def both_engines(config, refinement=1, tune=None, **changes):
     plain, batch = PlanarEngine(config, arena, 1), read_engine(arena, config, jax.default_backend())
     plain.plane = plain.plane._replace(**changes)
     return plain, replace(batch, plane=batch.plane._replace(**changes))
+
+
+def with_robot(engine, robot, optics):
+    """The engine for CPUs with the optics of another robot."""
+    engine.robot, engine._light, engine._points = robot, read_light(robot, optics), points_of(robot)
+    return engine
 
 
 def rounded(values):

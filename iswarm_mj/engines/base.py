@@ -63,6 +63,58 @@ def find_lost(
     return bits.astype(xp.int32), first.astype(xp.int32)
 
 
+class FreeBodies(NamedTuple):
+    """Mechanical state of N robots, in one world or in several, all of which is here."""
+
+    poses: Float[Array, "*B N 3"]
+    """x, y [mm] and yaw [rad], which is not wrapped."""
+    velocity: Float[Array, "*B N 3"]
+    """[mm/s, mm/s, rad/s]"""
+    is_present: Bool[Array, "*B N"]
+    """The others touch and hide nothing."""
+
+
+Take = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
+"""Takes the physics steps of a phase: bodies, set points of the servos (*B, N, 3) [mm/s, mm/s, rad/s], number of steps,
+worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact, bits of `FaultKind` (*B,)."""
+
+
+def take_phases(bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], edge: float, take: Take) -> Motion:
+    """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
+
+    Args:
+        bodies: a named tuple of arrays, the first axes those of worlds; has `poses` and `is_present`.
+        phases: what the robots do.
+        is_running: which worlds move.
+        edge: distance of the walls from the arena's centre [mm].
+        take: takes the steps of a phase.
+    """
+    xp, shape = array_module(bodies.poses), bodies.is_present.shape
+    moved, fault = bodies, xp.zeros(is_running.shape, xp.int32)
+    touching = xp.zeros((*shape, shape[-1]), bool)
+    for phase in phases:
+        targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
+        moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)
+        fault = fault | failure
+    return concluded(bodies, moved, touching, fault, is_running, edge)
+
+
+def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, edge: float) -> Motion:
+    """Outcome of a motion to `moved`: robots that got lost are faults too, and worlds with faults keep their bodies.
+
+    Args: as for `take_phases`; `fault` is what occurred on the way.
+    """
+    xp = array_module(bodies.poses)
+    lost, robot = find_lost(moved.poses, bodies.is_present & is_running[..., None], edge)
+    fault = xp.where(is_running, fault | lost, 0).astype(xp.int32)
+    keeps = ~is_running | (fault != 0)
+    kept = (
+        xp.where(keeps[(..., *[None] * (new.ndim - keeps.ndim))], old, new)
+        for old, new in zip(bodies, moved, strict=True)
+    )
+    return Motion(type(bodies)(*kept), touching, fault, robot)
+
+
 @runtime_checkable
 class Engine(Protocol[Bodies]):
     """Rigid-body physics and light of worlds with N robots each. Units: mm, mg, s, rad.

@@ -8,10 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight
+from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight
 from iswarm_mj.engines.mjx import motion
 from iswarm_mj.engines.mjx.arena import MjxArena
-from iswarm_mj.engines.mjx.motion import Bodies
 from iswarm_mj.engines.mjx.rays import Crowd
 from iswarm_mj.engines.mjx.sight import find_links, find_walls
 from iswarm_mj.utils.arrays import Array
@@ -42,23 +41,20 @@ class MjxEngine:
         """See `CompiledEngine.mapping`: one by one is as fast on a CPU, and a world is the same bit by bit anywhere."""
         return "in turn" if self.arena.impl == "jax" and platform == "cpu" else "vmap"
 
-    def place(self, poses: Float[Array, "N 3"], is_present: Bool[Array, "N"]) -> Bodies:
+    def place(self, poses: Float[Array, "N 3"], is_present: Bool[Array, "N"]) -> FreeBodies:
         """See `Engine.place`."""
-        return Bodies(poses, jnp.zeros_like(poses), is_present)
+        return FreeBodies(poses, jnp.zeros_like(poses), is_present)
 
-    def poses(self, bodies: Bodies) -> Float[Array, "N 3"]:
+    def poses(self, bodies: FreeBodies) -> Float[Array, "N 3"]:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "N"], is_running: Bool[Array, ""]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Bool[Array, "N"], is_running: Bool[Array, ""]) -> Sight:
         """See `Engine.sense`."""
         crowd = Crowd(bodies.poses, bodies.is_present)
         with jax.default_matmul_precision("highest"):
             return Sight(find_links(self.config, self.arena, crowd, emits), find_walls(self.config, self.arena, crowd))
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
+    def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
         """See `Engine.move`."""
-        moved = motion.move(self.arena, bodies, phases, self.is_masked)
-        keeps = ~is_running | (moved.fault != 0)
-        kept = jax.tree.map(lambda new, old: jnp.where(keeps, old, new), moved.bodies, bodies)
-        return moved._replace(bodies=kept, fault=jnp.where(is_running, moved.fault, 0))
+        return motion.move(self.arena, bodies, phases, is_running, self.is_masked)

@@ -2,13 +2,12 @@
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from iswarm_mj.engines.base import Motion, Phase, find_lost
+from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
@@ -21,24 +20,16 @@ from iswarm_mj.utils.robot import Robot
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 
 
-class Bodies(NamedTuple):
-    """Mechanical state of N robots."""
-
-    poses: Float[Array, "N 3"]
-    """x, y [mm] and yaw [rad], which is not wrapped."""
-    velocity: Float[Array, "N 3"]
-    """[mm/s, mm/s, rad/s]"""
-    is_present: Bool[Array, "N"]
-    """The others wait deep under the floor."""
-
-
-def move(arena: MjxArena, bodies: Bodies, phases: Sequence[Phase], is_masked: bool) -> Motion:
+def move(
+    arena: MjxArena, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, ""], is_masked: bool
+) -> Motion:
     """Take the physics steps of some phases.
 
     Args:
         arena: compiled.
         bodies: N robots.
         phases: what the robots do, one after the other.
+        is_running: whether the world moves.
         is_masked: some robots may be absent.
     """
     model = without_absent(arena.model, bodies.is_present) if is_masked else arena.model
@@ -61,9 +52,8 @@ def move(arena: MjxArena, bodies: Bodies, phases: Sequence[Phase], is_masked: bo
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
     touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
     touching &= bodies.is_present & bodies.is_present[:, None]
-    moved = Bodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
-    lost, robot = find_lost(moved.poses, bodies.is_present, arena.edge)
-    return Motion(moved, touching, (overflow | lost).astype(jnp.int32), robot)
+    moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
+    return concluded(bodies, moved, touching, overflow, is_running, arena.edge)
 
 
 def _overflow(arena: MjxArena, data: mjx.Data) -> Array:

@@ -10,7 +10,7 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.utils.arrays import Array
@@ -30,6 +30,8 @@ class Bodies(NamedTuple):
 
     poses: Float[np.ndarray, "B P 3"]
     """x, y [mm] and yaw [rad]; zero for places beyond the model's robots."""
+    is_present: Bool[np.ndarray, "B P"]
+    """The others touch and hide nothing."""
     n_contacts: Int[np.ndarray, "B"]
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
@@ -71,7 +73,8 @@ class MujocoEngine:
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos[:, self._arena.qpos] = poses[:, : self._n_robots]
         self._batch.forward()
-        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), np.zeros(len(poses), int))
+        present = self._padded(self._is_present)
+        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), present, np.zeros(len(poses), int))
 
     def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W P 3"]) -> Bodies:
         """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
@@ -80,7 +83,7 @@ class MujocoEngine:
         self._batch.forward(ids=worlds)
         n_contacts = bodies.n_contacts.copy()
         n_contacts[worlds] = 0
-        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), n_contacts)
+        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), bodies.is_present, n_contacts)
 
     def poses(self, bodies: Bodies) -> Float[np.ndarray, "B P 3"]:
         """See `Engine.poses`."""
@@ -98,25 +101,25 @@ class MujocoEngine:
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""
-        n = self._n_robots
-        fault, n_contacts = np.zeros(len(is_running), np.int32), bodies.n_contacts.copy()
-        touching = np.zeros((len(is_running), self._capacity, self._capacity), bool)
-        poses = bodies.poses
-        for phase in phases:
-            self._force[:, self._arena.qpos] = self._arena.servo_gain * phase.velocity(poses)[:, :n]
-            worlds = np.flatnonzero(is_running & (fault == 0))
-            fault[self._step(phase.n_substeps, worlds, n_contacts[worlds] > JAM)] |= FaultKind.SOLVER_FAILED
-            poses = self._padded(self._qpos[:, self._arena.qpos])
-            for world in worlds.tolist():
-                self._read_contacts(world, touching, n_contacts)
-        lost, robot = find_lost(poses[:, :n], self._is_present & is_running[:, None], self._edge)
-        fault |= lost
-        failed = np.flatnonzero(fault)
+        motion = take_phases(bodies, phases, is_running, self._edge, self._take_steps)
+        failed = np.flatnonzero(motion.fault)
         if len(failed):
-            poses[failed] = bodies.poses[failed]
-            self._qpos[np.ix_(failed, self._arena.qpos.ravel())] = poses[failed, :n].reshape(len(failed), -1)
+            poses = motion.bodies.poses[failed, : self._n_robots]
+            self._qpos[np.ix_(failed, self._arena.qpos.ravel())] = poses.reshape(len(failed), -1)
             self._qvel[failed] = 0.0
-        return Motion(Bodies(poses, n_contacts), touching, fault, robot)
+        return motion
+
+    def _take_steps(
+        self, bodies: Bodies, targets: Array, n_substeps: int, runs: np.ndarray, touching: np.ndarray
+    ) -> tuple[Bodies, np.ndarray, np.ndarray]:
+        """See `Take`."""
+        self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, : self._n_robots]
+        worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
+        fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
+        for world in worlds.tolist():
+            self._read_contacts(world, touching, n_contacts)
+        poses = self._padded(self._qpos[:, self._arena.qpos])
+        return Bodies(poses, bodies.is_present, n_contacts), touching, fault
 
     def _step(self, n_substeps: int, worlds: Int[np.ndarray, "W"], is_jam: Bool[np.ndarray, "W"]) -> list[Any]:
         """Take physics steps of some worlds; return those in which MuJoCo reported an error."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,16 +12,15 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, take_phases
 from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
-from iswarm_mj.engines.planar.gpu.functions import jax_kernel
+from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
-from iswarm_mj.engines.planar.gpu.reception import points_of
+from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.physics import SKIN
 from iswarm_mj.engines.planar.plane import Plane, read_plane
-from iswarm_mj.engines.planar.reception import Light, read_light
-from iswarm_mj.engines.planar.sight import search_radius
+from iswarm_mj.engines.planar.reception import Light, points_of, read_light
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.obstacles import numbers
@@ -30,17 +29,6 @@ from iswarm_mj.utils.units import RD
 
 ROBOTS_PER_WARP = 140
 """In a world, for each 32 threads of its block."""
-
-
-class Bodies(NamedTuple):
-    """Mechanical state of B worlds with N robots."""
-
-    poses: Float[Array, "B N 3"]
-    """x, y [mm] and yaw [rad], which is not wrapped."""
-    velocity: Float[Array, "B N 3"]
-    """[mm/s, mm/s, rad/s]"""
-    is_present: Bool[Array, "B N"]
-    """The others stay where they are, and touch and hide nothing."""
 
 
 @jax.tree_util.register_dataclass
@@ -66,19 +54,21 @@ class PlanarBatchEngine:
         """See `CompiledEngine.mapping`."""
         return "batch"
 
-    def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> Bodies:
+    def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
         """See `Engine.place`."""
-        return Bodies(jnp.asarray(poses, jnp.float32), jnp.zeros(poses.shape, jnp.float32), jnp.asarray(is_present))
+        return FreeBodies(jnp.asarray(poses, jnp.float32), jnp.zeros(poses.shape, jnp.float32), jnp.asarray(is_present))
 
-    def poses(self, bodies: Bodies) -> Float[Array, "B N 3"]:
+    def poses(self, bodies: FreeBodies) -> Float[Array, "B N 3"]:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
-        is_present, plane = bodies.is_present & is_running[:, None], _numbers((*self.plane, *self.boxes))
+        is_present = bodies.is_present & is_running[:, None]
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
+        plane, light = words_of(self.plane), words_of(self.light)
+        points = jnp.asarray(points_of(self.robot), jnp.float32)
         grid = n_cells(self.plane.edge, radius, n_robots)
         place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(
             bodies.poses,
@@ -87,15 +77,14 @@ class PlanarBatchEngine:
             launch_dims=n_worlds * n_threads,
             output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
         )
-        n_sides, points = len(self.light.leds), jnp.asarray(points_of(self.light))
-        light = _numbers(tuple(number for number in self.light if not isinstance(number, tuple)))
+        n_sides = len(self.robot.sides)
         near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, light, points, radius),
             launch_dims=(n_worlds, n_robots),
             output_dims=surroundings.near_places(n_worlds, n_robots),
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
-            *(place, robot, is_present, plane, light, points, *near),
+            *(place, robot, is_present, plane, light, points, self._boxes(), *near),
             launch_dims=(n_worlds, n_robots, n_sides),
             output_dims=sight.light_places(n_worlds, n_robots, n_sides, self.light.n_senders),
         )
@@ -103,27 +92,14 @@ class PlanarBatchEngine:
             links = [values[..., 0] for values in links]
         return Sight(Links(*links), sees_wall)
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
+    def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        n_worlds, n_robots = bodies.is_present.shape
-        moved, fault = bodies, jnp.zeros(n_worlds, jnp.int32)
-        touching = jnp.zeros((n_worlds, n_robots, n_robots), bool)
-        for phase in phases:
-            targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
-            moved, touching, failure = self._take_steps(
-                moved, targets, runs, phase.n_substeps * self.plane.refinement, touching
-            )
-            fault = fault | failure
-        lost, robot = find_lost(moved.poses, bodies.is_present & is_running[:, None], self.plane.edge)
-        fault = fault | lost
-        stays = (fault != 0)[:, None, None]
-        poses, velocity = (jnp.where(stays, old, new) for new, old in zip(moved[:2], bodies[:2], strict=True))
-        return Motion(Bodies(poses, velocity, bodies.is_present), touching, fault, robot)
+        return take_phases(bodies, phases, is_running, self.plane.edge, self._take_steps)
 
     def _take_steps(
-        self, bodies: Bodies, targets: Array, runs: Array, n_substeps: int, touching: Array
-    ) -> tuple[Bodies, Array, Array]:
-        """Take physics steps; return bodies, pairs in contact, and bits of `FaultKind`."""
+        self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+    ) -> tuple[FreeBodies, Array, Array]:
+        """See `Take`."""
         n_worlds, n_robots = bodies.is_present.shape
         radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
@@ -137,19 +113,24 @@ class PlanarBatchEngine:
             targets.astype(jnp.float32),
             bodies.is_present,
             runs,
-            _numbers((*self.plane, *self.boxes)),
-            n_substeps,
+            words_of(self.plane),
+            self._boxes(),
+            n_substeps * self.plane.refinement,
             grid,
             *physics.rooms(n_robots, n_boxes),
             touching,
             launch_dims=n_worlds * n_threads,
             output_dims=sizes,
         )
-        return Bodies(poses, velocity, bodies.is_present), touching, failure
+        return FreeBodies(poses, velocity, bodies.is_present), touching, failure
 
     def _kernel(self, function: Callable, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
         """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""
         return jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
+
+    def _boxes(self) -> Float[Array, "M 6"]:
+        """The obstacles as an array."""
+        return jnp.asarray(np.reshape(self.boxes, (-1, 6)), jnp.float32)
 
     def _threads(self, n_robots: int) -> int:
         """Threads of a block, which computes a world: about as many as it has contacts; 1 on CPUs."""
@@ -170,12 +151,3 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> Planar
     boxes = tuple(map(tuple, numbers(config.arena.obstacles, RD).tolist()))
     light = read_light(arena.robot, config.optics)
     return PlanarBatchEngine(read_plane(arena), light, arena.robot, platform != "cpu", boxes)
-
-
-def _numbers(parameters: tuple) -> Float[Array, "P"]:
-    """All numbers of nested tuples, one after the other."""
-
-    def flat(part: Any) -> list[float]:
-        return [n for piece in part for n in flat(piece)] if isinstance(part, tuple) else [float(part)]
-
-    return jnp.asarray(np.array(flat(parameters)), jnp.float32)

@@ -82,7 +82,9 @@ def offset(impedance: float, distance: float, velocity: float, law: ContactLaw, 
 
 
 @register_jitable
-def two_impulses(p1: float, p2: float, w1: float, w2: float, h11: float, h12: float, h22: float) -> tuple[float, float]:
+def two_impulses(
+    p1: float, p2: float, w1: float, w2: float, h11: float, h12: float, h22: float, is_two: bool
+) -> tuple[float, float]:
     """Impulses q >= 0 with w + H (q - p) >= 0, one of both zero in each row: a linear complementarity problem, exactly.
 
     Only differences from the impulses p so far are computed, so that large impulses round no worse than small ones.
@@ -95,7 +97,10 @@ def two_impulses(p1: float, p2: float, w1: float, w2: float, h11: float, h12: fl
         h11: of the symmetric, positive definite matrix H = J M^-1 J^T + R [1/mg].
         h12: likewise.
         h22: likewise.
+        is_two: there is a second row; otherwise p2 is 0, and so is its new impulse.
     """
+    if not is_two:
+        return max(0.0, p1 - w1 / h11), 0.0
     inverse = 1.0 / (h11 * h22 - h12 * h12)
     q1, q2 = p1 + (h12 * w2 - h22 * w1) * inverse, p2 + (h12 * w1 - h11 * w2) * inverse
     if q1 >= 0.0 and q2 >= 0.0:

@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
 from iswarm_mj.engines.planar.plane import read_plane
-from iswarm_mj.engines.planar.reception import read_light
+from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import darkness, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
@@ -43,7 +43,7 @@ class PlanarEngine:
             UserError: the model has features that this engine does not simulate.
         """
         self.plane, self.robot = read_plane(arena), arena.robot
-        self._light = read_light(arena.robot, config.optics)
+        self._light, self._points = read_light(arena.robot, config.optics), points_of(arena.robot)
         self._boxes = numbers(config.arena.obstacles, RD)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
@@ -60,28 +60,28 @@ class PlanarEngine:
     def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
-        sight = darkness(n_worlds, n_robots, len(self._light.leds), self._light.n_senders)
+        sight = darkness(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
-        self._spread(sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._boxes)
+        self._spread(
+            sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._points, self._boxes
+        )
         if self._light.n_senders > 1:
             return sight
         return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
         """See `Engine.move`."""
-        n_worlds, n_robots = bodies.is_present.shape
-        new = Bodies(bodies.poses.copy(), bodies.velocities.copy(), bodies.is_present, np.zeros(n_worlds))
-        touching, is_solved = np.zeros((n_worlds, n_robots, n_robots), bool), np.ones(n_worlds, bool)
-        for phase in phases:
-            targets = np.ascontiguousarray(phase.velocity(new.poses), float)
-            worlds = np.flatnonzero(is_running & is_solved)
-            n_steps = phase.n_substeps * self.plane.refinement
-            self._spread(take_steps, worlds, n_steps, new, targets, touching, is_solved, self._boxes)
-        fault, robot = find_lost(new.poses, bodies.is_present & is_running[:, None], self.plane.edge)
-        fault |= np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED)).astype(np.int32)
-        failed = fault != 0
-        new.poses[failed], new.velocities[failed] = bodies.poses[failed], bodies.velocities[failed]
-        return Motion(new, touching, fault, robot)
+        bodies = bodies._replace(overlap=np.zeros(len(is_running)))
+        return take_phases(bodies, phases, is_running, self.plane.edge, self._take_steps)
+
+    def _take_steps(
+        self, bodies: Bodies, targets: Array, n_substeps: int, runs: np.ndarray, touching: np.ndarray
+    ) -> tuple[Bodies, np.ndarray, np.ndarray]:
+        """See `Take`."""
+        new, is_solved = Bodies(*(part.copy() for part in bodies)), np.ones(len(runs), bool)
+        arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
+        self._spread(take_steps, np.flatnonzero(runs), *arguments, is_solved, self._boxes)
+        return new, touching, np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED))
 
     def _spread(self, function: Callable[..., None], worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:
         """Call a compiled function with shares of some worlds, spread over the threads, and these other arguments."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from iswarm_mj.engines.planar.compiled import cached, compiled
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
-from iswarm_mj.engines.planar.near_pairs import near_pairs
+from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.solver import solve
 
@@ -73,20 +73,18 @@ def _take_steps(
     n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, boxes: np.ndarray, plane: Plane
 ) -> bool:
     """As `take_steps`, of one world, without an axis of worlds; return whether the contact solver succeeded."""
-    poses, n_robots = bodies.poses, len(bodies.poses)
+    n_robots = len(bodies.poses)
     velocities = np.zeros((n_robots + 1, 3))  # the last row is that of the walls
     velocities[:n_robots] = bodies.velocities
-    headings = np.empty((n_robots, 2))
-    for i in range(n_robots):
-        headings[i, 0], headings[i, 1] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
-    diameter = 2.0 * math.sqrt(plane.half_x**2 + plane.half_y**2)
+    places = np.empty((n_robots, 4))
+    set_places(bodies.poses, places)
     pairs, contacts = np.empty((0, 2), np.int64), np.empty(0, CONTACT)
     moved, n_contacts = np.inf, 0
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
-            pairs, moved = near_pairs(poses, bodies.is_present, diameter + SKIN, plane.edge), 0.0
+            pairs, moved = near_pairs(places, bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
             contacts = np.empty(len(pairs) + (4 + len(boxes)) * n_robots, CONTACT)
-        n_contacts = find_contacts(pairs, poses, headings, velocities, bodies.is_present, plane, boxes, contacts)
+        n_contacts = find_contacts(pairs, places, velocities, bodies.is_present, plane, boxes, contacts)
         for contact in contacts[:n_contacts]:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
         for i in range(n_robots):
@@ -94,7 +92,7 @@ def _take_steps(
                 velocities[i, k] += plane.servo[k] * (targets[i, k] - velocities[i, k])
         if not solve(contacts[:n_contacts], velocities, plane):
             return False
-        moved += _integrate(bodies, headings, velocities, plane.timestep)
+        moved += _integrate(bodies, places, velocities, plane.timestep)
     bodies.velocities[:] = velocities[:n_robots]
     for contact in contacts[:n_contacts]:
         if contact.first < n_robots:
@@ -103,7 +101,7 @@ def _take_steps(
 
 
 @compiled
-def _integrate(bodies: Bodies, headings: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
+def _integrate(bodies: Bodies, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
     """Move the robots of a world with their new velocities; return how far the fastest one went [mm]."""
     poses, farthest = bodies.poses, 0.0
     for i in range(len(poses)):
@@ -111,8 +109,9 @@ def _integrate(bodies: Bodies, headings: np.ndarray, velocities: np.ndarray, tim
             dx, dy, turn = timestep * velocities[i, 0], timestep * velocities[i, 1], timestep * velocities[i, 2]
             poses[i, 0] += dx
             poses[i, 1] += dy
+            places[i, 0], places[i, 1] = poses[i, 0], poses[i, 1]
             if turn != 0.0:
                 poses[i, 2] += turn
-                headings[i, 0], headings[i, 1] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+                places[i, 2], places[i, 3] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
             farthest = max(farthest, dx * dx + dy * dy)
     return math.sqrt(farthest)

@@ -1,5 +1,6 @@
 """What the robots of a model have in common, read from MuJoCo's model as plain numbers."""
 
+import math
 from typing import NamedTuple
 
 import mujoco
@@ -20,6 +21,8 @@ class Plane(NamedTuple):
     """Half the length of a robot's hull."""
     half_y: float
     """Half its width."""
+    radius: float
+    """Of its circumcircle."""
     inverse_mass: float
     inverse_inertia: float
     """About the vertical axis [1/(mg mm^2)]."""
@@ -51,9 +54,11 @@ def read_plane(arena: ArenaModel) -> Plane:
     inertia, h = model.dof_M0[arena.qpos[0]], model.opt.timestep
     weight = float(model.body_invweight0[body, 0])
     gain_x, gain_y, gain_yaw = (arena.servo_gain * h / inertia).tolist()
+    half_x, half_y, _ = model.geom_size[hull].tolist()
     return Plane(
-        half_x=float(model.geom_size[hull, 0]),
-        half_y=float(model.geom_size[hull, 1]),
+        half_x=half_x,
+        half_y=half_y,
+        radius=math.sqrt(half_x * half_x + half_y * half_y),
         inverse_mass=float(1 / inertia[0]),
         inverse_inertia=float(1 / inertia[2]),
         servo=(gain_x, gain_y, gain_yaw),

@@ -2,10 +2,10 @@
 
 import math
 
-from numba.extending import register_jitable
+from iswarm_mj.engines.planar.kinds import shared
 
 
-@register_jitable
+@shared
 def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> float:
     """Share of a ray's vector at which it meets the outline of a rectangle, from inside too; infinite if it never does.
 
@@ -27,7 +27,7 @@ def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: flo
     return enters if enters >= 0.0 else leaves
 
 
-@register_jitable
+@shared
 def _between_sides(origin: float, along: float, half: float) -> tuple[float, float]:
     """Shares of a vector between which one of its coordinates is at most `half` in size."""
     if along == 0.0:
@@ -38,7 +38,7 @@ def _between_sides(origin: float, along: float, half: float) -> tuple[float, flo
     return min(one, other), max(one, other)
 
 
-@register_jitable
+@shared
 def meets_walls(x: float, y: float, vx: float, vy: float, edge: float) -> float:
     """Share of a ray's vector at which it leaves the square of walls; not positive if it begins beyond one of them.
 
@@ -54,3 +54,26 @@ def meets_walls(x: float, y: float, vx: float, vy: float, edge: float) -> float:
     _, leaves_x = _between_sides(x, vx, edge)
     _, leaves_y = _between_sides(y, vy, edge)
     return min(leaves_x, leaves_y)
+
+
+@shared
+def is_crossed(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> bool:
+    """Whether a straight path of light meets a rectangle; separating axis theorem.
+
+    Args:
+        ox: x of the path's beginning, from the rectangle's centre.
+        oy: likewise y.
+        vx: x of the vector to its end.
+        vy: y of it.
+        c: cosine of the rectangle's heading.
+        s: sine of it.
+        hx: half edge along the heading.
+        hy: half edge across it.
+    """
+    ux = 0.5 * (c * vx + s * vy)
+    uy = 0.5 * (c * vy - s * vx)
+    x = c * ox + s * oy + ux  # of the path's middle
+    y = c * oy - s * ox + uy
+    is_beside = abs(x * uy - y * ux) > hx * abs(uy) + hy * abs(ux)
+    is_away = abs(x) > hx + abs(ux) or abs(y) > hy + abs(uy)
+    return not (is_beside or is_away)

@@ -7,10 +7,11 @@ compiler have the same bits only if its arithmetic does. Units: mm, rad.
 import math
 from typing import NamedTuple
 
-from numba.extending import register_jitable
+import numpy as np
 
 from iswarm_mj.config import OpticsConfig
-from iswarm_mj.utils.robot import Point, Robot
+from iswarm_mj.engines.planar.kinds import Place, Table, shared
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -43,16 +44,19 @@ class Light(NamedTuple):
     """Senders in sight of a side that are told of, the nearest ones."""
     is_regular: bool
     """See `Sides.is_regular`."""
-    leds: tuple[Point, ...]
-    """Where each side's LED sits, ahead of and to the left of the robot's centre."""
-    receivers: tuple[Point, ...]
-    """Where each side receives light, likewise."""
-    led_axes: tuple[Point, ...]
-    """Where each LED looks, see `Sides`."""
-    axes: tuple[Point, ...]
-    """Where the photodiodes of each side look."""
-    bearings: tuple[float, ...]
-    """Their directions [rad]."""
+
+
+class Reception(NamedTuple):
+    """How a robot gets the light of another one."""
+
+    side: int
+    """Of the receiver, that faces the sender."""
+    led: int
+    """Of the sender, that faces the receiver."""
+    turn: float
+    """Measured direction of the sender, from the axis of the side's photodiodes to its left [rad]."""
+    effective: float
+    """Effective distance, infinite where no light arrives."""
 
 
 def read_light(robot: Robot, optics: OpticsConfig) -> Light:
@@ -74,15 +78,20 @@ def read_light(robot: Robot, optics: OpticsConfig) -> Light:
         optical_offset=robot.optical_offset,
         n_senders=optics.n_senders,
         is_regular=robot.sides.is_regular,
-        leds=robot.leds,
-        receivers=robot.receivers,
-        led_axes=robot.sides.leds,
-        axes=robot.sides.photodiodes,
-        bearings=robot.sides.bearings,
     )
 
 
-@register_jitable
+def points_of(robot: Robot) -> np.ndarray:
+    """Pairs of numbers of S sides (5 S, 2).
+
+    They are the places of the LEDs and where each side receives light, ahead of and to the left of the robot's centre;
+    the axes of the LEDs and of the photodiodes, see `Sides`; and the bearings of these [rad], beside a zero.
+    """
+    bearings = [(bearing, 0.0) for bearing in robot.sides.bearings]
+    return np.array([*robot.leds, *robot.receivers, *robot.sides.leds, *robot.sides.photodiodes, *bearings])
+
+
+@shared
 def facing_side(ahead: float, left: float) -> int:
     """Number of the side in whose sector of 90 degrees the direction (ahead, left) lies, of four regular sides."""
     side = 0
@@ -96,60 +105,19 @@ def facing_side(ahead: float, left: float) -> int:
     return side
 
 
-@register_jitable
-def onto_side(ahead: float, left: float, side: int) -> tuple[float, float]:
-    """Components of (ahead, left) along a side's outward normal and to its left, of four regular sides."""
-    if side == 0:
-        return ahead, left
-    if side == 1:
-        return left, -ahead
-    if side == 2:
-        return -ahead, -left
-    return -left, ahead
-
-
-@register_jitable
+@shared
 def onto_axis(ahead: float, left: float, c: float, s: float) -> tuple[float, float]:
     """Components of (ahead, left) along an axis (c, s) and to its left."""
     return c * ahead + s * left, c * left - s * ahead
 
 
-@register_jitable
+@shared
 def is_in_cone(along: float, across: float, tan: float) -> bool:
     """Whether a direction lies in a cone about the first component, `tan` the tangent of half its angle."""
     return abs(across) <= along * tan
 
 
-@register_jitable
-def sector_distance(
-    ahead_r: float,
-    left_r: float,
-    ahead_s: float,
-    left_s: float,
-    photodiode_tan: float,
-    led_tan: float,
-    reach: float,
-) -> float:
-    """Effective distance in sector mode; infinite where no light arrives.
-
-    Args:
-        ahead_r: component of the sender's position, from the receiver's centre, along the receiver's heading.
-        left_r: component to the left of that heading.
-        ahead_s: of the receiver's position, from the sender's centre, along the sender's heading.
-        left_s: likewise to the left.
-        photodiode_tan: tangent of half the aperture.
-        led_tan: likewise of the LED's beam.
-        reach: light arrives from closer than this.
-    """
-    distance = math.sqrt(ahead_r * ahead_r + left_r * left_r)
-    is_seen = min(abs(ahead_r), abs(left_r)) <= max(abs(ahead_r), abs(left_r)) * photodiode_tan
-    is_lit = min(abs(ahead_s), abs(left_s)) <= max(abs(ahead_s), abs(left_s)) * led_tan
-    if is_seen and is_lit and distance < reach:
-        return distance
-    return math.inf
-
-
-@register_jitable
+@shared
 def power_reception(
     along_r: float,
     across_r: float,
@@ -205,24 +173,51 @@ def power_reception(
     return 0.0, math.inf
 
 
-@register_jitable
-def is_crossed(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> bool:
-    """Whether a straight path of light meets a rectangle; separating axis theorem.
+@shared
+def receive(dx: float, dy: float, receiver: Place, sender: Place, light: Light, points: Table) -> Reception:
+    """How a receiver gets the light of a sender that is (dx, dy) away from it.
 
     Args:
-        ox: x of the path's beginning, from the rectangle's centre.
-        oy: likewise y.
-        vx: x of the vector to its end.
-        vy: y of it.
-        c: cosine of the rectangle's heading.
-        s: sine of it.
-        hx: half edge along the heading.
-        hy: half edge across it.
+        dx: x of the sender's centre less that of the receiver.
+        dy: y likewise.
+        receiver: where it is.
+        sender: likewise.
+        light: optics.
+        points: see `points_of`.
     """
-    ux = 0.5 * (c * vx + s * vy)
-    uy = 0.5 * (c * vy - s * vx)
-    x = c * ox + s * oy + ux  # of the path's middle
-    y = c * oy - s * ox + uy
-    is_beside = abs(x * uy - y * ux) > hx * abs(uy) + hy * abs(ux)
-    is_away = abs(x) > hx + abs(ux) or abs(y) > hy + abs(uy)
-    return not (is_beside or is_away)
+    n_sides = points.shape[0] // 5
+    ahead_r, left_r = onto_axis(dx, dy, receiver[2], receiver[3])
+    ahead_s, left_s = onto_axis(-dx, -dy, sender[2], sender[3])
+    side, led = facing_side(ahead_r, left_r), facing_side(ahead_s, left_s)
+    if not light.is_regular:
+        side = nearest_axis(ahead_r, left_r, points, 3 * n_sides, n_sides)
+        led = nearest_axis(ahead_s, left_s, points, 2 * n_sides, n_sides)
+    c, s = points[3 * n_sides + side, 0], points[3 * n_sides + side, 1]
+    c_led, s_led = points[2 * n_sides + led, 0], points[2 * n_sides + led, 1]
+    along_r, across_r = onto_axis(ahead_r, left_r, c, s)
+    along_s, across_s = onto_axis(ahead_s, left_s, c_led, s_led)
+    turn, effective = 0.0, math.inf
+    if light.is_power:
+        out_r, aside_r = onto_axis(points[n_sides + side, 0], points[n_sides + side, 1], c, s)
+        out_s, aside_s = onto_axis(points[led, 0], points[led, 1], c_led, s_led)
+        turn, effective = power_reception(
+            along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
+            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach,
+        )  # fmt: skip
+    else:
+        distance = math.sqrt(ahead_r * ahead_r + left_r * left_r)
+        is_lit = is_in_cone(along_r, across_r, light.photodiode_tan) and is_in_cone(along_s, across_s, light.led_tan)
+        if is_lit and distance < light.reach:
+            effective = distance
+    return Reception(side, led, turn, effective)
+
+
+@shared
+def nearest_axis(ahead: float, left: float, points: Table, first: int, n_sides: int) -> int:
+    """Number of the axis nearest to a direction, of those that begin at `first`; of equally near ones the first."""
+    side, nearest = int(0), float(-math.inf)
+    for k in range(n_sides):
+        along = ahead * points[first + k, 0] + left * points[first + k, 1]
+        if along > nearest:
+            side, nearest = k, along
+    return side

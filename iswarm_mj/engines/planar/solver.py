@@ -1,13 +1,14 @@
 """The contact impulses of one world, by block Gauss-Seidel sweeps over its contacts with momentum."""
 
-import math
 from typing import Any
 
 import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled, inlined
-from iswarm_mj.engines.planar.contact_law import two_impulses, velocity_change
+from iswarm_mj.engines.planar.contact_law import velocity_change
+from iswarm_mj.engines.planar.contact_rows import relaxed
 from iswarm_mj.engines.planar.islands import find_islands
+from iswarm_mj.engines.planar.kinds import velocity_of
 from iswarm_mj.engines.planar.plane import Plane
 
 MOST_MOMENTUM = 0.9
@@ -53,8 +54,10 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
     for sweep in range(1, plane.max_sweeps + 1):
         change, uphill = 0.0, 0.0
         for k in members:
-            contact = contacts[k]
-            p1, p2 = _impulses(contact, velocities)
+            contact: Any = contacts[k]
+            first, second = velocity_of(velocities, contact.first), velocity_of(velocities, contact.second)
+            h = contact.h11, contact.h12, contact.h22
+            p1, p2 = relaxed(contact, *h, contact.p1, contact.p2, first, second)
             change = max(change, _change(contact, p1, p2, plane))
             uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
             _set_impulses(contact, p1, p2, velocities, plane)
@@ -73,24 +76,11 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
 
 
 @inlined
-def _impulses(contact: Any, velocities: np.ndarray) -> tuple[float, float]:
-    """Impulses of a contact that solve its own rows while all others stay."""
-    first, second = velocities[contact.first], velocities[contact.second]
-    along = contact.nx * (second[0] - first[0]) + contact.ny * (second[1] - first[1])
-    p1, p2 = contact.p1, contact.p2
-    w1 = along + contact.lever1 * second[2] - contact.arm1 * first[2] + contact.offset1 + contact.regularisation1 * p1
-    if contact.n_rows == 1:
-        return max(0.0, p1 - w1 / contact.h11), 0.0
-    w2 = along + contact.lever2 * second[2] - contact.arm2 * first[2] + contact.offset2 + contact.regularisation2 * p2
-    return two_impulses(p1, p2, w1, w2, contact.h11, contact.h12, contact.h22)
-
-
-@inlined
 def _change(contact: Any, p1: float, p2: float, plane: Plane) -> float:
     """By how much a velocity changes at most if the impulses are replaced."""
-    d1, d2, radius = p1 - contact.p1, p2 - contact.p2, math.sqrt(plane.half_x**2 + plane.half_y**2)
+    d1, d2 = p1 - contact.p1, p2 - contact.p2
     arms, mass, inertia = (contact.arm1, contact.arm2), plane.inverse_mass, plane.inverse_inertia
-    return velocity_change(d1, d2, *arms, contact.lever1, contact.lever2, mass, inertia, radius)
+    return velocity_change(d1, d2, *arms, contact.lever1, contact.lever2, mass, inertia, plane.radius)
 
 
 @inlined

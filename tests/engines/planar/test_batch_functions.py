@@ -21,8 +21,6 @@ KINDS = {float: "float({})", int: "int({})", bool: "{} != 0.0"}
 N_SAMPLES = 3000
 POWER, SECTOR = (read_light(read_robot(), OpticsConfig(mode=mode)) for mode in ("power", "sector"))
 SHAPE = 1.4, 0.6
-ELSEWHERE = {"two_impulses": "solver"}
-"""Modules of the kernels that have a function in a form of their own."""
 
 
 def heading(rng):
@@ -53,6 +51,13 @@ def apart(rng):
     return rng.uniform(1.5, 10), rng.uniform(-1, 1)
 
 
+def two_rows(rng):
+    """Of two rows, or of one, whose second impulse is 0."""
+    is_two = rng.integers(2)
+    p1, p2 = rng.exponential(size=2) * rng.integers(0, 2, 2) * (1, is_two)
+    return p1, p2, *rng.normal(size=2), *matrix(rng), is_two
+
+
 ARGUMENTS = {
     "separation": pair,
     "side_towards": lambda rng: (*rng.uniform(-2, 2, 2), *heading(rng), rng.integers(2)),
@@ -61,16 +66,14 @@ ARGUMENTS = {
     "impedance": lambda rng: (rng.uniform(-0.4, 0), *law(rng)),
     "regularisation": lambda rng: (rng.uniform(0.5, 0.99), rng.uniform(0.05, 0.2)),
     "offset": lambda rng: (rng.uniform(0.5, 0.99), rng.uniform(-0.4, 0), rng.uniform(-2, 2), *law(rng), 0.01),
-    "two_impulses": lambda rng: (*rng.exponential(size=2) * rng.integers(0, 2, 2), *rng.normal(size=2), *matrix(rng)),
+    "two_impulses": two_rows,
     "velocity_change": lambda rng: tuple(rng.uniform(-2, 2, 9)),
     "meets_rectangle": ray,
     "_between_sides": lambda rng: (rng.uniform(-3, 3), rng.integers(-2, 3) / 2, 1.4),
     "meets_walls": lambda rng: (*rng.uniform(-11, 11, 2), *rng.uniform(-8, 8, 2), 10.0),
     "facing_side": lambda rng: tuple(rng.uniform(-5, 5, 2)),
-    "onto_side": lambda rng: (*rng.uniform(-5, 5, 2), rng.integers(4)),
     "onto_axis": lambda rng: (*rng.uniform(-5, 5, 2), *heading(rng)),
     "is_in_cone": lambda rng: (*rng.uniform(-5, 5, 2), SECTOR.led_tan),
-    "sector_distance": lambda rng: (*rng.uniform(-9, 9, 4), SECTOR.photodiode_tan, SECTOR.led_tan, SECTOR.reach),
     "power_reception": lambda rng: (
         *apart(rng),
         *apart(rng),
@@ -110,7 +113,7 @@ def source_of(name, space, function):
     results = [f"r{i}" for i in range(n_results(function))]
     return "\n".join(
         [
-            f"f_{name} = {ELSEWHERE.get(name, space)}.{name}",
+            f"f_{name} = {space}.{name}",
             "@wp.kernel(enable_backward=False)",
             f"def k_{name}(a: wp.array2d(dtype=float), out: wp.array2d(dtype=float)):",
             "    k = wp.tid()",
@@ -132,7 +135,6 @@ def kernels(tmp_path_factory):
     path = tmp_path_factory.mktemp("kernels") / "kernels_of_numbers.py"
     parts = [source_of(name, space, functions_of(MODULES[space])[name]) for name, space in OWNERS.items()]
     imports = f"import warp as wp\nfrom iswarm_mj.engines.planar.gpu.functions import {', '.join(MODULES)}\n"
-    imports += "from iswarm_mj.engines.planar.gpu import solver\n"
     path.write_text("\n".join([imports, *parts]))
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None

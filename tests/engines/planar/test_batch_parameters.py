@@ -1,4 +1,4 @@
-"""Kernels read their parameters from one row of numbers: each under its own name, whatever the tuples' order."""
+"""Kernels read their parameters from one row of words: each under its own name and of its own kind."""
 
 import importlib.util
 from dataclasses import replace
@@ -9,30 +9,31 @@ import warp as wp
 from helpers_crowds import crowd
 from helpers_planar import both_engines, moved, placed, rounded
 
-from iswarm_mj.engines.planar.batch_engine import _numbers
 from iswarm_mj.engines.planar.contact_law import ContactLaw
+from iswarm_mj.engines.planar.gpu.functions import words_of
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.reception import Light
 from iswarm_mj.utils.units import RD
 
 CODE = """
 import warp as wp
-from iswarm_mj.engines.planar.gpu.reception import light_of
-from iswarm_mj.engines.planar.gpu.world import plane_of
+from iswarm_mj.engines.planar.gpu.functions import light_in, plane_in
 
 @wp.kernel(enable_backward=False)
-def of_plane(values: wp.array(dtype=float), out: wp.array(dtype=float)):
-    p = plane_of(values)
+def of_plane(words: wp.array(dtype=int), out: wp.array(dtype=float)):
+    at = plane_in(words)
+    p = at[0]
     {plane}
 
 @wp.kernel(enable_backward=False)
-def of_light(values: wp.array(dtype=float), points: wp.array(dtype=wp.vec2), out: wp.array(dtype=float)):
-    p = light_of(values, points)
+def of_light(words: wp.array(dtype=int), out: wp.array(dtype=float)):
+    at = light_in(words)
+    p = at[0]
     {light}
 """
-PLAIN = [name for name in Plane._fields if name not in ("servo", "refinement", "between_robots", "at_walls")]
-OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3))]
-OF_LIGHT = list(Light._fields[:-5])
+LAWS = "between_robots", "at_walls"
+PLAIN = [name for name in Plane._fields if name not in ("servo", *LAWS)]
+OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3)), *(f"{law}.{n}" for law in LAWS for n in ContactLaw._fields)]
 
 
 def stored(names):
@@ -42,7 +43,7 @@ def stored(names):
 @pytest.fixture(scope="module")
 def kernels(tmp_path_factory):
     path = tmp_path_factory.mktemp("kernels") / "kernels_of_parameters.py"
-    path.write_text(CODE.format(plane=stored(OF_PLANE), light=stored(OF_LIGHT)))
+    path.write_text(CODE.format(plane=stored(OF_PLANE), light=stored(Light._fields)))
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -64,18 +65,17 @@ def test_a_plane_is_read_by_name(kernels):
         servo=(101.0, 102.0, 103.0), between_robots=distinct(ContactLaw, 201), at_walls=distinct(ContactLaw, 301)
     )
     out = wp.zeros(len(OF_PLANE), dtype=float, device="cpu")
-    wp.launch(kernels.of_plane, 1, [on_cpu(_numbers(plane), float)], [out], device="cpu")
-    expected = [*(getattr(plane, name) for name in PLAIN), *plane.servo]
+    wp.launch(kernels.of_plane, 1, [on_cpu(words_of(plane), int)], [out], device="cpu")
+    expected = [*(getattr(plane, name) for name in PLAIN), *plane.servo, *plane.between_robots, *plane.at_walls]
     np.testing.assert_array_equal(out.numpy(), expected)
 
 
 @pytest.mark.parametrize("flags", [(True, False, False), (False, True, False), (False, False, True)])
 def test_light_is_read_by_name(kernels, flags):
     light = distinct(Light, 1)._replace(is_power=flags[0], needs_sight=flags[1], is_regular=flags[2])
-    out = wp.zeros(len(OF_LIGHT), dtype=float, device="cpu")
-    given = [on_cpu(_numbers(light[:-5]), float), on_cpu(np.zeros((20, 2), np.float32), wp.vec2)]
-    wp.launch(kernels.of_light, 1, given, [out], device="cpu")
-    np.testing.assert_array_equal(out.numpy(), [float(getattr(light, name)) for name in OF_LIGHT])
+    out = wp.zeros(len(Light._fields), dtype=float, device="cpu")
+    wp.launch(kernels.of_light, 1, [on_cpu(words_of(light), int)], [out], device="cpu")
+    np.testing.assert_array_equal(out.numpy(), [float(number) for number in light])
 
 
 def softer(spec):

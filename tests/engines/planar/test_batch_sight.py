@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_planar import both_engines, placed, rounded, same_bits
+from helpers_planar import both_engines, placed, rounded, same_bits, with_robot
 from helpers_sensing import SHIFTED, crowd, place
 from helpers_small import SMALL
 
@@ -19,8 +19,7 @@ ROBOT = read_robot()
 @cache
 def engines(optics, robot=ROBOT):
     plain, batch = both_engines(SwarmConfig(arena=SMALL.arena, optics=optics))
-    plain._light = read_light(robot, optics)
-    return plain, replace(batch, light=read_light(robot, optics))
+    return with_robot(plain, robot, optics), replace(batch, light=read_light(robot, optics), robot=robot)
 
 
 def seen(engine, poses, emits=None, present=None, running=None):

@@ -55,9 +55,15 @@ def test_two_rows_are_solved_exactly():
         root, w = rng.normal(size=(2, 2)), rng.normal(size=2)
         matrix = root @ root.T + 0.01 * np.eye(2)
         before = rng.exponential(size=2) * rng.integers(0, 2, size=2)
-        p = np.array(two_impulses(*before, *(w + matrix @ before), matrix[0, 0], matrix[0, 1], matrix[1, 1]))
+        p = np.array(two_impulses(*before, *(w + matrix @ before), matrix[0, 0], matrix[0, 1], matrix[1, 1], True))
         left = w + matrix @ p
         assert (p >= 0).all() and (left >= -1e-9).all()
         np.testing.assert_allclose(p * left, 0, atol=1e-9)
         pushing.add(tuple((p > 0).tolist()))
     assert pushing == set(itertools.product([False, True], repeat=2))
+
+
+@pytest.mark.parametrize(("w", "impulse"), [(-3.0, 3.5), (1.0, 1.5), (5.0, 0.0)])
+def test_one_row_is_solved_whatever_the_second_says(w, impulse):
+    """w + 2 (q - 2) = 0, unless the impulse q would be negative."""
+    assert two_impulses(2.0, 0.0, w, -7.0, 2.0, 0.3, 1.0, False) == (impulse, 0.0)

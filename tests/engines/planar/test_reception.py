@@ -8,7 +8,8 @@ from helpers_sensing import SHIFTED
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.planar.reception import facing_side, onto_side, power_reception, read_light, sector_distance
+from iswarm_mj.engines.planar.reception import points_of, read_light
+from iswarm_mj.engines.planar.reception import receive as receive_one
 from iswarm_mj.sensors.optics import receive
 
 ROBOT = read_robot()
@@ -29,35 +30,20 @@ def views(n=4000, seed=0):
     return distance * np.cos(angle), distance * np.sin(angle), yaws
 
 
-def one_pair(light, dx, dy, receiver, sender):
-    """Side, LED, bearing and effective distance, by the functions of one pair; headings as (cos, sin)."""
-    (c_r, s_r), (c_s, s_s) = receiver, sender
-    at_receiver, at_sender = (c_r * dx + s_r * dy, c_r * dy - s_r * dx), (-c_s * dx - s_s * dy, s_s * dx - c_s * dy)
-    side, led = facing_side(*at_receiver), facing_side(*at_sender)
-    if not light.is_power:
-        tans = light.photodiode_tan, light.led_tan
-        return side, led, side * math.pi / 2, sector_distance(*at_receiver, *at_sender, *tans, light.reach)
-    pair = *onto_side(*at_receiver, side), *onto_side(*at_sender, led)
-    places = *onto_side(*light.receivers[side], side), *onto_side(*light.leds[led], led)
-    turn, effective = power_reception(
-        *pair, *places, light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach
-    )
-    return side, led, side * math.pi / 2 + turn, effective
-
-
 @pytest.mark.parametrize("robot", [ROBOT, SHIFTED], ids=["middle", "shifted"])
 @pytest.mark.parametrize("optics", OPTICS, ids=["sector", "power", "narrow"])
 def test_one_pair_has_the_reception_of_arrays(optics, robot):
     dx, dy, yaws = views()
     headings = [(np.cos(yaw), np.sin(yaw)) for yaw in yaws]
     expected = receive(dx, dy, *headings, robot, optics)
-    light = read_light(robot, optics)
+    light, points = read_light(robot, optics), points_of(robot)
     for k in range(len(dx)):
-        pair = [(float(c[k]), float(s[k])) for c, s in headings]
-        side, led, bearing, effective = one_pair(light, float(dx[k]), float(dy[k]), *pair)
-        assert (side, led) == (expected.side[k], expected.led[k])
-        assert effective == pytest.approx(expected.effective_distance[k], rel=1e-13)
-        if math.isfinite(effective):
+        receiver, sender = ((0.0, 0.0, float(c[k]), float(s[k])) for c, s in headings)
+        got = receive_one(float(dx[k]), float(dy[k]), receiver, sender, light, points)
+        assert (got.side, got.led) == (expected.side[k], expected.led[k])
+        assert got.effective == pytest.approx(expected.effective_distance[k], rel=1e-13)
+        if math.isfinite(got.effective):
+            bearing = robot.sides.bearings[got.side] + got.turn
             assert bearing == pytest.approx(expected.bearing[k], abs=1e-13)
-            assert effective < light.reach and math.hypot(dx[k], dy[k]) <= light.farthest
+            assert got.effective < light.reach and math.hypot(dx[k], dy[k]) <= light.farthest
     assert 200 < np.isfinite(expected.effective_distance).sum() < 2000

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers_planar import with_robot
 from helpers_sensing import SHIFTED, crowd, place, squares_in_the_way
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.engines.planar.reception import read_light
 from iswarm_mj.sensors.links import find_links
 
 ROBOT = read_robot()
@@ -16,8 +16,7 @@ ROBOT = read_robot()
 def sight(poses, optics, robot=ROBOT, n_threads=1, emits=None, present=None):
     """What robots at (B, N, 3) see; all present and emitting if not said otherwise."""
     config, everyone = SwarmConfig(optics=optics), np.ones(poses.shape[:2], bool)
-    engine = PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), n_threads)
-    engine._light = read_light(robot, optics)
+    engine = with_robot(PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), n_threads), robot, optics)
     present = everyone if present is None else present
     return engine.sense(engine.place(poses, present), everyone if emits is None else emits, np.ones(len(poses), bool))
 

@@ -10,11 +10,12 @@ from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.colours import colour_contacts
 from iswarm_mj.engines.planar.gpu.contacts import find_contacts, n_contacts, set_contacts
+from iswarm_mj.engines.planar.gpu.functions import plane_in
 from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory
 from iswarm_mj.engines.planar.gpu.near_pairs import find_near_pairs
 from iswarm_mj.engines.planar.gpu.records import N_ROWS, bodies_of, numbers_of
 from iswarm_mj.engines.planar.gpu.solver import solve
-from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading, plane_of
+from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
 
 _SKIN = wp.constant(physics.SKIN)
 _BOXES_AT_ONCE = 4  # obstacles that all robots of a world touch on average, at most
@@ -31,7 +32,8 @@ def take_steps_in(n_shared: int) -> Callable:
         targets: wp.array2d(dtype=wp.vec3),
         is_present: wp.array2d(dtype=wp.bool),
         runs: wp.array(dtype=wp.bool),
-        values: wp.array(dtype=float),
+        plane_words: wp.array(dtype=int),
+        boxes: wp.array2d(dtype=float),
         n_substeps: int,
         n_cells: int,
         room_near: int,
@@ -50,7 +52,8 @@ def take_steps_in(n_shared: int) -> Callable:
             targets: (B, N) set points of the servos, likewise.
             is_present: (B, N) the others stay where they are, and touch nothing.
             runs: (B,) the other worlds stay as they are.
-            values: parameters, see `world.plane_of`.
+            plane_words: see `functions.words_of`.
+            boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
             n_substeps: number of physics steps.
             n_cells: cells along an edge of the arena.
             room_near: places for pairs of robots near each other.
@@ -62,7 +65,8 @@ def take_steps_in(n_shared: int) -> Callable:
             own: (B, M) memory of the blocks.
         """
         world, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
-        plane, n_robots = plane_of(values), poses.shape[1]
+        plane_at, n_robots = plane_in(plane_words), poses.shape[1]
+        plane = plane_at[0]
         m = Memory()
         m.own = own[world].ptr
         m.room = n_shared
@@ -71,6 +75,8 @@ def take_steps_in(n_shared: int) -> Callable:
             m.shared = m.own
         w = lay_out(m, n_robots, n_cells, wp.block_dim(), room_near, room_contacts, plane.edge)
         w.is_present = is_present[world]
+        w.plane = plane_at
+        w.boxes = boxes
         if not runs[world]:
             for i in range(lane, n_robots, wp.block_dim()):
                 new_poses[world, i] = poses[world, i]
@@ -84,16 +90,16 @@ def take_steps_in(n_shared: int) -> Callable:
             if 2.0 * moved > _SKIN:
                 find_near_pairs(w, 2.0 * plane.radius + _SKIN, lane)
                 moved = 0.0
-            find_contacts(w, plane, lane)
+            find_contacts(w, lane)
             colour_contacts(w, lane)
-            set_contacts(w, plane, lane)
+            set_contacts(w, lane)
             for i in range(lane, n_robots, wp.block_dim()):
                 old = _velocity(w, i)
                 v = old + wp.cw_mul(plane.servo, targets[world, i] - old)
                 w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
                 w.before[i] = w.velocity[i]
             barrier()
-            solve(w, plane, lane)
+            solve(w, lane)
             barrier()
             _integrate(w, plane.timestep, lane)
             moved += wp.sqrt(w.farthest[0])

@@ -9,7 +9,7 @@ from iswarm_mj.engines.planar import solver
 from iswarm_mj.engines.planar.gpu.block import NO_SUM, barrier_of, sum_if_any, threads_for
 from iswarm_mj.engines.planar.gpu.colours import begin_of
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
-from iswarm_mj.engines.planar.gpu.functions import law
+from iswarm_mj.engines.planar.gpu.functions import Plane, law, rows
 from iswarm_mj.engines.planar.gpu.records import (
     ARM,
     BEFORE,
@@ -23,18 +23,18 @@ from iswarm_mj.engines.planar.gpu.records import (
     bodies_of,
     numbers_of,
 )
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, Plane, World
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, World
 from iswarm_mj.utils.errors import FaultKind
 
 _MOST_MOMENTUM = wp.constant(solver.MOST_MOMENTUM)
 _FAILED = wp.constant(int(FaultKind.SOLVER_FAILED))
-_velocity_change = law.velocity_change
+_velocity_change, _matrix, _relaxed, _Rows = law.velocity_change, rows.matrix, rows.relaxed, rows.Rows
 
 
 @wp.func
-def solve(w: World, plane: Plane, lane: int):
+def solve(w: World, lane: int):
     """Find the impulses of all contacts and add them to the velocities; threads that no colour needs do nothing."""
-    n, n_colours, largest = n_contacts(w), w.count[N_COLOURS], int(0)
+    n, n_colours, largest, plane = n_contacts(w), w.count[N_COLOURS], int(0), w.plane[0]
     if n == 0:
         return
     for colour in range(n_colours):
@@ -103,20 +103,16 @@ def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.
     before1 = c[BEFORE]
     before2 = c[BEFORE + 1]
     n_rows = c[N_ROWS]
-    is_robot, is_two = first < n_robots, n_rows == 2.0
+    is_robot = first < n_robots
     m1, i1 = wp.where(is_robot, plane.inverse_mass, 0.0), wp.where(is_robot, plane.inverse_inertia, 0.0)
     m2, i2 = plane.inverse_mass, plane.inverse_inertia
-    h11 = m1 + m2 + i1 * arm1 * arm1 + i2 * lever1 * lever1 + softness1
-    h12 = wp.where(is_two, m1 + m2 + i1 * arm1 * arm2 + i2 * lever1 * lever2, 0.0)
-    h22 = wp.where(is_two, m1 + m2 + i1 * arm2 * arm2 + i2 * lever2 * lever2 + softness2, 1.0)
     moves1, moves2 = end_v1[3] != sweep, end_v2[3] != sweep  # it is the body's first contact in this sweep
     v1 = end_v1 + wp.where(moves1, momentum, 0.0) * (end_v1 - before_v1)
     v2 = end_v2 + wp.where(moves2, momentum, 0.0) * (end_v2 - before_v2)
     p1, p2 = end1 + momentum * (end1 - before1), end2 + momentum * (end2 - before2)
-    along = nx * (v2[0] - v1[0]) + ny * (v2[1] - v1[1])
-    w1 = along + lever1 * v2[2] - arm1 * v1[2] + offset1 + softness1 * p1
-    w2 = wp.where(is_two, along + lever2 * v2[2] - arm2 * v1[2] + offset2 + softness2 * p2, 0.0)
-    s1, q2 = two_impulses(p1, p2, w1, w2, h11, h12, h22)
+    own = _Rows(int(n_rows), nx, ny, arm1, arm2, lever1, lever2, offset1, offset2, softness1, softness2, 0.0)
+    h11, h12, h22 = _matrix(own, m1, i1, m2, i2)
+    s1, q2 = _relaxed(own, h11, h12, h22, p1, p2, v1, v2)
     q1 = wp.where(n_rows > 0.0, s1, 0.0)
     d1, d2 = q1 - p1, q2 - p2
     push, twist1, twist2 = d1 + d2, arm1 * d1 + arm2 * d2, lever1 * d1 + lever2 * d2
@@ -134,15 +130,3 @@ def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.
     c[IMPULSE + 1] = q2
     change = _velocity_change(d1, d2, arm1, arm2, lever1, lever2, m2, i2, plane.radius)
     return wp.vec2(change, -d1 * (q1 - end1) - d2 * (q2 - end2))
-
-
-@wp.func
-def two_impulses(p1: float, p2: float, w1: float, w2: float, h11: float, h12: float, h22: float):
-    """As `contact_law.two_impulses`, without branches, in which the threads of a warp would wait for each other."""
-    inverse, inverse1, inverse2 = 1.0 / (h11 * h22 - h12 * h12), 1.0 / h11, 1.0 / h22
-    both1, both2 = p1 + (h12 * w2 - h22 * w1) * inverse, p2 + (h12 * w1 - h11 * w2) * inverse
-    alone1, alone2 = wp.max(0.0, p1 - (w1 - h12 * p2) * inverse1), wp.max(0.0, p2 - (w2 - h12 * p1) * inverse2)
-    are_both, is_first = both1 >= 0.0 and both2 >= 0.0, w2 + h12 * (alone1 - p1) - h22 * p2 >= 0.0
-    q1 = wp.where(are_both, both1, wp.where(is_first, alone1, 0.0))
-    q2 = wp.where(are_both, both2, wp.where(is_first, 0.0, alone2))
-    return q1, q2

@@ -6,14 +6,16 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import Cells, around, fill
-from iswarm_mj.engines.planar.gpu.reception import light_of, receive
-from iswarm_mj.engines.planar.gpu.world import heading, plane_of
+from iswarm_mj.engines.planar.gpu.functions import light_in, plane_in, view
+from iswarm_mj.engines.planar.gpu.world import heading
+
+_hear = view.hear
 
 
 def sort_robots(
     poses: wp.array2d(dtype=wp.vec3),
     is_present: wp.array2d(dtype=wp.bool),
-    plane_values: wp.array(dtype=float),
+    plane_words: wp.array(dtype=int),
     place: wp.array2d(dtype=wp.vec4),
     end: wp.array3d(dtype=int),
     robot: wp.array2d(dtype=int),
@@ -24,7 +26,7 @@ def sort_robots(
     Args:
         poses: (B, N) x, y [mm] and yaw [rad].
         is_present: (B, N) the others are in no cell.
-        plane_values: see `world.plane_of`.
+        plane_words: see `functions.words_of`.
         place: (B, N) output, x, y [mm], cosine and sine of the yaw.
         end: (B, G, G) output, as the next two: see `cells.Cells`.
         robot: (B, N) likewise.
@@ -40,7 +42,7 @@ def sort_robots(
     cells.end = end[world]
     cells.robot = robot[world]
     cells.total = total[world]
-    cells.edge = plane_of(plane_values).edge
+    cells.edge = plane_in(plane_words)[0].edge
     fill(cells, place[world], is_present[world], lane)
 
 
@@ -50,9 +52,9 @@ def look_around(
     robot: wp.array2d(dtype=int),
     emits: wp.array2d(dtype=wp.bool),
     is_present: wp.array2d(dtype=wp.bool),
-    plane_values: wp.array(dtype=float),
-    light_values: wp.array(dtype=float),
-    points: wp.array(dtype=wp.vec2),
+    plane_words: wp.array(dtype=int),
+    light_words: wp.array(dtype=int),
+    points: wp.array2d(dtype=float),
     within: float,
     n_near: wp.array2d(dtype=int),
     near: wp.array3d(dtype=int),
@@ -66,21 +68,22 @@ def look_around(
         robot: (B, N) likewise.
         emits: (B, N) which robots send light.
         is_present: (B, N) the others neither send nor receive nor block light.
-        plane_values: see `world.plane_of`.
-        light_values: see `light_of`.
-        points: (5 S,) see `reception.points_of`.
+        plane_words: see `functions.words_of`.
+        light_words: likewise.
+        points: (5 S, 2) see `reception.points_of`.
         within: distance of the robots that are listed [mm].
         n_near: (B, N) output, length of the list of each place in `robot`.
-        near: (B, N, N) output, of each entry and place: eight times the robot's index, plus the side that it faces.
+        near: (B, N, N) output, of each entry and place, see `in_sight.hear`.
         effective: (B, N, N) output, effective distance, infinite without light [mm].
     """
     world, slot = wp.tid()
     i, n = robot[world, slot], int(0)  # threads side by side have robots side by side, with as much to do
     if is_present[world, i]:
-        light, p = light_of(light_values, points), place[world, i]
+        light_at, p = light_in(light_words), place[world, i]
+        light = light_at[0]
         cells = Cells()
         cells.end = end[world]
-        cells.edge = plane_of(plane_values).edge
+        cells.edge = plane_in(plane_words)[0].edge
         for up in range(-1, 2):
             span = around(p, cells, up)
             for at in range(span[0], span[1]):
@@ -89,10 +92,9 @@ def look_around(
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
                 if j != i and squared <= within * within:
-                    one = receive(p, q, dx, dy, light)
-                    is_lit = emits[world, j] and squared <= light.farthest * light.farthest
-                    near[world, n, slot] = 8 * j + one.side
-                    effective[world, n, slot] = wp.where(is_lit, one.effective, wp.inf)
+                    code, distance = _hear(p, q, j, squared, emits[world, j], light, points)
+                    near[world, n, slot] = code
+                    effective[world, n, slot] = distance
                     n += 1
     n_near[world, slot] = n
 

@@ -1,0 +1,182 @@
+"""Which sender a side hears and whether it sees a wall, in closed form: the rules for one side of a robot. Units: mm.
+
+Each side hears the senders of least effective distance that no third robot and no obstacle hides; of equal ones that of
+lowest index comes first. Links do not end at walls: the arena is convex, and what little of a robot is pressed into a
+wall stays visible. A wall or an obstacle is in sight where it is the first thing on the axis of a LED; one that a robot
+presses slightly into it sees it too.
+"""
+
+import math
+from typing import NamedTuple
+
+from iswarm_mj.engines.planar.kinds import Codes, Place, Places, Table, place_of, shared
+from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.ray_geometry import is_crossed, meets_rectangle, meets_walls
+from iswarm_mj.engines.planar.reception import Light, receive
+
+_SPARE = 1e-6  # of the radius within which robots are looked for, for rounding
+
+
+class View(NamedTuple):
+    """A receiver and the robots near it."""
+
+    places: Places
+    """(N, 4) of all robots."""
+    near: Codes
+    """(K, M) of those near a receiver, a column for each receiver: see `code_of`."""
+    effective: Table
+    """(K, M) the effective distance of their light, infinite where none arrives."""
+    i: int
+    """The receiver."""
+    column: int
+    """That of its robots."""
+    n_heard: int
+    """Number of robots at the beginning of its column among which are all whose light arrives."""
+    n_near: int
+    """Number of robots near it."""
+
+
+@shared
+def search_radius(light: Light, plane: Plane) -> float:
+    """Distance from a receiver within which all robots are that send it light or block it [mm]."""
+    within = light.farthest + plane.radius + light.optical_offset
+    return (1.0 + _SPARE) * max(within, light.wall_reach + 2.0 * plane.radius)
+
+
+@shared
+def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, points: Table) -> tuple[int, float]:
+    """How a robot at p gets the light of robot j at q.
+
+    Args:
+        p: where the receiver is.
+        q: where the other one is.
+        j: its index.
+        squared: distance of their centres, squared.
+        emits: it sends light.
+        light: optics.
+        points: see `reception.points_of`.
+
+    Returns:
+        Its index times 64, plus eight times the side that faces it, plus the number of its LED; and the effective
+        distance, infinite where no light arrives.
+    """
+    code, effective = 64 * j, float(math.inf)
+    if emits and squared <= light.farthest * light.farthest:
+        one = receive(q[0] - p[0], q[1] - p[1], p, q, light, points)
+        code, effective = 64 * j + 8 * one.side + one.led, float(one.effective)
+    return code, effective
+
+
+@shared
+def next_in_sight(
+    view: View, side: int, after: float, last: int, light: Light, points: Table, plane: Plane, boxes: Table
+) -> tuple[float, int]:
+    """The nearest sender in sight of a side beyond another one, by effective distance and then by index.
+
+    Args:
+        view: the receiver.
+        side: of it.
+        after: effective distance of the other one; negative for the first search.
+        last: its code, see `hear`.
+        light: optics.
+        points: see `reception.points_of`.
+        plane: robots and walls.
+        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+
+    Returns:
+        Effective distance and code; a code of -1 if there is none.
+    """
+    effective, code, searches = float(after), int(last), bool(True)
+    while searches:
+        best, found = float(math.inf), int(-1)
+        for k in range(view.n_heard):
+            other, distance = view.near[k, view.column], view.effective[k, view.column]
+            is_later = distance > effective or (distance == effective and other > code)
+            is_nearer = distance < best or (distance == best and other < found)
+            if ((other >> 3) & 7) == side and is_later and is_nearer:
+                best, found = float(distance), int(other)
+        effective, code = best, found
+        searches = code >= 0 and light.needs_sight
+        if searches:
+            searches = not is_clear(view, side, code, light, points, plane, boxes)
+    return effective, code
+
+
+@shared
+def is_clear(view: View, side: int, code: int, light: Light, points: Table, plane: Plane, boxes: Table) -> bool:
+    """Whether neither a third robot nor an obstacle blocks the light that a side receives; arguments as above."""
+    sender, clear = code >> 6, bool(True)
+    p, q = place_of(view.places, view.i), place_of(view.places, sender)
+    x, y = turned(p, points, points.shape[0] // 5 + side)
+    x_led, y_led = turned(q, points, code & 7)
+    vx, vy = (q[0] - p[0]) + x_led - x, (q[1] - p[1]) + y_led - y
+    squared = vx * vx + vy * vy
+    spare = plane.radius * math.sqrt(squared)
+    for k in range(view.n_near):
+        third = place_of(view.places, view.near[k, view.column] >> 6)
+        ox, oy = x - (third[0] - p[0]), y - (third[1] - p[1])
+        across, behind = ox * vy - oy * vx, ox * vx + oy * vy
+        is_third = view.near[k, view.column] >> 6 != sender
+        # Only if its circumcircle is in the way.
+        if is_third and abs(across) <= spare and behind <= spare and behind >= -squared - spare:
+            clear = clear and not is_crossed(ox, oy, vx, vy, third[2], third[3], plane.half_x, plane.half_y)
+    for m in range(boxes.shape[0]):
+        ox, oy = p[0] + x - boxes[m, 0], p[1] + y - boxes[m, 1]
+        clear = clear and not is_crossed(ox, oy, vx, vy, boxes[m, 2], boxes[m, 3], boxes[m, 4], boxes[m, 5])
+    return clear
+
+
+@shared
+def link_to(view: View, code: int, light: Light, points: Table) -> tuple[float, float]:
+    """Measured direction of a sender [rad], and its distance, from centre to centre [mm]."""
+    p, q = place_of(view.places, view.i), place_of(view.places, code >> 6)
+    dx, dy = q[0] - p[0], q[1] - p[1]
+    bearing = float(points[4 * (points.shape[0] // 5) + ((code >> 3) & 7), 0])
+    if light.is_power:
+        one = receive(dx, dy, p, q, light, points)
+        bearing += one.turn
+    return bearing, math.sqrt(dx * dx + dy * dy)
+
+
+@shared
+def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, boxes: Table) -> bool:
+    """Whether a wall or an obstacle is the first thing on the axis of a side's LED."""
+    p, reach = place_of(view.places, view.i), light.wall_reach
+    within = reach + plane.radius
+    is_near = max(abs(p[0]), abs(p[1])) >= plane.edge - reach - plane.radius
+    for m in range(boxes.shape[0]):
+        u, v = beyond(p[0] - boxes[m, 0], p[1] - boxes[m, 1], boxes, m)
+        u, v = max(u, 0.0), max(v, 0.0)
+        is_near = is_near or u * u + v * v < within * within
+    if not is_near:
+        return False
+    x, y = turned(p, points, side)
+    axis_x, axis_y = turned(p, points, 2 * (points.shape[0] // 5) + side)
+    vx, vy = reach * axis_x, reach * axis_y
+    share = float(meets_walls(p[0] + x, p[1] + y, vx, vy, plane.edge))
+    for m in range(boxes.shape[0]):
+        ox, oy = p[0] + x - boxes[m, 0], p[1] + y - boxes[m, 1]
+        u, v = beyond(ox, oy, boxes, m)
+        if u <= 0.0 and v <= 0.0:
+            share = 0.0
+        share = min(share, meets_rectangle(ox, oy, vx, vy, boxes[m, 2], boxes[m, 3], boxes[m, 4], boxes[m, 5]))
+    sees = share <= 1.0
+    if share > 0.0 and share <= 1.0:
+        for k in range(view.n_near):
+            q = place_of(view.places, view.near[k, view.column] >> 6)
+            ox, oy = x - (q[0] - p[0]), y - (q[1] - p[1])
+            sees = sees and meets_rectangle(ox, oy, vx, vy, q[2], q[3], plane.half_x, plane.half_y) >= share
+    return sees
+
+
+@shared
+def beyond(dx: float, dy: float, boxes: Table, m: int) -> tuple[float, float]:
+    """How far a point, (dx, dy) from the centre of obstacle m, is beyond the obstacle's sides; negative within."""
+    c, s = boxes[m, 2], boxes[m, 3]
+    return abs(c * dx + s * dy) - boxes[m, 4], abs(c * dy - s * dx) - boxes[m, 5]
+
+
+@shared
+def turned(p: Place, points: Table, k: int) -> tuple[float, float]:
+    """World components of point k, which is a vector in the frame of a robot."""
+    return p[2] * points[k, 0] - p[3] * points[k, 1], p[3] * points[k, 0] + p[2] * points[k, 1]
