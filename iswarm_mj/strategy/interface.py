@@ -12,7 +12,7 @@ class Observation(NamedTuple):
     """All that N robots sense in one control step."""
 
     is_heard: Bool[Array, "N S"]
-    """A message arrived on this side, and its check is right; elsewhere what it says has no meaning."""
+    """A message arrived on this side, and its check is right; elsewhere what it says is undefined."""
     bearing: Float[Array, "N S"]
     """Direction that it came from, in the robot's frame [rad]."""
     distance: Float[Array, "N S"]
@@ -36,8 +36,8 @@ class Observation(NamedTuple):
     """The robot tried to lift a ball in this step, and the ball stayed on the floor."""
     sensed: Mapping[str, Array]
     """(N, ...) what else the task lets robots sense, by the names of `tasks.protocol.Task.senses`."""
-    waits: Any = None
-    """The robot stays where it is in this step (N,), whatever it commands: it works at a ball, or has no energy; None
+    waits: Bool[Array, "N"] | None = None
+    """The robot stays where it is in this step, whatever it commands: it works at a ball, or has no energy; None
     where robots never wait."""
 
 
