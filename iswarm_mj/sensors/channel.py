@@ -16,7 +16,7 @@ class Received(NamedTuple):
     """What the S sides of N robots receive."""
 
     message: Message
-    """(N, S); meaningless where not `is_heard`."""
+    """(N, S); undefined where not `is_heard`."""
     is_heard: Bool[Array, "N S"]
     """A message arrived, and its check is right, if that is looked at."""
     distance: Float[Array, "N S"]

@@ -4,7 +4,7 @@ A field's values and what is read back of them have the same types and shapes. V
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import jax
@@ -84,7 +84,7 @@ class Real(_Scalar):
     low: Annotated[float, Within(-_LARGEST, _LARGEST)]
     high: Annotated[float, Within(-_LARGEST, _LARGEST)]
     bits: Annotated[int, Within(1, 24)]
-    """Single precision tells whole numbers of up to 24 bits apart."""
+    """At most the 24 bits that single precision resolves."""
     unit: str = ""
     """As tables state it; lengths in mm become m there."""
 
@@ -195,8 +195,3 @@ class Vector:
 
 Field = Flag | Integer | Real | Bearing | Vector
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Flag, Integer, Real, Bearing, Vector)}
-
-
-def to_json(field: Field) -> dict[str, Any]:
-    """Return a field in JSON; `KINDS[kind](**rest)` makes it again."""
-    return {"kind": type(field).__name__, **asdict(field)}

@@ -19,7 +19,7 @@ class FloorView(NamedTuple):
     at_dust: Bool[Array, "N"]
     """A ball lies within the sensing range and outside the dump."""
     ball: Int[Array, "N"]
-    """int32, index of the nearest such ball; meaningless where not `at_dust`."""
+    """int32, index of the nearest such ball; undefined where not `at_dust`."""
     ball_vector: Float[Array, "N 2"]
     """From the robot to that ball, in the robot's frame [mm]; zero where not `at_dust`."""
 

@@ -1,7 +1,7 @@
 """Messages that take time: slots, photodiodes that are off, and senders that disturb each other.
 
 In each control step all robots stand still for a window of slots, each as long as one message. A robot lights its LEDs
-one after the other, front, left, back and right, in consecutive slots from a slot on that it draws anew in each
+one after the other, front, left, back and right, in consecutive slots from a first slot on that it draws in each
 control step; the window's last slot is followed by its first. The slots of all robots begin at the same time, as in
 slotted ALOHA (Roberts 1975, Comput. Commun. Rev. 5, 28); with clocks that are not synchronous a message could be
 disturbed in twice that time.

@@ -6,7 +6,7 @@ highest bits a check. Bits between are 0. The layout of the paper's strategy is 
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.sensors.checks import CHECKS, WORD, holds, with_check
-from iswarm_mj.sensors.fields import KINDS, Field, Flag, Vector, to_json
+from iswarm_mj.sensors.fields import KINDS, Field, Flag, Vector
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
 MAX_LEDS = 8
-"""Of a robot whose messages tell their number."""
+"""Of a robot, since a message has at most three bits for their number."""
 RESERVED = ("led", "message")
 """Names that fields cannot have, since tables and recordings have them."""
 PRIORITY = "priority"
@@ -83,7 +83,8 @@ class Payload:
 
     def to_json(self) -> dict[str, Any]:
         """Return the declaration in JSON."""
-        return {"fields": [[name, to_json(field)] for name, field in self.fields], "check": self.check}
+        fields = [[name, {"kind": type(field).__name__, **asdict(field)}] for name, field in self.fields]
+        return {"fields": fields, "check": self.check}
 
     @staticmethod
     def from_json(content: Mapping[str, Any]) -> "Payload":

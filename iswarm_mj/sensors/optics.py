@@ -79,7 +79,7 @@ def receive(
 
     Args:
         dx: world x of the sender minus that of the receiver [mm].
-        dy: likewise y.
+        dy: the same of y.
         receiver: cosine and sine of the receiver's yaw.
         sender: cosine and sine of the sender's yaw.
         robot: positions of LEDs and photodiodes.

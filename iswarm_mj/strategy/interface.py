@@ -12,7 +12,7 @@ class Observation(NamedTuple):
     """All that N robots sense in one control step."""
 
     is_heard: Bool[Array, "N S"]
-    """A message arrived on this side, and its check is right; elsewhere what it says has no meaning."""
+    """A message arrived on this side, and its check is right; elsewhere what it says is undefined."""
     bearing: Float[Array, "N S"]
     """Direction that it came from, in the robot's frame [rad]."""
     distance: Float[Array, "N S"]

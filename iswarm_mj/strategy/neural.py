@@ -1,4 +1,4 @@
-"""A learned strategy: one small network, shared by all robots, says where they go and what they tell each other.
+"""A learned strategy: one small network, shared by all robots, decides where they go and what they say.
 
 The network reads numbers that do not depend on directions (what a robot senses, hears and remembers) and returns how
 much each of several directions counts: ahead, at random, towards neighbours, walls, a ball, remembered places and what
@@ -156,8 +156,9 @@ class NeuralStrategy:
             seen.grasp_failed,
             *(part for place in places for part in (place.known, _nearness(place, reach))),
             memory["character"],
+            loudest,
+            memory["said"],
         ]
-        told = [loudest, memory["said"]]
         walls = _unit(jnp.asarray(self.robot.sides.bearings)) * seen.sees_wall[..., None]
         ways = [
             jnp.broadcast_to(jnp.array([1.0, 0.0]), seen.ball_vector.shape),
@@ -168,8 +169,7 @@ class NeuralStrategy:
             *(place.vector / jnp.maximum(jnp.hypot(*place.vector.T), step)[:, None] for place in places),
         ]
         signals = (heard[..., None] * to_sender[:, None]).sum(axis=2)
-        stacked = jnp.stack([jnp.asarray(number, jnp.float32) for number in numbers], axis=1)
-        return jnp.concatenate([stacked, *told], axis=1), jnp.concatenate([jnp.stack(ways, axis=1), signals], axis=1)
+        return jnp.column_stack(numbers), jnp.concatenate([jnp.stack(ways, axis=1), signals], axis=1)
 
 
 def _unit(angle: Float[Array, "*N"]) -> Float[Array, "*N 2"]:

@@ -86,7 +86,7 @@ def as_pytree(given: Any, what: str) -> Any:
 def _register(cls: type) -> tuple[str, ...]:
     """Make a pytree of a class, and return its fields that are compiled in.
 
-    Its objects are made anew without `__init__`, whose checks need numbers.
+    JAX rebuilds its objects without `__init__`, whose checks need numbers.
     """
     own = fields(cls) if is_dataclass(cls) else ()
     static = tuple(f.name for f in own if _is_static_field(cls, f))

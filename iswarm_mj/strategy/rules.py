@@ -34,17 +34,12 @@ def reads(rules: Any, name: str, word: str) -> Bool[Array, "*B"]:
 
 def rules_of(genome: Genome, strategy: StrategyConfig | None = None) -> Rules:
     """Return the rules as JAX scalars, so that others need no compilation; the readings are the default's if None."""
-    values = _values(genome, strategy or StrategyConfig())
-    return Rules(*(jnp.asarray(value, kind) for value, kind in zip(values, _TYPES, strict=True)))
+    return Rules(*(jnp.asarray(column[0]) for column in rules_of_worlds([genome], [strategy or StrategyConfig()])))
 
 
 def rules_of_worlds(genomes: Sequence[Genome], strategies: Sequence[StrategyConfig]) -> Rules:
     """Return the rules of B worlds, NumPy arrays (B,)."""
-    columns = zip(*map(_values, genomes, strategies), strict=True)
-    return Rules(*(np.array(column, kind) for column, kind in zip(columns, _TYPES, strict=True)))
-
-
-def _values(genome: Genome, strategy: StrategyConfig) -> list[Any]:
-    parts = {Genome: genome, StrategyConfig: strategy}
-    found = [(f.name, getattr(parts[cls], f.name)) for cls, f in _FIELDS]
-    return [_CODES[name].index(value) if _CODES[name] else value for name, value in found]
+    parts = {Genome: genomes, StrategyConfig: strategies}
+    columns = {f.name: [getattr(one, f.name) for one in parts[cls]] for cls, f in _FIELDS}
+    coded = ([codes.index(v) for v in columns[name]] if codes else columns[name] for name, codes in _CODES.items())
+    return Rules(*(np.array(column, kind) for column, kind in zip(coded, _TYPES, strict=True)))

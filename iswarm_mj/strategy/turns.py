@@ -6,6 +6,7 @@ of the step before.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -48,14 +49,9 @@ def heard_in_turn(
     def sweep(state: tuple[Message, Array]) -> tuple[Message, Array]:
         before, sweeps_left = state
         relayed = relay(observation._replace(**before._asdict()))
-        now = jax.tree.map(lambda new, old: _select(is_new, new, old), relayed, old)
+        now = jax.tree.map(partial(jax.vmap(jax.vmap(jnp.where)), is_new), relayed, old)
         changes = [(a != b).any() for a, b in zip(jax.tree.leaves(now), jax.tree.leaves(before), strict=True)]
         return now, jnp.where(jnp.stack(changes).any(), sweeps_left - 1, 0)
 
     settled, _ = jax.lax.while_loop(lambda state: state[1] > 0, sweep, (old, jnp.int32(len(turns))))
     return observation._replace(**settled._asdict())
-
-
-def _select(where: Array, new: Array, old: Array) -> Array:
-    """The new values (N, S, ...) where (N, S) holds, the old ones elsewhere."""
-    return jnp.where(where.reshape(where.shape + (1,) * (new.ndim - where.ndim)), new, old)

@@ -66,8 +66,8 @@ def heard(
     """Vectors that neighbours sent, transformed into the receivers' frames: V_F = V' + Rot(psi) V, hop + 1.
 
     Source: Valdastri et al. (2006), section 4.3 and Fig. 13(a). V' points from the receiver to the sender, in the
-    direction of the photodiode and with the measured distance as its length. The sender's LED number tells which of
-    its sides faces the receiver, hence its relative orientation psi = bearing + 180 deg - 90 deg * led, or of other
+    direction of the photodiode and with the measured distance as its length. The sender's LED number names
+    the side that faces the receiver, hence its relative orientation psi = bearing + 180 deg - 90 deg * led, or of other
     robots than the paper's less the direction in which that LED shines.
 
     Args:
@@ -100,16 +100,8 @@ def adopt(
     """
     offers = offers._replace(hop=jnp.where(use_hop_count, offers.hop, 0))
     best = jnp.argmin(jnp.where(offers.known, offers.hop + tie_break, jnp.inf), axis=-1)
-
-    def pick(values: Array) -> Array:
-        index = best.reshape(best.shape + (1,) * (values.ndim - best.ndim))
-        return jnp.take_along_axis(values, index, axis=best.ndim).squeeze(best.ndim)
-
-    offer = VectorMemory(*(pick(values) for values in offers))
+    offer = VectorMemory(*(values[jnp.arange(len(best)), best] for values in offers))
     is_better = ~own.known | (offer.hop < own.hop) | ~jnp.asarray(use_hop_count)
     adopts = offer.known & is_better
-    return VectorMemory(
-        jnp.where(adopts[..., None], offer.vector, own.vector),
-        jnp.where(adopts, offer.hop, own.hop),
-        own.known | adopts,
-    )
+    vector = jnp.where(adopts[..., None], offer.vector, own.vector)
+    return VectorMemory(vector, jnp.where(adopts, offer.hop, own.hop), own.known | adopts)

@@ -8,7 +8,7 @@ from helpers_sensing import remember, wrapped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.sensors.fields import KINDS, Bearing, Flag, Integer, Real, Vector, to_json
+from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
 from iswarm_mj.utils.errors import UserError
 
 FIELDS = (Flag(), Integer(4), Integer(3, low=-5), Integer(31), Real(-2, 7, bits=6), Bearing(3), Vector(50.0, 3, 4, 2))
@@ -84,13 +84,6 @@ def test_vectors_that_are_none_are_not_sent():
     got = there_and_back(field, sent)
     np.testing.assert_array_equal(got.known, [False, False, False, True])
     np.testing.assert_array_equal(got.hop, [0, 0, 0, 2])
-
-
-@pytest.mark.parametrize("field", FIELDS, ids=str)
-def test_declarations_survive_json(field):
-    content = to_json(field)
-    kind = content.pop("kind")
-    assert KINDS[kind](**content) == field
 
 
 @pytest.mark.parametrize(

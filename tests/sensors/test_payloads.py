@@ -69,7 +69,13 @@ def test_every_damaged_message_is_found_out():
 
 
 def test_declarations_survive_json():
-    fields = {"flag": Flag(), "v": Vector(30.0, 3, 3, 2), "b": Bearing(3), "r": Real(-1, 1, 4, unit="mm")}
+    fields = {
+        "flag": Flag(),
+        "i": Integer(3, low=-5),
+        "v": Vector(30.0, 3, 3, 2),
+        "b": Bearing(3),
+        "r": Real(-1, 1, 4, unit="mm"),
+    }
     payload = Payload(fields, check="crc-3/gsm")
     assert Payload.from_json(payload.to_json()) == payload
 

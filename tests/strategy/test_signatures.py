@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.declared import parts_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.signatures import check_strategies, shapes_of
@@ -111,3 +113,9 @@ def test_the_remedy_is_that_of_the_mistake():
         return memory, Command(jnp.zeros(N, int), jnp.zeros(N))
 
     refused(r"\(got int32\[5\]\); convert it, for instance with astype", act=whole)
+
+
+def test_names_of_the_parts_of_a_memory():
+    memory = {"state": 1, "home": VectorMemory(2, 3, 4), "pair": (5, [6])}
+    parts = {"state": 1, "home.vector": 2, "home.hop": 3, "home.known": 4, "pair.0": 5, "pair.1.0": 6}
+    assert parts_of(memory) == parts
