@@ -14,7 +14,7 @@ from iswarm_mj.gripper.laws.electrostatics import pick_force
 Steps = Float[np.ndarray, "T-1"]
 
 
-class Books(NamedTuple):
+class EnergyBalance(NamedTuple):
     """Energies of a trial, summed over its samples [J]. Each is found by itself, none from another's balance."""
 
     supply: float
@@ -59,7 +59,7 @@ class Books(NamedTuple):
         return self.electrical + self.mechanical
 
 
-def books(trace: Trace, trial: Trial) -> Books:
+def energy_balance(trace: Trace, trial: Trial) -> EnergyBalance:
     """Energy of a trial; the sums go over the physics steps, forces and voltages are means of neighbours.
 
     Args:
@@ -86,7 +86,7 @@ def books(trace: Trace, trial: Trial) -> Books:
     contact = _during(trace.contact_tool, ball - tool) - _during(trace.contact_plate, ball)
     masses = (trace.weight / GRAVITY, ball), (trace.probe_weight / GRAVITY, tool)
     step = trace.time[1] - trace.time[0]
-    return Books(
+    return EnergyBalance(
         supply=float((voltage * moved).sum()),
         drive=float((_middle(trace.drive) * tool).sum()),
         adhesion=float(adhesion.sum()),

@@ -1,4 +1,4 @@
-"""Attempts to lift and to release balls in the swarm: what is tried, what came of it, and the balance that decides."""
+"""Attempts to lift and to release balls in the swarm, their outcomes, and the force balance that decides them."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -27,17 +27,17 @@ class Attempts(NamedTuple):
     work_object_substrate: Float[Array, "K"]
     """[J/m^2]"""
     misalignment: Float[Array, "K"]
-    """Of the tool's axis beside the ball [m]."""
+    """Lateral offset of the tool's axis from the ball's [m]."""
 
 
 class Outcomes(NamedTuple):
-    """What came of attempts at K balls."""
+    """Outcomes of attempts at K balls."""
 
     lifted: Bool[Array, "K"]
     released: Bool[Array, "K"]
     """The ball left the tool and stays on the floor."""
     postponed: Bool[Array, "K"]
-    """There was no room for this attempt, which must be made again."""
+    """The attempt was deferred, since all slots of the bench were busy."""
     duration: Float[Array, "K"]
     """Of the attempt on the bench [s]."""
     impact: Float[Array, "K"]
@@ -45,7 +45,7 @@ class Outcomes(NamedTuple):
 
 
 Decider = Callable[[GripperConfig, Attempts], Outcomes]
-"""Decides what comes of attempts."""
+"""Decides the outcomes of attempts."""
 
 
 def by_balance(gripper: GripperConfig, attempts: Attempts) -> Outcomes:

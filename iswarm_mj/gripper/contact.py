@@ -6,13 +6,17 @@ The docstring of `plugin` describes these laws. Functions of numbers, which numb
 
 import math
 from math import exp, sqrt
-from typing import Any
+from typing import TypeAlias
+
+from jaxtyping import Bool
 
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.numbers import where
 from iswarm_mj.gripper.laws.restitution import plastic_ratio, sticking_speed, yield_speed
 from iswarm_mj.gripper.units import CLEARANCE
-from iswarm_mj.utils.arrays import Quantity
+from iswarm_mj.utils.arrays import Array, Quantity
+
+Condition: TypeAlias = bool | Bool[Array, "..."]
 
 ON_PLATE, ON_PROBE = 0.0, 1.0
 """The electrode whose potential the ball has; it starts with the probe's, and takes the plate's on contact."""
@@ -39,7 +43,11 @@ def rebound_ratio(
     pressure: Quantity,
     modulus: Quantity,
 ) -> Quantity:
-    """Speed after an impact over that before, 0 if the ball stays; in SI, see `laws.restitution`.
+    """Speed after an impact over that before, e^2 = e_p^2 - (v_s / v)^2, 0 if the ball stays; in SI.
+
+    Source: Thornton and Ning 1998, and Brach and Dunn 1992: what adhesion keeps, v_s of `laws.restitution`, comes off
+    the energy of the rebound. That a flattened contact adheres on a larger area is left out, so that balls stick too
+    seldom.
 
     Args:
         speed: of the impact, above 0.
@@ -61,13 +69,18 @@ def rebound_ratio(
     return where(leaves, sqrt(where(leaves, left, 1.0)), 0.0)
 
 
-def rebounds_on(begins: Any, rebound: Quantity, gap: Quantity, before: Quantity) -> Quantity:
+def rebounds_on(begins: Condition, rebound: Quantity, gap: Quantity, before: Quantity) -> Quantity:
     """1 while a ball is thrown back: from the step in which that begins until it is clear or falls back, else 0."""
     return where(begins, 1.0, where((gap > CLEARANCE) | (gap <= before), 0.0, rebound))
 
 
 def ball_voltage(
-    has_circuit: Any, charge: Quantity, potential: Quantity, voltage: Quantity, capacitances: Any, plate_gap: Quantity
+    has_circuit: Condition,
+    charge: Quantity,
+    potential: Quantity,
+    voltage: Quantity,
+    capacitances: tuple[Quantity, Quantity],
+    plate_gap: Quantity,
 ) -> Quantity:
     """Voltage of the ball against the plate, by its charge or by the electrode whose potential it has."""
     above, below = capacitances
@@ -84,7 +97,7 @@ def relaxed_charge(
     charge: Quantity,
     mine: Quantity,
     voltage: Quantity,
-    capacitances: Any,
+    capacitances: tuple[Quantity, Quantity],
     to_probe: Quantity,
     to_plate: Quantity,
     time: Quantity,
@@ -96,8 +109,8 @@ def relaxed_charge(
         mine: its voltage.
         voltage: of the probe.
         capacitances: to probe and plate.
-        to_probe: conductance of that contact, 0: there is none.
-        to_plate: likewise.
+        to_probe: conductance of the probe's contact, 0 out of contact.
+        to_plate: conductance of the plate's contact.
         time: that passes.
     """
     above, below = capacitances
@@ -108,11 +121,11 @@ def relaxed_charge(
 
 
 def next_potential(
-    has_circuit: Any,
+    has_circuit: Condition,
     potential: Quantity,
     mine: Quantity,
     voltage: Quantity,
-    gaps: Any,
+    gaps: tuple[Quantity, Quantity],
     least: Quantity,
     off_voltage: Quantity,
 ) -> Quantity:

@@ -36,25 +36,25 @@ class Balls(NamedTuple):
     carried_steps: Int[Array, "K"]
     """Control steps for which it has been held."""
     attempts: Int[Array, "K"]
-    """To lift it, so far."""
+    """Attempts to lift it, so far."""
     failed_grasps: Int[Array, "K"]
-    """Of these, in vain."""
+    """Attempts to lift it that failed."""
     failed_releases: Int[Array, "K"]
-    """Of `releases`, in vain."""
+    """Attempts to release it that failed."""
     releases: Int[Array, "K"]
     """Attempts to release it, so far."""
     broken_off: Int[Array, "K"]
-    """Of the attempts in vain, those without a trial, since neighbours pushed the robot out of reach."""
+    """Failed attempts without a trial, since neighbours pushed the robot out of reach."""
     postponed: Int[Array, "K"]
-    """Attempts that had to be made again, since too many were made at once."""
+    """Attempts that were deferred, since all slots of the bench were busy."""
     wait: Int[Array, "K"]
-    """Control steps until the attempt at it ends; 0: there is none."""
+    """Control steps until the attempt at it ends; 0 if nobody tries."""
     worker: Int[Array, "K"]
     """The robot whose attempt it is."""
     work_time: Float[Array, "K"]
     """Time that attempts at it took on the bench [s]."""
     lost_time: Float[Array, "K"]
-    """Time that robots lost at it: at attempts in vain, on the bench as well, and waiting for room [s]."""
+    """Time that robots lost at it: in failed attempts, their trials included, and while attempts were deferred [s]."""
     impact: Float[Array, "K"]
     """Speed of its last landing [m/s]."""
     tried: Float[Array, "K 4"]
@@ -77,12 +77,12 @@ def carry(balls: Balls, tips: Float[Array, "N 2"]) -> Balls:
 
 
 class Rules(NamedTuple):
-    """How attempts are made, beside the configuration."""
+    """How attempts are made, in addition to the configuration."""
 
     control_period: float = 1.0
     """Of the robots [s]."""
     decider: Decider = by_balance
-    """Decides what comes of them."""
+    """Decides their outcomes."""
 
 
 RULES = Rules()
@@ -112,8 +112,8 @@ def handle(
     A robot tries to lift the ball that it senses if its tool reaches the ball; of several robots at one ball the
     nearest succeeds. A loaded robot on the dump tries to release its ball. Where attempts take time, the robot and the
     ball are occupied until they end; then their outcome is found. If the robot was pushed meanwhile, so that its tool
-    does not reach the ball any more, or is not over the dump, the attempt is broken off: it was in vain, and a robot
-    keeps the ball that it holds. An attempt for which there is no room is made as the next step begins.
+    does not reach the ball any more, or is not over the dump, the attempt is broken off: it fails, and a robot
+    keeps the ball that it holds. An attempt that is deferred is made as the next step begins.
 
     Args:
         gripper: reach and its error, gap of the release, times of attempts.
@@ -128,7 +128,7 @@ def handle(
         voltage: that the robots' capacitors have [V]; None: as much as is asked for.
 
     Returns:
-        The balls, and whether each robot tried to lift one in vain.
+        The balls, and whether each robot failed to lift one.
     """
     n_robots = len(tips)
     idle = ~working(balls, n_robots)

@@ -109,21 +109,21 @@ def receive_views(
         robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
     """
-    if optics.mode == "sector":
-        return _receive_in_sector(at_receiver, at_sender, side, led, robot.sides, optics)
-    return _receive_power(at_receiver, at_sender, side, led, robot, optics)
+    rule = _in_sector if optics.mode == "sector" else _by_power
+    bearing, effective = rule(at_receiver, at_sender, side, led, robot, optics)
+    received = effective < mm_from_rd(optics.communication_radius)
+    return Reception(side, led, bearing, array_module(side).where(received, effective, math.inf))
 
 
-def _receive_in_sector(
-    at_receiver: Components, at_sender: Components, side: Array, led: Array, sides: Sides, optics: OpticsConfig
-) -> Reception:
-    """The paper's rule: light arrives within range, in the receiver's sector and in the sender's beam."""
-    xp = array_module(side)
+def _in_sector(
+    at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
+) -> Components:
+    """Bearing and effective distance by the paper's rule: in the receiver's sector and in the sender's beam."""
+    xp, sides = array_module(side), robot.sides
     distance = xp.sqrt(at_receiver[0] ** 2 + at_receiver[1] ** 2)
     seen = _in_cone(at_receiver, side, sides.photodiodes, optics.photodiode_aperture)
     lit = _in_cone(at_sender, led, sides.leds, optics.led_beam_aperture)
-    received = seen & lit & (distance < mm_from_rd(optics.communication_radius))
-    return Reception(side, led, _bearing(side, sides, distance), xp.where(received, distance, math.inf))
+    return _bearing(side, sides, distance), xp.where(seen & lit, distance, math.inf)
 
 
 def _in_cone(direction: Components, side: Array, axes: Axes, aperture: float) -> Array:
@@ -143,10 +143,10 @@ def _bearing(side: Array, sides: Sides, like: Array) -> Array:
     return _look_up(sides.bearings, side, like)
 
 
-def _receive_power(
+def _by_power(
     at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
-) -> Reception:
-    """Reception by a threshold of power: Lambertian lobe, inverse square, acceptance of the photodiodes.
+) -> Components:
+    """Bearing and effective distance by power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &
     Barry 1997, Proc. IEEE 85, 265). Light travels from the LED of the sending side to the point halfway between the
@@ -174,9 +174,7 @@ def _receive_power(
     b = xp.maximum(gap_along * math.cos(splay) - gap_across * math.sin(splay), 0.0) / gap
     bearing = _bearing(side, robot.sides, distance) + xp.arctan((a - b) / xp.maximum(a + b, 1e-9) / math.tan(splay))
     gain = lobe * (a + b) / (2 * math.cos(splay))
-    effective = gap / xp.sqrt(xp.maximum(gain, 1e-12)) + xp.maximum(out_r + out_s, 0.0)
-    received = effective < mm_from_rd(optics.communication_radius)
-    return Reception(side, led, bearing, xp.where(received, effective, math.inf))
+    return bearing, gap / xp.sqrt(xp.maximum(gain, 1e-12)) + xp.maximum(out_r + out_s, 0.0)
 
 
 def _on_side(points: tuple[Point, ...], axes: Axes, side: Array, like: Array) -> tuple[Array, Array]:
@@ -195,21 +193,17 @@ def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Array:
 
 def led_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
     """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad]."""
-    return _on_robots(poses, robot.leds)
+    return poses[..., None, :2] + _turned(poses, robot.leds)
 
 
 def receiver_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
     """World positions [mm] at which the sides of robots at `poses` [mm, mm, rad] receive light."""
-    return _on_robots(poses, robot.receivers)
+    return poses[..., None, :2] + _turned(poses, robot.receivers)
 
 
 def led_axes(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
     """Optical axes of the LEDs, unit vectors in the world, of robots at `poses` [mm, mm, rad]."""
     return _turned(poses, robot.sides.leds)
-
-
-def _on_robots(poses: Array, points: tuple[Point, ...]) -> Array:
-    return poses[..., None, :2] + _turned(poses, points)
 
 
 def _turned(poses: Array, points: tuple[Point, ...]) -> Array:

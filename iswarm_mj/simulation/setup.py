@@ -121,6 +121,6 @@ def set_up(
     is_long = not config.optics.baud_rate or slots >= n_leds
     check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
     starts = starts_of(config, task, robot, worlds)
-    job = job_of(task, config, robot, starts, settings.capacity or largest)
     program = program_config(config, task, engine.on_host)
+    job = job_of(task, program, robot, starts, settings.capacity or largest)
     return Setup(config, program, settings, engine, robot, file, task, job, goal, worlds, starts)

@@ -34,7 +34,7 @@ def job_of(given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start
 
     Args:
         given: by the user.
-        config: of the run.
+        config: what control steps are compiled for.
         robot: its geometry.
         starts: of B worlds.
         capacity: places for robots.

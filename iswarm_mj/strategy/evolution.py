@@ -138,16 +138,12 @@ def mutate(operators: Operators, vector: np.ndarray, rng: np.random.Generator) -
     n = len(vector)
     span = operators.span * (vector if operators.relative_span else 1.0)
     near = np.clip(vector + rng.uniform(-1.0, 1.0, n) * span, *ranges(operators))
-    near = np.where(IS_BOOLEAN, _mutated_booleans(operators, vector, rng), near)
+    flags = 1.0 - vector if operators.boolean_mutation == "flip" else vector
+    if operators.boolean_mutation == "redraw":
+        flags = np.where(rng.random(n) < 0.5, 1.0, 0.0)
+    near = np.where(IS_BOOLEAN, flags, near)
     vector = np.where(rng.random(n) < operators.dependent_rate, near, vector)
     return np.where(rng.random(n) < operators.independent_rate, random_vector(operators, rng), vector)
-
-
-def _mutated_booleans(operators: Operators, vector: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Values (P,) that dependent mutations give to Booleans."""
-    if operators.boolean_mutation == "redraw":
-        return np.where(rng.random(len(vector)) < 0.5, 1.0, 0.0)
-    return 1.0 - vector if operators.boolean_mutation == "flip" else vector
 
 
 def next_generation(

@@ -15,7 +15,8 @@ class Strategy(Protocol):
     """Rules of N robots of one world, in pure JAX: all methods run under `jit` and `vmap`.
 
     A strategy is a pytree (`jax.tree_util.register_dataclass`): its arrays may differ from world to world, and its
-    static fields are compiled in. Its memory is a pytree of arrays whose first axis is that of the robots.
+    static fields are compiled in. Its memory is a pytree of arrays whose first axis is that of the robots, numbers and
+    not random keys (`jax.random.key_data`). Methods set no attributes, and draw random numbers from their key alone.
 
     What its messages carry it declares by an attribute `payload`, a dictionary of names and `sensors.fields` or a
     `Payload`, and says by a method `say`, see `SpeakingStrategy`. Without both, messages carry the number of the LED
@@ -80,6 +81,6 @@ class RelayingStrategy(SpeakingStrategy, Protocol):
         Args:
             memory: from the step before.
             observation: as for `act`, which is called later with the same memory and key.
-            key: likewise.
+            key: of `act`.
         """
         ...

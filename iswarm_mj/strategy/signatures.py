@@ -61,8 +61,11 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
     with user_code(f"{name}.payload"):
         payload = payload_of(strategy)
         payload.check_room(n_sides)
-    observation = observation_shapes(n_robots, n_sides, sensed, payload)
-    flags = jax.ShapeDtypeStruct((n_robots,), jnp.bool_)
+
+    def result(method: str, *given: Any) -> Any:
+        return traced(f"{name}.{method}", lambda own, *arrays: getattr(own, method)(*arrays), strategy, *given)
+
+    observation, flags = observation_shapes(n_robots, n_sides, sensed, payload), jax.ShapeDtypeStruct((n_robots,), bool)
     memory = traced(f"{name}.init", lambda own, key: own.init(n_robots, key), strategy, key)
     if any(jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key) for leaf in jax.tree.leaves(memory)):
         raise UserError(
@@ -70,20 +73,19 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
             "and make keys of it by jax.random.wrap_key_data"
         )
     check_recorded(strategy, memory, n_robots)
-    if payload.fields:
-        said, fields = traced(f"{name}.say", lambda own, *a: own.say(*a), strategy, memory, flags), dict(payload.fields)
-        if not isinstance(said, dict) or set(said) != set(fields):
+    if wanted := payload.shapes(n_robots):
+        said = result("say", memory, flags)
+        if not isinstance(said, dict) or set(said) != set(wanted):
             got = (", ".join(map(str, said)) or "none") if isinstance(said, dict) else f"a {type(said).__name__}"
             raise UserError(
-                f"{name}.say must return a dictionary with the payload's fields {', '.join(fields)} (got {got})"
+                f"{name}.say must return a dictionary with the payload's fields {', '.join(wanted)} (got {got})"
             )
-        for field, wanted in payload.shapes(n_robots).items():
-            compare(f"{name}.say", said[field], wanted, f"field {field}")
-    compare(f"{name}.picks", traced(f"{name}.picks", lambda own, given: own.picks(given), strategy, memory), flags)
-    given = strategy, memory, observation, key
+        for field, its in wanted.items():
+            compare(f"{name}.say", said[field], its, f"field {field}")
+    compare(f"{name}.picks", result("picks", memory), flags)
     if isinstance(strategy, RelayingStrategy):
-        compare(f"{name}.listen", traced(f"{name}.listen", lambda own, *a: own.listen(*a), *given), memory, "memory")
-    returned = traced(f"{name}.act", lambda own, *a: own.act(*a), *given)
+        compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
+    returned = result("act", memory, observation, key)
     if not isinstance(returned, tuple) or isinstance(returned, Command) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
     compare(f"{name}.act", returned[0], memory, "memory")
@@ -115,10 +117,7 @@ def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> An
 
     with user_code(what):
         traces = [jax.make_jaxpr(lambda *a: call(*a), return_shape=True)(own, *given) for _ in range(2)]
-    one, other = (
-        (re.sub("0x[0-9a-f]+", "", str(program)), [np.asarray(values).tobytes() for values in _numbers(program.consts)])
-        for program, _ in traces
-    )
+    one, other = map(_text, [program for program, _ in traces])
     if one != other:
         raise UserError(
             f"{what} returns something else each time that it is called with the same arguments, but is compiled once; "
@@ -127,8 +126,10 @@ def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> An
     return traces[0][1]
 
 
-def _numbers(arrays: list[Any]) -> list[Any]:
-    return [values for values in arrays if not jnp.issubdtype(values.dtype, jax.dtypes.prng_key)]
+def _text(program: Any) -> list[Any]:
+    """A program and the numbers in it, without addresses in the memory and random keys."""
+    numbers = [values for values in program.consts if not jnp.issubdtype(values.dtype, jax.dtypes.prng_key)]
+    return [re.sub("0x[0-9a-f]+", "", str(program)), *(np.asarray(values).tobytes() for values in numbers)]
 
 
 def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:

@@ -1,5 +1,6 @@
 """Whether a task is one, and returns what a control step needs: shapes and types, found without running it."""
 
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -87,7 +88,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
 
     Args:
         task: as `as_task` returned it.
-        config: of the run.
+        config: what control steps are compiled for.
         robot: its geometry.
         state: of the task at the start of a world.
         n_robots: N.
@@ -95,6 +96,15 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
     Raises:
         UserError: a method returns something else, raises an exception or cannot be compiled.
     """
+    leaves, structure = jax.tree.flatten(jax.eval_shape(lambda *given: given, task, state))
+    return _check_shapes(structure, tuple(leaves), config, robot, n_robots)
+
+
+@lru_cache(maxsize=64)  # tracing takes some tenths of a second
+def _check_shapes(
+    structure: Any, leaves: tuple[jax.ShapeDtypeStruct, ...], config: SwarmConfig, robot: Robot, n_robots: int
+) -> dict[str, Any]:
+    task, state = jax.tree.unflatten(structure, leaves)
     name, here = type(task).__name__, (n_robots,)
     flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
     plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
@@ -115,7 +125,7 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
         with user_code(f"{name}.{method}"):
             return jax.eval_shape(call, task, world, conditions, *arguments)
 
-    before = jax.eval_shape(lambda given: given, state)
+    before = state
     returned = shapes("advance", before, jax.random.key(0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
         raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from iswarm_mj.gripper.bench.base import speed_at_zero
 from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.model import bench_spec
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
 from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, run_trials
@@ -76,9 +75,7 @@ def test_half_the_time_step_leaves_the_voltages():
     trials = random_trials(4)
     results = []
     for timestep in (1e-3, 0.5e-3):
-        spec = bench_spec()
-        spec.option.timestep = timestep
-        bench = MujocoBench(trials, FINE.start_gap, spec=spec)
+        bench = MujocoBench(trials, FINE.start_gap, timestep=timestep * 1e-3)
         assert bench.timestep == pytest.approx(timestep * 1e-3)
         results.append(measured(bench, len(trials)))
     np.testing.assert_allclose(*results, rtol=0.01)

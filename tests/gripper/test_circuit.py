@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_energy import books
+from helpers_energy import energy_balance
 
 from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
@@ -104,7 +104,7 @@ def test_the_energy_of_a_whole_trial_is_accounted_for(contacts):
     mechanics, most of it while the ball falls 0.14 um in the step of its landing.
     """
     trace, trial = traced(contacts)
-    found = books(trace, trial)
+    found = energy_balance(trace, trial)
     assert found.turnover > 1e-11 and found.joule > 0.1 * found.turnover
     assert found.impact > 0.05 * found.turnover and found.drive > 0 and found.contact > 0
     assert max(abs(found.electrical), abs(found.mechanical), abs(found.error)) < 0.01
@@ -114,17 +114,17 @@ def test_another_leak_in_the_books_than_in_the_trial_is_noticed():
     trace, trial = traced(Contacts())
     for leak in (0.1, 0.9, 1.1, 10.0):
         wrong = trial._replace(contacts=Contacts(leak=leak * 60e9))
-        assert abs(books(trace, wrong).electrical) > 0.02
+        assert abs(energy_balance(trace, wrong).electrical) > 0.02
 
 
 def test_books_need_a_circuit():
     trace, trial = traced(Contacts())
     with pytest.raises(ValueError, match="books need a circuit"):
-        books(trace, trial._replace(contacts=IDEAL))
+        energy_balance(trace, trial._replace(contacts=IDEAL))
 
 
 def test_the_energys_error_is_of_the_order_of_the_time_step():
-    errors = [abs(books(*traced(Contacts(), step)).error) for step in (1e-6, 0.25e-6)]
+    errors = [abs(energy_balance(*traced(Contacts(), step)).error) for step in (1e-6, 0.25e-6)]
     print(errors)
     assert errors[1] < 0.4 * errors[0]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers_attempts import random_attempts
-from helpers_energy import books
+from helpers_energy import energy_balance
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.bench import leaps, swarm_trials
@@ -157,6 +157,6 @@ def test_energy_is_conserved_across_leaps(voltage):
     for step in (1e-6, 0.5e-6):
         released, lifted = bench(True, step=step), bench(True, None, step=step)
         assert drop_on(released, voltage, GAP)[0] and lift_on(lifted, 45.0)[0]
-        errors.append([abs(books(trace_of(made), TRIAL).error) for made in (released, lifted)])
+        errors.append([abs(energy_balance(trace_of(made), TRIAL).error) for made in (released, lifted)])
     assert max(errors[0]) < 0.01
     np.testing.assert_allclose(errors[1], np.multiply(errors[0], 0.5), rtol=0.2)

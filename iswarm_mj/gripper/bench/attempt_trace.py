@@ -33,7 +33,7 @@ class Tried(NamedTuple):
     work_object_substrate: float
     """[J/m^2]"""
     misalignment: float
-    """Of the tool's axis beside the ball [m]."""
+    """Lateral offset of the tool's axis from the ball's [m]."""
 
 
 def attempts_between(before: Balls, after: Balls) -> list[Tried]:

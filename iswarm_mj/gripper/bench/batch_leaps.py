@@ -1,4 +1,4 @@
-"""The leaps of `leaps`, for trials in a batch: at the end of each step, whoever can leap does."""
+"""The fast-forwards of `leaps` for trials in a batch: after each step, every trial that can leap does."""
 
 from typing import NamedTuple
 
@@ -18,13 +18,13 @@ _laws = in_arrays(leap_laws, jnp)
 
 
 class Leap(NamedTuple):
-    """Where a trial goes on. Units of the bench."""
+    """The state from which a trial resumes. Units of the bench."""
 
     qpos: Float[Array, "nq"]
     qvel: Float[Array, "nv"]
     ball: State
     time: Float[Array, ""]
-    """That passes in the leap, 0: there is none [ms]."""
+    """Time that the leap skips, 0 for none [ms]."""
 
 
 def skip_hanging(
@@ -77,7 +77,7 @@ def skip_flight(where: Layout, forces: GripperForces, model: mjx.Model, leap: Le
 
 
 def sync_contacts(where: Layout, forces: GripperForces, model: mjx.Model, leap: Leap) -> Leap:
-    """What the contacts remember after a leap, so that they take it for no impact."""
+    """Give the contacts the gaps after a leap, so that they take it for no impact."""
     both = _gaps(where, forces, model, leap)
     own = jnp.stack([both[int(surface != forces.probe)] for _, surface in forces.pairs])
     before = jnp.where(leap.time > 0, own, leap.ball.before)

@@ -10,16 +10,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from iswarm_mj.config import GripperConfig
+from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench.batch_leaps import skip_flight, skip_hanging, sync_contacts, tool_and_plate
 from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared
 from iswarm_mj.gripper.bench.model import SINK
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
-from iswarm_mj.gripper.bench.staircase import TOUCH
+from iswarm_mj.gripper.bench.staircase import TOUCH, lifting, touching
 from iswarm_mj.gripper.bench.swarm_trials import PRESSED, PROTOCOL, RELEASE_LIMIT, TIMESTEP
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import GRAVITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.mjx_forces import first_state, stepped
+from iswarm_mj.gripper.mjx_forces import State, first_state, stepped
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 
@@ -36,26 +37,15 @@ class Script(NamedTuple):
 
 
 def _script() -> Script:
-    p = PROTOCOL
-    rows = [
-        (p.approach_time, -p.press, 0.0),
-        (p.dwell, -p.press, 0.0),
-        (p.rise_time, -p.press, 1.0),
-        (p.peel_time, p.peel, 1.0),
-        (p.carry_time(p.lift - p.peel), p.lift, 1.0),
-        (p.off_time, p.lift, 0.0),
-    ]
-    durations, tips, volts = map(np.array, zip(*rows, strict=True))
+    _, durations, tips, volts = map(np.array, zip(*touching(PROTOCOL), *lifting(PROTOCOL, 1.0), strict=True))
     return Script(np.cumsum(durations), tips, volts)
 
 
 class Slot(NamedTuple):
     """One trial in progress. Units of the bench, times in s."""
 
-    data: Any
-    """MJX's."""
-    ball: Any
-    """`mjx_forces.State`."""
+    data: mjx.Data
+    ball: State
     left: Array
     """Time at which the ball was seen to have left the tool; inf: it has not."""
     down: Array

@@ -1,4 +1,4 @@
-"""What happens in the contacts of a trial beside adhesion: conduction, breakdown, impacts."""
+"""Contacts of a trial apart from adhesion: conduction, breakdown, impacts."""
 
 import math
 from typing import Annotated, NamedTuple

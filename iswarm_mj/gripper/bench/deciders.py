@@ -1,4 +1,4 @@
-"""What decides about attempts in the swarm: the balance of the forces, or trials on the bench."""
+"""Deciders of attempts in the swarm: the balance of the forces, or trials on the bench."""
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ from iswarm_mj.utils.arrays import Array
 
 
 def decider_for(gripper: GripperConfig) -> Decider:
-    """What decides with these settings."""
+    """The decider that these settings name."""
     if gripper.resolution == "quasi-static":
         return by_balance
     if gripper.bench == "mjx":
@@ -22,10 +22,10 @@ def decider_for(gripper: GripperConfig) -> Decider:
 
 
 def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
-    """Outcomes of trials in MuJoCo's C engine; inside a program of JAX, which calls the host for them.
+    """Outcomes of trials in MuJoCo's C engine, by a callback from a program of JAX.
 
-    Only attempts that are made become trials; a step in which no world makes any does not call. All numbers go as one
-    array and come back as one, since JAX takes its time for each.
+    The callback is skipped in steps in which no world makes an attempt. All numbers go as one array and come back as
+    one, since each array costs time.
     """
 
     def call(numbers: jax.Array) -> np.ndarray:
@@ -52,5 +52,5 @@ def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
 
 
 def _places(numbers: Array) -> jax.ShapeDtypeStruct:
-    """Of the outcomes of attempts (7, ..., K): (5, ..., K)."""
+    """Shape (5, ..., K) of the outcomes of attempts (7, ..., K)."""
     return jax.ShapeDtypeStruct((len(Outcomes._fields), *numbers.shape[1:]), jnp.float32)

@@ -43,10 +43,9 @@ class Physics(NamedTuple):
     """What all benches share."""
 
     forces: GripperForces
-    model: Any
-    """MJX's."""
-    data: Any
-    """MJX's, from which each move starts."""
+    model: mjx.Model
+    data: mjx.Data
+    """From which each move starts."""
 
 
 class State(NamedTuple):
@@ -94,14 +93,12 @@ class MjxBench:
         trials: Sequence[Trial],
         start_gap: float,
         impl: str = "jax",
-        spec: mujoco.MjSpec | None = None,
         timestep: float | None = None,
     ):
         """Place the balls; arguments as of `MujocoBench`."""
-        chosen = spec or bench_spec()
-        if spec is None:
-            chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
-            chosen.option.disableflags |= int(_IDLE)
+        chosen = bench_spec()
+        chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
+        chosen.option.disableflags |= int(_IDLE)
         if timestep is not None:
             chosen.option.timestep = timestep / MS
         model, portable, count = chosen.compile(), mjx_compatible(chosen), len(trials)
@@ -145,11 +142,11 @@ class MjxBench:
         last_tool, last_plate = time(contacts.last).T
         return Watch(last_tool, last_plate, time(contacts.first), landing_speed, gaps[:, 0], gaps[:, 1], speed, finite)
 
-    def save(self) -> Any:
+    def save(self) -> State:
         """See `Bench.save`."""
         return self._state
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: State) -> None:
         """See `Bench.restore`."""
         self._state = state
 
@@ -173,7 +170,7 @@ def _single(arrays):
     return jax.tree.map(lambda array: jnp.asarray(array, jnp.float32), arrays)
 
 
-def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, Any]:
+def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, mjx.Model]:
     """Forces and MJX's model of one bench."""
     mine = dataclasses.replace(physics.forces, **parameters.forces)
     model = resize(mine, physics.model, parameters.radius)
@@ -193,7 +190,9 @@ def _advance(
             qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.qacc_warmstart, ctrl=state.ctrl
         )
 
-        def step(k: Array, carry: tuple[Any, Any, _Contacts]) -> tuple[Any, Any, _Contacts]:
+        def step(
+            k: Array, carry: tuple[mjx.Data, mjx_forces.State, _Contacts]
+        ) -> tuple[mjx.Data, mjx_forces.State, _Contacts]:
             now, ball, contacts = carry
             share = (k + 1) / n_steps
             tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]

@@ -12,7 +12,8 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch
+from iswarm_mj.gripper.bench.contact_log import ContactLog, scattered
 from iswarm_mj.gripper.bench.film import Film
 from iswarm_mj.gripper.bench.leaps import Row, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
@@ -44,7 +45,7 @@ class MujocoBench:
         model: of the first bench.
         where: numbers are in its arrays.
         at: indices of the plugins' numbers in `plugin_state`, by instance and field.
-        row: state of the first bench; what is written there is the state from which physics goes on.
+        row: state of the first bench; physics resumes from what is written there.
         recorded: all steps of the first bench, where they are kept.
     """
 
@@ -53,7 +54,6 @@ class MujocoBench:
         trials: Sequence[Trial],
         start_gap: float,
         threads: int = 0,
-        spec: mujoco.MjSpec | None = None,
         hanging: float | None = None,
         timestep: float | None = None,
         is_recorded: bool = False,
@@ -64,16 +64,14 @@ class MujocoBench:
             trials: B of them.
             start_gap: between tool and ball [m].
             threads: 0 for one a core.
-            spec: of the bench, by default `bench_spec`.
             hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
-            timestep: instead of that of the specification [s].
+            timestep: instead of that of the model [s].
             is_recorded: keep all states of the first bench, for `tracing.trace_of`.
         """
         self.recorded: list[Recorded] | None = [] if is_recorded else None
-        self._make = partial(_compiled, timestep) if spec is None else partial(sized, spec)
         self._usual = partial(_usual, timestep, trials[0].probe_radius)
         self._own: mujoco.MjModel | None = None
-        models = [self._make(trial) for trial in trials]
+        models = [_model(timestep, trial.radius, trial.probe_radius) for trial in trials]
         first = models[0]
         self.timestep = float(first.opt.timestep) * MS
         self.where, self.at = layout(first), plugin.state_indices(first)
@@ -89,9 +87,9 @@ class MujocoBench:
         self._place(models, trials, start_gap, hanging)
 
     def place(self, trial: Trial, start_gap: float, hanging: float | None = None) -> None:
-        """Begin anew with another trial on a bench of one, in a tenth of the time that a new bench takes.
+        """Start another trial on a bench of one, in a tenth of the time that a new bench takes.
 
-        See `__init__`; the bench has the usual specification, and the probe is that of the first trial.
+        See `__init__`; the probe is that of the first trial.
         """
         self._own = resized(self._usual(), trial.radius, self._own)
         self._place([self._own], [trial], start_gap, hanging)
@@ -115,7 +113,7 @@ class MujocoBench:
         """See `Bench.move`."""
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
         n_steps, begin, end = self._plan(ids, duration, tip, voltage)
-        contacts = _Contacts(len(ids))
+        contacts = ContactLog(len(ids))
         chosen = None if active is None else ids
         is_still = bool((begin == end).all())
         for first in range(0, n_steps, BLOCK):
@@ -146,7 +144,7 @@ class MujocoBench:
             self.elapse(phases[:skip], way[:, :skip])
             press(self, way[0, skip - 1])
         self._rollout(phases[skip:], way[:, skip:])
-        return self._watch(_Contacts(len(ids), self._state[:, self._gaps]), ids)
+        return self._watch(ContactLog(len(ids), self._state[:, self._gaps]), ids)
 
     def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
         """Let physics go on where tip [m] and voltage [V] are and stay, on a bench with one ball."""
@@ -230,7 +228,7 @@ class MujocoBench:
         self._qpos[:, self.where.ball + 2] += height / UM
         self._qvel[:, self.where.ball + 2] = -speed * MS / UM
 
-    def _watch(self, contacts: "_Contacts", ids: np.ndarray) -> Watch:
+    def _watch(self, contacts: ContactLog, ids: np.ndarray) -> Watch:
         ball = slice(self.where.ball, self.where.ball + 3)
         speed = np.sqrt((self._qvel[ids, ball] ** 2).sum(axis=1))
         warned = self._batch.warning[ids].any(axis=(1, 2))
@@ -247,13 +245,13 @@ class MujocoBench:
         )
         if len(ids) == len(self._touch):
             return watch
-        return Watch(*(_scattered(values, ids, len(self._touch)) for values in watch))
+        return Watch(*(scattered(values, ids, len(self._touch)) for values in watch))
 
-    def save(self) -> Any:
+    def save(self) -> Float[np.ndarray, "B n"]:
         """See `Bench.save`."""
         return self._batch.state.copy()
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Float[np.ndarray, "B n"]) -> None:
         """See `Bench.restore`."""
         self._batch.state[:] = state
 
@@ -265,13 +263,9 @@ def _shares(n_steps: int) -> np.ndarray:
     return np.stack([share, minimum_jerk(share)], axis=1)
 
 
-def _compiled(timestep: float | None, trial: Trial) -> mujoco.MjModel:
-    """The default bench with a trial's sizes and a time step [s]."""
-    return _model(timestep, trial.radius, trial.probe_radius)
-
-
 @lru_cache(maxsize=4096)
 def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
+    """The bench with these sizes [m] and a time step [s], by default its own."""
     return resized(_usual(timestep, probe_radius), radius)
 
 
@@ -283,44 +277,3 @@ def _usual(timestep: float | None, probe_radius: float) -> mujoco.MjModel:
     if timestep is not None:
         spec.option.timestep = timestep / MS
     return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius))
-
-
-class _Contacts:
-    """Contacts of n benches, in steps since the move began, in the bench's units.
-
-    Attributes:
-        last: (n, 2) step of the last contact with tool and plate, nan: never.
-        first: (n,) step of the first contact with the plate, nan: never.
-        landing_speed: (n,) downward speed at that moment.
-        gaps: (n, 2) to tool and plate at the last step.
-    """
-
-    def __init__(self, count: int, gaps: np.ndarray | None = None):
-        self.last = np.full((count, 2), np.nan)
-        self.first = np.full(count, np.nan)
-        self.landing_speed = np.full(count, np.nan)
-        self.gaps = np.full((count, 2), np.nan) if gaps is None else gaps
-        self._before = np.full((count, 2), np.nan)
-
-    def add(self, gaps: np.ndarray, speed: np.ndarray, first: int) -> None:
-        """Process T steps from `first` on: gaps (n, T, 2) to tool and plate, downward speeds (n, T)."""
-        rows, count = np.arange(len(gaps)), gaps.shape[1]
-        touches = gaps <= 0
-        last = first + count - 1 - np.argmax(touches[:, ::-1], axis=1)
-        self.last = np.where(touches.any(axis=1), last, self.last)
-        new = touches[:, :, 1].any(axis=1) & np.isnan(self.first)
-        if new.any():
-            at = np.argmax(touches[:, :, 1], axis=1)
-            self.first = np.where(new, first + at, self.first)
-            now = np.stack([gaps[rows, at, 1], speed[rows, at]], axis=1)
-            earlier = np.stack([gaps[rows, at - 1, 1], speed[rows, at - 1]], axis=1)
-            before = np.where(at[:, None] > 0, earlier, self._before)
-            self.landing_speed = np.where(new, speed_at_zero(before, now), self.landing_speed)
-        self.gaps, self._before = gaps[:, -1], np.stack([gaps[:, -1, 1], speed[:, -1]], axis=1)
-
-
-def _scattered(value: np.ndarray, ids: np.ndarray, count: int) -> np.ndarray:
-    """Values of the benches `ids` in an array of `count` benches; those of the others are nan or True."""
-    full = np.full(count, np.nan) if value.dtype != bool else np.ones(count, bool)
-    full[ids] = value
-    return full

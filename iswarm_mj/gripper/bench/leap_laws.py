@@ -4,9 +4,12 @@ Functions of numbers, see `laws.numbers`, for one trial and for batches. Units o
 """
 
 from math import exp, log, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from jaxtyping import Bool
 
 from iswarm_mj.gripper.laws.numbers import where
+from iswarm_mj.utils.arrays import Array, Quantity
 
 MARGIN = 0.03
 """Part of the tool's adhesion by which a ball must be held while a leap lasts: with less it is about to leave."""
@@ -17,39 +20,39 @@ REST = 0.2
 class Hanging(NamedTuple):
     """A ball that hangs at rest at the tool, after a physics step."""
 
-    voltage: Any
+    voltage: Quantity
     """Of the tool, constant."""
-    mine: Any
+    mine: Quantity
     """Voltage of the ball in that step."""
-    charge: Any
-    to_probe: Any
+    charge: Quantity
+    to_probe: Quantity
     """Capacitance."""
-    to_plate: Any
+    to_plate: Quantity
     """Capacitance."""
-    leak: Any
+    leak: Quantity
     """Resistance of the tool's contact."""
-    up: Any
+    up: Quantity
     """Pull of the tool's field in that step."""
-    down: Any
+    down: Quantity
     """Pull of the plate's field in that step."""
-    adhesion: Any
+    adhesion: Quantity
     """Of the tool."""
-    hold: Any
+    hold: Quantity
     """Adhesion of the tool, less that of the plate, less the weight."""
 
 
-def _start(ball: Any) -> Any:
+def _start(ball: Hanging) -> Quantity:
     """Voltage of the ball as the leap begins."""
     return (ball.charge + ball.to_probe * ball.voltage) / (ball.to_probe + ball.to_plate)
 
 
-def _relaxes(ball: Any) -> Any:
+def _relaxes(ball: Hanging) -> Bool[Array, "..."] | bool:
     """Whether the ball's voltage is between 0 and the tool's, which it follows."""
     start = _start(ball)
     return (ball.leak > 0) & (ball.mine > 0) & (ball.mine < ball.voltage) & (start > 0) & (start < ball.voltage)
 
 
-def _pulls(ball: Any) -> Any:
+def _pulls(ball: Hanging) -> tuple[Quantity, Quantity]:
     """Pulls of the two fields over the squares of their voltages."""
     relaxes = _relaxes(ball)
     return (
@@ -58,13 +61,13 @@ def _pulls(ball: Any) -> Any:
     )
 
 
-def _held(ball: Any, volts: Any) -> Any:
+def _held(ball: Hanging, volts: Quantity) -> Quantity:
     """Force that holds the ball at the tool when it has this voltage."""
     up, down = _pulls(ball)
     return ball.hold + up * (ball.voltage - volts) ** 2 - down * volts**2
 
 
-def hanging_time(ball: Any, limit: Any, slack: Any) -> Any:
+def hanging_time(ball: Hanging, limit: Quantity, slack: Quantity) -> Quantity:
     """Time until the ball is held with no more than `MARGIN`, at most `limit`; 0 if no leap is possible.
 
     Its voltage follows that of the tool, u' = (V - u) / T, T = (C_t + C_p) R, and with it falls the force that holds
@@ -86,7 +89,7 @@ def hanging_time(ball: Any, limit: Any, slack: Any) -> Any:
     return where(can, where(time < limit, time, limit), 0.0)
 
 
-def after_hanging(ball: Any, time: Any) -> tuple[Any, Any]:
+def after_hanging(ball: Hanging, time: Quantity) -> tuple[Quantity, Quantity]:
     """Charge of the ball after this time, and the share of its depth in the tool's contact that is left."""
     start, can = _start(ball), _relaxes(ball)
     relaxation = where(can, ball.leak * (ball.to_probe + ball.to_plate), 1.0)
@@ -96,7 +99,7 @@ def after_hanging(ball: Any, time: Any) -> tuple[Any, Any]:
     return ball.to_plate * volts - ball.to_probe * (ball.voltage - volts), share
 
 
-def flight_time(rise: Any, above: Any, below: Any, gravity: Any) -> Any:
+def flight_time(rise: Quantity, above: Quantity, below: Quantity, gravity: Quantity) -> Quantity:
     """Time until a ball with this upward speed reaches the height `above` or falls by `below`, both above 0."""
     reaches = (rise > 0) & (rise**2 > 2 * gravity * above)
     up = 2 * above / where(reaches, rise + sqrt(where(reaches, rise**2 - 2 * gravity * above, 0.0)), 1.0)

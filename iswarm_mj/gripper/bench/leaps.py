@@ -1,4 +1,4 @@
-"""Times of a trial over which a bench of one ball leaps, since what happens in them is known (`leap_laws`).
+"""Closed-form fast-forwards of a trial on a bench of one ball (`leap_laws`).
 
 They are two thirds of a trial: the tool presses the ball on the plate, and only where it is now matters; a ball hangs
 at rest while charge flows; an uncharged ball flies. Whatever makes or ends a contact is left to physics.
@@ -113,7 +113,7 @@ def fly(bench: "MujocoBench", phase: str, limit: float) -> float:
 
 
 def _leap(bench: "MujocoBench", phase: str, steps: int, row: Row) -> float:
-    """Go on from this row, some steps later; returns their time [s]."""
+    """Resume from this row after some steps; returns their time [s]."""
     bench.elapse([phase] * steps)
     for mine, new in zip(bench.row, row, strict=True):
         mine[:] = new
@@ -133,7 +133,7 @@ def _gaps(bench: "MujocoBench") -> tuple[float, float]:
 
 
 def _sync_contacts(bench: "MujocoBench") -> None:
-    """Tell the plugins where the ball is, so that they take no leap for an impact; the solver starts anew."""
+    """Give the plugins the present gaps, so that they take no leap for an impact, and restart the solver."""
     for surface, gap in zip(("adhesion_probe", "adhesion_plate"), _gaps(bench), strict=True):
         bench.row.plugin_state[bench.at[surface, "before"]] = gap
         bench.row.plugin_state[bench.at[surface, "rebound"]] = 0.0

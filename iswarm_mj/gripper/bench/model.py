@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.engines.arena import models_directory
-from iswarm_mj.gripper import plugin
+from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import NN, UM
 
@@ -65,7 +65,7 @@ def layout(model: mujoco.MjModel) -> Layout:
 
 
 def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
-    """Model with a trial's ball and probe; the trial's other numbers are in `plugin_values`."""
+    """Model with a trial's ball and probe; the trial's other numbers are in `plugin_numbers`."""
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
     return spec.compile()
@@ -77,7 +77,7 @@ def resized(model: mujoco.MjModel, radius: float, into: mujoco.MjModel | None = 
     Args:
         model: of the bench.
         radius: of the ball.
-        into: a copy that was made before and is written anew, which takes a tenth of that.
+        into: an earlier copy to overwrite, which takes a tenth of that.
     """
     new = copy.copy(model) if into is None else into
     geom, body, dof = model.geom("ball").id, model.body("ball").id, int(model.joint("ball").dofadr[0])
@@ -106,11 +106,6 @@ def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
     for name, values in (("adhesion_plate", plate), ("adhesion_probe", probe)):
         numbers[name] = {**values, "work": values["work"] * UM / NN, "humidity": trial.relative_humidity}
     return {(instance, name): value for instance, values in numbers.items() for name, value in values.items()}
-
-
-def plugin_values(model: mujoco.MjModel, trial: Trial) -> dict[int, float]:
-    """Numbers of a trial by their index in `MjData.plugin_state`."""
-    return {plugin.state_index(model, *names): value for names, value in plugin_numbers(trial).items()}
 
 
 def start(

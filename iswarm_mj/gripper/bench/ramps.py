@@ -36,17 +36,6 @@ class Release(NamedTuple):
     """Time until nothing more was to happen [s]."""
 
 
-class Rise(NamedTuple):
-    """How a voltage rises on B benches."""
-
-    rate: Float[np.ndarray, "B"] | float
-    """[V/s]"""
-    limit: Float[np.ndarray, "B"] | float
-    """[V]"""
-    patience: float
-    """Time at the limit after which nothing more is expected [s]."""
-
-
 class Attempt(NamedTuple):
     """Outcome of a ramp without contact on each of B benches."""
 
@@ -56,9 +45,7 @@ class Attempt(NamedTuple):
     """Whether the state became infinite or nan."""
 
 
-def release(
-    bench: Bench, protocol: Protocol, held: Mask, gap: float, rise: Rise | None = None, to_the_end: bool = False
-) -> Release:
+def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, to_the_end: bool = False) -> Release:
     """Ramp the voltage on balls that hang at the tool until each of them has left, landed and come to rest.
 
     A ball that bounces on the plate without voltage, too slowly to reach the tool again, counts as at rest.
@@ -68,10 +55,9 @@ def release(
         protocol: rate and limits.
         held: (B,) benches whose ball hangs; the others are left out.
         gap: between ball and plate [m].
-        rise: of the voltage; by default the protocol's ramp.
         to_the_end: follow also those that bounce until they lie still.
     """
-    ramp = _Ramp(bench, protocol, held, rise or Rise(protocol.ramp_rate, protocol.release_limit, protocol.dwell), gap)
+    ramp = _Ramp(bench, protocol, held, protocol.ramp_rate, protocol.release_limit, gap)
     duration = np.zeros(len(held))
     left_at, landed_at = np.full(len(held), np.inf), np.full(len(held), np.inf)
     voltage, speed = np.full(len(held), np.nan), np.full(len(held), np.nan)
@@ -107,8 +93,7 @@ def release(
 def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:
     """Stop the tool at a gap before the ball [m] and ramp the voltage, on `count` new benches."""
     bench.move("approach", protocol.approach_time, gap, 0.0)
-    rise = Rise(protocol.no_contact_rate, protocol.no_contact_limit, protocol.dwell)
-    ramp = _Ramp(bench, protocol, np.ones(count, bool), rise, gap)
+    ramp = _Ramp(bench, protocol, np.ones(count, bool), protocol.no_contact_rate, protocol.no_contact_limit, gap)
     voltage = np.full(count, np.nan)
     while ramp.active.any():
         gone = np.isfinite(voltage)
@@ -130,9 +115,9 @@ class _Ramp:
         last, last_voltage: (B,) time of the last contact [s], and the voltage then [V].
     """
 
-    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, rise: Rise, tip: float):
+    def __init__(self, bench: Bench, protocol: Protocol, active: Mask, rate: float, limit: float, tip: float):
         self._bench, self._protocol, self._tip = bench, protocol, tip
-        self._rate, self._limit, self._patience = rise
+        self._rate, self._limit = rate, limit
         self._period = max(1, round(protocol.watch_time / bench.timestep)) * bench.timestep
         self.active = active.copy()
         self.faulty = np.zeros(len(active), bool)
@@ -176,7 +161,7 @@ class _Ramp:
     @property
     def at_limit(self) -> Mask:
         """(B,) whether the voltage has been at its limit for long enough."""
-        return self._intervals_at_limit * self._period >= self._patience
+        return self._intervals_at_limit * self._period >= self._protocol.dwell
 
     def finish(self, over: Mask) -> None:
         """Deactivate the benches where the ramp is over, and the faulty ones."""

@@ -1,6 +1,7 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
 import math
+from collections.abc import Callable
 from functools import cache
 from threading import Lock
 from typing import NamedTuple
@@ -57,11 +58,26 @@ _IN_USE = Lock()
 
 def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
     """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
+    return _each(trials, voltage, None, lambda bench, volts: (*lift_on(bench, volts), 0.0))
+
+
+def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
+    """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
+    return _each(trials, voltage, gap, lambda bench, volts: drop_on(bench, volts, gap))
+
+
+def _each(
+    trials: list[Trial],
+    voltage: Float[np.ndarray, "n"],
+    hanging: float | None,
+    run: Callable[[MujocoBench, float], tuple[bool, float, float]],
+) -> Found:
+    """Outcomes of a run of each trial at its voltage."""
     rows = []
     with _IN_USE:
-        for trial, volts in zip(trials, voltage, strict=True):
-            _bench().place(trial, PROTOCOL.start_gap)
-            rows.append((*lift_on(_bench(), float(volts)), 0.0))
+        for trial, volts in zip(trials, voltage.tolist(), strict=True):
+            _bench().place(trial, PROTOCOL.start_gap, hanging)
+            rows.append(run(_bench(), volts))
     return Found(*map(np.array, zip(*rows, strict=True)))
 
 
@@ -70,16 +86,6 @@ def lift_on(bench: MujocoBench, voltage: float) -> tuple[bool, float]:
     p = PROTOCOL
     watch = bench.moves([*touching(p), *lifting(p, voltage)], round(PRESSED / bench.timestep) if is_below(bench) else 0)
     return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep
-
-
-def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
-    """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
-    rows = []
-    with _IN_USE:
-        for trial, volts in zip(trials, voltage, strict=True):
-            _bench().place(trial, PROTOCOL.start_gap, gap)
-            rows.append(drop_on(_bench(), float(volts), gap))
-    return Found(*map(np.array, zip(*rows, strict=True)))
 
 
 def drop_on(bench: MujocoBench, voltage: float, gap: float) -> tuple[bool, float, float]:

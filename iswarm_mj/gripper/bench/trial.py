@@ -32,7 +32,7 @@ class Trial(NamedTuple):
     probe_radius: float = PROBE_RADIUS
     """[m]"""
     misalignment: float = 0.0
-    """Of the tool's axis beside the ball [m]."""
+    """Lateral offset of the tool's axis from the ball's [m]."""
     contacts: Contacts = Contacts()
     """Conduction and impacts."""
 

@@ -2,7 +2,7 @@
 
 import math
 
-from iswarm_mj.utils.arrays import Quantity, array_module
+from iswarm_mj.utils.arrays import Quantity
 
 YIELD_PRESSURE = 64e6
 """Contact pressure at which SnAg solder yields, 1.6 times its yield stress of 40 MPa; a choice [Pa]."""
@@ -57,28 +57,9 @@ def plastic_ratio(share: Quantity) -> Quantity:
     return (6 * 3**0.5 / 5) ** 0.5 * (1 - square / 6) ** 0.5 * ratio**0.25
 
 
-def plastic_restitution(speed: Quantity, yields_at: Quantity) -> Quantity:
-    """Restitution without adhesion at an impact speed; 1 up to `yields_at`, the `yield_speed` [m/s]."""
-    xp = array_module(speed, yields_at)
-    return plastic_ratio(xp.minimum(yields_at / xp.maximum(speed, yields_at), 1.0))
-
-
-def with_adhesion(restitution: Quantity, speed: Quantity, sticks_at: Quantity) -> Quantity:
-    """Restitution with adhesion, e^2 = e_p^2 - (v_s / v)^2; 0 where the ball stays.
-
-    Source: Thornton and Ning 1998 and Brach and Dunn 1992 alike: what adhesion keeps comes off the energy of the
-    rebound. That a flattened contact adheres on a larger area is left out, so that balls stick too seldom.
-
-    Args:
-        restitution: e_p without adhesion.
-        speed: of the impact, v [m/s].
-        sticks_at: v_s, the speed whose energy adhesion keeps [m/s].
-    """
-    xp = array_module(restitution, speed, sticks_at)
-    return xp.sqrt(xp.maximum(0.0, restitution**2 - (sticks_at / speed) ** 2))
-
-
 def capture_restitution(speed: Quantity, sticks_at: Quantity) -> Quantity:
-    """Greatest restitution e_p with which a ball stays at its first impact, v_s / v: what a field that pulls it away
-    from the surface leaves (`with_adhesion`)."""
+    """Greatest restitution e_p with which a ball stays at its first impact, v_s / v, under a field that pulls it away.
+
+    Source: `contact.rebound_ratio`.
+    """
     return sticks_at / speed

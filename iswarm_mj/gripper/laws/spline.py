@@ -5,37 +5,45 @@ log2(R_m/R).
 """
 
 import math
+from collections.abc import Sequence
 from math import exp, log2
-from typing import Any
+from typing import Any, TypeAlias
+
+from jaxtyping import Float
 
 from iswarm_mj.gripper.laws.numbers import clip, where, whole
 from iswarm_mj.gripper.units import UM, VACUUM_PERMITTIVITY
+from iswarm_mj.utils.arrays import Array, Quantity
+
+Weights: TypeAlias = tuple[Quantity, Quantity, Quantity, Quantity]
+Place: TypeAlias = tuple[Any, Any, Weights, Weights]
+"""Row and column, integers, and their weights."""
 
 _UNIT = 4 * math.pi * VACUUM_PERMITTIVITY * UM / 1e-15
 """4 pi eps0 [fF/um]."""
 
 
-def _locate(ratio: Any, axis: Any) -> Any:
+def _locate(ratio: Quantity, axis: Sequence[float]) -> tuple[Any, Quantity]:
     """Cell of a ratio on one of `probe_table.AXES`, and its place in it."""
     place = (log2(clip(ratio, axis[3], axis[4])) - axis[0]) / axis[1]
     cell = whole(clip(place, 0.0, axis[2] - 2))
     return cell, place - cell
 
 
-def _weights(t: Any) -> Any:
+def _weights(t: Quantity) -> Weights:
     """Weights of a uniform cubic spline's four coefficients, times 6."""
     u = 1 - t
     return u * u * u, 4 + t * t * (3 * t - 6), 4 + u * u * (3 * u - 6), t * t * t
 
 
-def place_of(gap_ratio: Any, probe_ratio: Any, axes: Any) -> Any:
+def place_of(gap_ratio: Quantity, probe_ratio: Quantity, axes: Sequence[Sequence[float]]) -> Place:
     """Where splines are read at these ratios, clamped to the table's edge: row, column and their weights."""
     row, t = _locate(gap_ratio, axes[0])
     column, u = _locate(probe_ratio, axes[1])
     return row, column, _weights(t), _weights(u)
 
 
-def value_at(spline: Any, place: Any) -> Any:
+def value_at(spline: Float[Array, "R C"], place: Place) -> Quantity:
     """The quantity whose logarithm has these coefficients, at a `place_of`."""
     row, column, down, across = place
     total = 0.0
@@ -49,7 +57,15 @@ def value_at(spline: Any, place: Any) -> Any:
     return exp(total / 36)
 
 
-def shape_of(task: Any, radius: Any, gap: Any, least: Any, probe: Any, splines: Any, axes: Any) -> Any:
+def shape_of(
+    task: int,
+    radius: Quantity,
+    gap: Quantity,
+    least: Quantity,
+    probe: Quantity,
+    splines: Float[Array, "4 R C"],
+    axes: Sequence[Sequence[float]],
+) -> tuple[Quantity, Quantity]:
     """Shape factor of the force to the probe (task 0) or to the plate (1), and the ball's capacitance to it [fF].
 
     See `capacitance.capacitance`, and `capacitance.tables` for `splines` and `axes`. Lengths in um.
