@@ -7,20 +7,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.simulation.decide import decide
-from iswarm_mj.simulation.initial import start_with
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start import Plan, start_loop
-from iswarm_mj.simulation.step import control_step, drive_phases
-from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.simulation.setup import set_up
+from iswarm_mj.simulation.start import start_loop
+from iswarm_mj.simulation.step import Stepper, control_step, drive_phases
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.workflows.rollout import paper_strategy
 
@@ -156,13 +158,12 @@ def test_through_whole_control_steps():
     """Sight, messages, noise and decisions included: the mean square of displacements, against differences."""
     n_robots = len(APART)
     strategy = Paced(paper_strategy(SMALL, PRESETS["type1"], n_robots), jnp.float32(1))
-    start = start_with(SMALL, n_robots, *[np.random.default_rng(0)] * 2)._replace(poses=np.array(APART))
+    start = start_of(SMALL, n_robots, 0, 0)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
     many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)
     settings = RunSettings(n_robots, 3, record_worlds=())
-    loop, _ = start_loop(
-        Plan(SMALL, settings, MjxSettings(chunk=1), [world], starts_of(SMALL, [world]), many, None), Stopwatch()
-    )
+    setup = set_up(SMALL, settings, MjxSettings(chunk=1), CLEANING, [world])
+    loop, _ = start_loop(setup, many, Stopwatch())
     params, state, engine = loop.on_first_device()
     params, state = jax.tree.map(lambda a: a[0], (params, state))
 
@@ -170,8 +171,8 @@ def test_through_whole_control_steps():
         mine = params._replace(strategy=replace(params.strategy, pace=pace))
 
         def step(state, k):
-            of_one = partial(decide, SMALL, engine.robot)
-            return control_step(engine, SMALL, of_one, mine, state, k, jnp.int32(3))[0], None
+            stepper = Stepper(engine, SMALL, partial(decide, SMALL, engine.robot), records=False)
+            return control_step(stepper, mine, state, k, jnp.int32(3))[0], None
 
         end, _ = jax.lax.scan(step, state, jnp.arange(3))
         return ((end.bodies.poses - state.bodies.poses)[:, :2] ** 2).sum(axis=-1).mean()

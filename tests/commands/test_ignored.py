@@ -11,14 +11,13 @@ from iswarm_mj.utils.errors import UserError
 
 GLOW = f"{Path(__file__).parents[1]}/data/glow.py:Glow"
 BEECLUST = f"{Path(iswarm_mj.__file__).parent}/tasks/aggregation.py:Beeclust"
-WARP, CURVE = "--engine mjx --impl warp", "--force-curve"
+WARP, CURVE = "--engine planar --impl warp", "--force-curve"
 
 
 @pytest.mark.parametrize(
     ("arguments", "flag", "why"),
     [
         (f"clean {WARP} --threads 2", "--threads", "with --impl warp"),
-        ("clean --engine mjx --threads 2", "--threads", "with --impl jax"),
         ("clean --engine mjx --hosts-timeout 9", "--hosts-timeout", "without --hosts"),
         ("clean --no-record --record-worlds 0 1 --worlds 2", "--record-worlds", "with --no-record"),
         ("clean --robots 9 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
@@ -70,6 +69,20 @@ def test_is_refused(arguments, flag, why, capfd, tmp_path):
     error = capfd.readouterr().err
     assert end.value.code == 2 and list(tmp_path.iterdir()) == []
     assert re.match(rf"iswarm: {flag} has no effect {re.escape(why)}\b.*; leave it out\n", error), error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("--engine mjx --threads 2", "--engine must be mujoco or planar with --threads (got 'mjx')"),
+        ("--engine mujoco --refinement 3", "--engine must be planar with --refinement (got 'mujoco')"),
+        ("--engine planar --contact-capacity 2", "--engine must be mjx with --contact-capacity (got 'planar')"),
+    ],
+)
+def test_settings_of_other_engines_are_refused(arguments, sentence, capfd):
+    with pytest.raises(SystemExit) as end:
+        main(["clean", *arguments.split()])
+    assert end.value.code == 2 and capfd.readouterr().err == f"iswarm: {sentence}\n"
 
 
 def test_what_a_small_arena_needs_has_an_effect():

@@ -173,17 +173,17 @@ class TestContacts:
         assert np.abs(theirs[1:] - poses[1:]).max(axis=1).min() > 0.05
 
 
-@pytest.mark.parametrize(("with_file", "collisions"), [(True, 0), (False, 1)])
-def test_run_takes_the_file(file, with_file, collisions):
-    """Two robots 1.1 mm one behind the other, which stand still: only those of 2 mm touch."""
-    balls = start_of(CONFIG, N, 0, 0).balls
+def test_run_takes_the_file(file):
+    """Two robots 1.1 mm one behind the other, which stand still: only those of 2 mm would overlap."""
+    balls = start_of(CONFIG, N, 0, 0).task
     start = Start(place((0, 10, 0), (1.1, 10, 0), ASIDE), balls, np.zeros(N, bool))
     settings = RunSettings(N, 1)
     worlds = [World(PRESETS["type1"], N, start=start)]
-    robot_file = file if with_file else None
-    run = Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds, robot_file=robot_file)
-    assert run.robot == read_robot(robot_file)
-    assert run.advance().collisions.tolist() == [[collisions]]
+    run = Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds, robot_file=file)
+    assert run.robot == read_robot(file)
+    assert run.advance().collisions.tolist() == [[0]]
+    with pytest.raises(UserError, match="no robots overlap"):
+        Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds)
 
 
 def test_a_whole_run_of_such_robots(file):

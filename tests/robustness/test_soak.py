@@ -58,7 +58,7 @@ def check(run, before, record):
         record: of the step, with axes (1, 1).
     """
     config, robot = run.config, run.robot
-    balls, last = (r.swarm.things.balls for r in (record, before))
+    balls, last = (r.swarm.task for r in (record, before))
     held, delivered, holder = (np.asarray(a)[0, 0] for a in (balls.is_held, balls.is_delivered, balls.holder))
     position, was_held = np.asarray(balls.position)[0, 0], np.asarray(last.is_held)[0, 0]
     assert not (held & delivered).any() and held.sum() + delivered.sum() + (~held & ~delivered).sum() == len(held)

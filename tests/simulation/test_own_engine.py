@@ -100,7 +100,7 @@ def test_an_environment_takes_it(small):
     state = env.reset(jax.random.split(jax.random.key(0), 2))
     before = np.asarray(state.data.world.bodies.poses)
     state = env.step(state, np.full((2, N, 2), 0.5, np.float32))
-    expected = after(before, np.radians(45), np.sqrt(2) / 2)
+    expected = after(before, *(np.full((2, N), value) for value in (np.radians(45), np.sqrt(2) / 2)))
     np.testing.assert_allclose(state.data.world.bodies.poses, expected, atol=1e-5)
     assert not state.done.any()
 

@@ -1,13 +1,11 @@
 """Runs: drives have limits whatever the strategy, and a fault ends its world alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers_runs import N, end_of, place_of, poses_of, records, run_of, scripted
+from helpers_worlds import begin_with, start_of
 
 from iswarm_mj.engines.base import find_lost
-from iswarm_mj.simulation import worlds as worlds_of_runs
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
@@ -117,13 +115,10 @@ class TestFaults:
 
     @pytest.mark.parametrize("x, kind", [(np.nan, FaultKind.POSE_NOT_FINITE), (50.0, FaultKind.OUTSIDE)])
     def test_of_the_start(self, small, x, kind, monkeypatch):
-        monkeypatch.setattr(worlds_of_runs, "check_start", lambda *_: None)  # which would refuse it
-        healthy = run_of(small, n_worlds=3)
-        poses = healthy.starts[1].poses.copy()
-        poses[3, 0] = x
-        start = healthy.starts[1]._replace(poses=poses)
-        worlds = [healthy.worlds[0], replace(healthy.worlds[1], start=start), healthy.worlds[2]]
-        run = run_of(small, worlds=worlds, steps=5, stop_at=self.GOAL)
+        start = start_of(small, N, 0, 1)
+        start.poses[3, 0] = x
+        begin_with(monkeypatch, {1: start})
+        run = run_of(small, n_worlds=3, steps=5, stop_at=self.GOAL)
         self.check_others(run, (0, 2), small)
         assert [(f.step, f.world, f.robots, f.kind) for f in run.faults] == [(1, 1, (3,), kind)]
 

@@ -80,7 +80,7 @@ class TestSeedsAndWorlds:
             for world in range(3):
                 if world in frozen:
                     now = jax.tree.map(lambda a, w=world: a[w], record)
-                    for name in ("swarm", "poses", "balls", "collisions"):
+                    for name in ("swarm", "poses", "collisions"):
                         jax.tree.map(np.testing.assert_array_equal, getattr(now, name), getattr(frozen[world], name))
                     assert now.speed == 0.0 and not now.is_running
                 elif run.measures(world).finished_at is not None:

@@ -5,11 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_controller import act, act_here
-from helpers_sensing import remember, senses_nothing
+from helpers_sensing import lay, remember, senses_nothing
+from helpers_worlds import swarm_of
 
 from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.decide import executed
+from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.strategy.avoidance import is_blocked
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -117,14 +118,15 @@ def test_what_a_robot_remembers_errs_with_its_odometry():
 
 def test_actuators_err_as_configured():
     """No error of a robot that stands; none of the others by default."""
-    command = Command(jnp.full(N, 0.5).at[0].set(0.0), jnp.full(N, 1.2).at[0].set(0.0))
+    command = Command(jnp.full(N, 0.5).at[0].set(0.0), jnp.full(N, 0.9).at[0].set(0.0))
     sloppy = DriveConfig(error_turn=10.0, error_step=0.1)
+    swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), jnp.zeros(N)
     exact, wrong = (
-        executed(config, conditions_of(config), command, jax.random.key(0))
+        actuate(config, conditions_of(config), command, swarm, zero > 0, zero, jax.random.key(0)).command
         for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
     )
     np.testing.assert_array_equal(exact, command)
-    turn, step = np.degrees(np.asarray(wrong.turn) - 0.5)[1:], np.asarray(wrong.forward)[1:] / 1.2 - 1
+    turn, step = np.degrees(np.asarray(wrong.turn) - 0.5)[1:], np.asarray(wrong.forward)[1:] / 0.9 - 1
     assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import crowd, lay, place, remember
+from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
@@ -19,9 +20,9 @@ from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.simulation import decide
+from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Observation
@@ -54,10 +55,10 @@ def in_order(order):
 def decided(strategy, config, state, poses, links, key):
     """Decision of a world's first step in which nobody sees a wall."""
     n = len(poses)
-    params = WorldParams(strategy, conditions_of(config), key, jnp.ones(n, bool), jnp.int32(1))
+    params = params_of(config, strategy, key, n)
     sight = Sight(links, jnp.zeros((n, 4), bool))
-    situation = decide.Situation(poses, sight, jnp.int32(0), jnp.array(True))
-    return decide.decide(config, read_robot(), params, state, situation)
+    begin = StepInputs(poses, sight, jnp.int32(0), jnp.array(True))
+    return decide.decide(config, read_robot(), params, state, begin)
 
 
 N, GAP = 9, 8.0
@@ -80,7 +81,7 @@ def chain(update_order):
         with mock.patch.object(decide, "draw_turns", lambda key, n: turns):
             return decided(strategy, config, state, poses, links, jax.random.key(3)).swarm
 
-    return step, SwarmState(strategy.init(N, None), lay((0.0, 60.0)), jnp.ones(N, bool))
+    return step, swarm_of(strategy.init(N, None), lay((0.0, 60.0)), N)
 
 
 def memory_after(update_order, turns, n_steps=1):
@@ -239,7 +240,7 @@ def test_by_default_nothing_is_repeated(monkeypatch):
     for order in ("synchronous", "sequential"):
         config = SwarmConfig(strategy=StrategyConfig(update_order=order))
         strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(1), config, PROBE)
-        state = SwarmState(strategy.init(n, None), lay((0.0, 60.0)), jnp.ones(n, bool))
+        state = swarm_of(strategy.init(n, None), lay((0.0, 60.0)), n)
         poses = place(*[(k * 8.0, 0, 0) for k in range(n)])
         arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
         texts[order] = primitives(jax.make_jaxpr(partial(decided, strategy, config))(*arguments).jaxpr)
@@ -278,7 +279,7 @@ def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
     able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE)
     deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")})
-    state = SwarmState(deaf.init(2, None), lay((0.0, 60.0)), jnp.ones(2, bool))
+    state = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))
     arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
     with pytest.raises(UserError, match=r"update_order is sequential, but SimpleNamespace has no method listen"):

@@ -17,7 +17,8 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
     small, tmp_path, monkeypatch, frames, frames_of_bytes, largest
 ):
     run = run_of(small, steps=STEPS)
-    start = frames_of([run.start], 0, run.recorded, watch(run.task, run.config))
+    watched = watch(run.task, run.config)
+    start = frames_of([run.start], 0, run.recorded, watched, task=run.task, robot=run.robot)
     each = sum(array.nbytes for array in start.arrays().values())
     limits, given_back = {"BLOCK": 2, "LONG": frames, "LONG_BYTES": frames_of_bytes * each, "LARGE_BYTES": 4 * each}, []
     for name, value in limits.items():
