@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.said import stored
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.strategy.vector_strategy import payload_for
 
 PERIOD = 0.4

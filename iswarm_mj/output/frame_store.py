@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from iswarm_mj.output.trajectory import Frames
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.utils.files import write_error
 
 _PIECE = 2**22

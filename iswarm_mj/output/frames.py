@@ -2,28 +2,25 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Bool, Shaped
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.said import IN_FILES, stored
+from iswarm_mj.output.message_columns import stored
+from iswarm_mj.output.schema import ARRAYS, IN_FILES, Frames, Observed
 from iswarm_mj.output.task_arrays import Watch, fixed_areas, looks, quantities
-from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC, Frames, Scene
+from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.recorded import array_name, part_of
-from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
-
-LYING, HELD, DELIVERED = 0, 1, 2
-_FROM_ARENA = {"m": MM, "m/s": MM}
-"""Arena units in SI."""
 
 
 def scene_of(
@@ -36,7 +33,7 @@ def scene_of(
     payload: Payload | None = None,
     task: Task = CLEANING,
 ) -> Scene:
-    """What does not change in one world of a run.
+    """Return what does not change in one world of a run.
 
     Args:
         config: of the run.
@@ -51,39 +48,31 @@ def scene_of(
     Raises:
         UserError: a part has the name of another array of trajectories.
     """
-    arena, memory = config.arena, start.swarm.memory
-    for name in recorded or {}:
-        if array_name(name) in ARRAYS or name.startswith((AREA, METRIC)):
+    recorded = recorded or {}
+    for name in map(array_name, recorded):
+        if name in ARRAYS or name.startswith((AREA, METRIC)):
             raise UserError(
                 f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
             )
-
-    def square(x: float, edge: float) -> list[float]:
-        return [x - edge / 2, -edge / 2, x + edge / 2, edge / 2]
-
-    dump = np.array(square(0.0, arena.dump_size)) * ROBOT_DIAMETER
-    dust = np.array([square(x * arena.dust_area_offset, arena.dust_area_size) for x in (-1, 1)]) * ROBOT_DIAMETER
+    seen = _observed(jax.tree.map(lambda a: a[:, world], start))
+    rectangles = fixed_areas(task, config, jax.tree.map(lambda a: a[0], seen.record.swarm.things))
     areas, metrics = looks(task), quantities(task)
-    if not isinstance(task, Cleaning):
-        things = jax.tree.map(lambda a: a[0, world], start.swarm.things)
-        found = fixed_areas(task, config, things)
-        dump, dust = found.get("dump", np.zeros((1, 4)))[0], found.get("dust_areas", np.zeros((0, 4)))
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
-        is_scout=_scouts(memory, start.poses.shape[:3])[0, world],
-        ball_radius=start.swarm.balls.radius[0, world],
-        arena_size=arena.size * ROBOT_DIAMETER,
-        dump=dump,
-        dust_areas=dust,
+        is_scout=_scouts(seen.record),
+        ball_radius=seen.balls.radius[0],
+        arena_size=config.arena.size * ROBOT_DIAMETER,
+        dump=rectangles.get("dump", np.zeros((1, 4)))[0],
+        dust_areas=rectangles.get("dust_areas", np.zeros((0, 4))),
         control_period=config.drive.control_period,
-        is_alive=start.swarm.is_alive[0, world],
+        is_alive=seen.record.swarm.is_alive[0],
         payload=stored(payload or Payload()),
         world=number,
         n_leds=len(robot.leds),
-        memory_names=tuple(map(array_name, recorded or {})),
-        memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in (recorded or {}).values()),
-        memory_sizes=tuple(math.prod(np.shape(part_of(memory, name))[3:]) for name in recorded or {}),
-        obstacles=np.array(arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
+        memory_names=tuple(map(array_name, recorded)),
+        memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in recorded.values()),
+        memory_sizes=tuple(math.prod(np.shape(part_of(seen.record.swarm.memory, name))[2:]) for name in recorded),
+        obstacles=np.array(config.arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
         area_names=tuple(areas),
         area_colours=tuple(look.colour for look in areas.values()),
         area_shapes=tuple(look.shape for look in areas.values()),
@@ -99,7 +88,7 @@ def frames_of(
     recorded: Mapping[str, str] | None = None,
     watched: Watch | None = None,
 ) -> Frames:
-    """Frames of one world.
+    """Return the frames of one world.
 
     Args:
         records: of consecutive steps (T, W, ...).
@@ -107,57 +96,25 @@ def frames_of(
         recorded: as for `scene_of`.
         watched: what the task adds, see `task_arrays.watch`.
     """
-    record: StepRecord = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
-    balls = record.swarm.balls
-    n_steps, n_robots = record.poses.shape[:2]
-    is_loaded = np.zeros((n_steps, n_robots), bool)
-    step, ball = np.nonzero(balls.is_held)
-    is_loaded[step, balls.holder[step, ball]] = True
-    values = {
-        "step": record.step,
-        "is_running": record.is_running,
-        "pose": record.poses.astype(np.float32),
-        "is_loaded": is_loaded,
-        "has_priority": record.has_priority,
-        "message": record.message,
-        "command": np.stack([record.command.turn, record.command.forward], axis=-1),
-        "ball_position": record.balls.astype(np.float32),
-        "ball_state": np.where(balls.is_held, HELD, np.where(balls.is_delivered, DELIVERED, LYING)),
-        "ball_holder": balls.holder,
-        "link_sender": record.links.sender,
-        "link_valid": record.links.valid,
-        "link_led": record.links.led,
-        "link_bearing": record.links.bearing,
-        "link_distance": record.measured_distance,
-        "link_heard": record.is_heard,
-        "delivered": balls.is_delivered.sum(axis=1),
-        "picked": balls.was_picked.sum(axis=1),
-        "collisions": record.collisions,
-        "mean_speed": record.speed,
-    }
-    memory = {
-        array_name(name): _stored(np.asarray(part_of(record.swarm.memory, name)), unit)
-        for name, unit in (recorded or {}).items()
-    }
-    own = {f.name: _in_si(values[f.name], **f.metadata) for f in fields(Frames) if f.name in ARRAYS}
-    return Frames(**own, memory=memory, task={} if watched is None else watched(record.swarm.things))
+    seen = _observed(jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records))
+    swarm = seen.record.swarm
+    memory = {array_name(name): _in_si(part_of(swarm.memory, name), unit) for name, unit in (recorded or {}).items()}
+    return Frames.observed(seen, memory, {} if watched is None else watched(swarm.things))
 
 
-def _scouts(memory: Any, shape: tuple[int, ...]) -> np.ndarray:
+def _observed(record: StepRecord) -> Observed:
+    """Steps of one world (T, ...) with what the task offers of them."""
+    return Observed(record, record.swarm.balls)
+
+
+def _scouts(start: StepRecord) -> Bool[np.ndarray, "N"]:
     """Which robots are scouts, if the strategy knows such."""
-    found = getattr(memory, "is_scout", None)
-    is_flag = found is not None and np.shape(found) == shape and np.asarray(found).dtype == bool
-    return np.asarray(found) if is_flag else np.zeros(shape, bool)
+    found, shape = np.asarray(getattr(start.swarm.memory, "is_scout", None)), start.poses.shape[:2]
+    return found[0] if found.shape == shape and found.dtype == bool else np.zeros(shape[1], bool)
 
 
-def _stored(values: np.ndarray, unit: str) -> np.ndarray:
+def _in_si(part: Any, unit: str) -> Shaped[np.ndarray, "T N *shape"]:
     """A part of the memory as it is stored: lengths in m, floats in single precision."""
-    if unit in IN_FILES:
-        return (values * IN_FILES[unit][1]).astype(np.float32)
-    return values.astype(np.float32) if np.issubdtype(values.dtype, np.floating) else values
-
-
-def _in_si(values: np.ndarray, dtype: type, units: tuple[str, ...]) -> np.ndarray:
-    """Values in SI, from arena units; `units` are those of the last axis, or one for all, or none."""
-    scale = np.array([_FROM_ARENA.get(unit, 1.0) for unit in units], values.dtype)
-    return (values * scale).astype(dtype) if units else values.astype(dtype)
+    values, (_, factor) = np.asarray(part), IN_FILES.get(unit, (unit, 1.0))
+    is_float = unit in IN_FILES or np.issubdtype(values.dtype, np.floating)
+    return (values * factor if unit in IN_FILES else values).astype(np.float32 if is_float else values.dtype)

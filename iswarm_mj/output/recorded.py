@@ -6,34 +6,40 @@ from pathlib import Path
 
 import numpy as np
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.reading import REMEDY, no_trajectory, read_result, read_trajectory
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.serialization import restored
 
-_DRAWN = ("pose", "is_loaded", "ball_position", "delivered", "scene_is_scout", "scene_ball_radius")
-"""Arrays that pictures and videos need beside the steps."""
+_DRAWN = ("pose", "ball_position", "scene_ball_radius", "scene_robot_size")
+"""Numbers of pictures and videos."""
 
 
 def load(directory: Path) -> tuple[SwarmConfig, dict[str, np.ndarray]]:
-    """Return the configuration of the arena and the arrays of the trajectory of a recorded run.
+    """Return the configuration and the arrays of the trajectory of a recorded run.
 
     If the run was interrupted, this says so on the standard error.
 
     Raises:
         UserError: the directory holds no recorded run, or a damaged one.
     """
-    result = read_result(directory / RESULT)
+    result, path = read_result(directory / RESULT), directory / TRAJECTORY
     try:
-        config = SwarmConfig(arena=ArenaConfig(**result["config"]["arena"]))
-    except (KeyError, TypeError, UserError) as error:
-        raise UserError(f"{directory / RESULT} states no arena ({error}); {REMEDY}.") from None
-    if not os.path.lexists(directory / TRAJECTORY):
+        config = restored(SwarmConfig, result["config"])
+    except (KeyError, TypeError, AttributeError, ValueError, UserError) as error:
+        raise UserError(f"{directory / RESULT} states no configuration ({error}); {REMEDY}.") from None
+    if not os.path.lexists(path):
         raise no_trajectory(directory, result)
-    frames = read_trajectory(directory / TRAJECTORY)
-    _check_drawn(directory / TRAJECTORY, frames)
+    frames = read_trajectory(path)
+    steps = frames["step"]
+    if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
+        raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
+    for name in _DRAWN:
+        if not np.isfinite(frames[name]).all():
+            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")
     if result.get("interrupted"):
-        print(f"iswarm: the run in {directory} was interrupted after step {frames['step'][-1]}.", file=sys.stderr)
+        print(f"iswarm: the run in {directory} was interrupted after step {steps[-1]}.", file=sys.stderr)
     return config, frames
 
 
@@ -42,15 +48,3 @@ def robot_file_of(directory: Path) -> Path | None:
     robot = read_result(directory / RESULT).get("robot")
     file = robot.get("file") if isinstance(robot, dict) else None
     return Path(file) if isinstance(file, str) else None
-
-
-def _check_drawn(path: Path, frames: dict[str, np.ndarray]) -> None:
-    """Refuse a trajectory without steps, and one that lacks or garbles what is drawn."""
-    steps = frames["step"]
-    if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
-        raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
-    for name in _DRAWN:
-        if name not in frames:
-            raise UserError(f"{path} has no array `{name}`, which pictures need; {REMEDY}.")
-        if frames[name].dtype.kind not in "biuf" or not np.isfinite(frames[name]).all():
-            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")

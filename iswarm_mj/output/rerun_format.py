@@ -167,3 +167,20 @@ def time_series(origin: str, name: str, corner: str | None = "LeftTop", **more: 
         axis_x=rrb.archetypes.TimeAxis(view_range=always),
         **more,
     )
+
+
+def blueprint(content: rrb.Container, **time: Any) -> rrb.Blueprint:
+    """Return a layout of these views, with all panels closed.
+
+    Args:
+        content: the views.
+        time: more settings of the panel of time.
+    """
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(timeline="sim_time", state="collapsed", **time),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )

@@ -9,7 +9,8 @@ import rerun as rr
 from iswarm_mj.output.rerun_format import leave_alone
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.rerun_swarm_layout import layout
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.utils.deadline import ends_within
 
 SECONDS = 5.0

@@ -11,11 +11,10 @@ import numpy as np
 
 from iswarm_mj import __version__
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
+from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, SCENE, TRAJECTORY, Scene
 from iswarm_mj.simulation.metrics import Measures, fitness
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 
 
@@ -70,27 +69,28 @@ def result(
         steps: control steps taken.
         wall_s: how long it took.
     """
-    is_cleaning = isinstance(run.task, Cleaning)
-    n_dust = run.config.arena.n_dust
-    scores = [fitness(m, settings.n_robots, n_dust, settings.steps) for m in measures] if is_cleaning else []
-    counts = Measures._fields if is_cleaning else ("collisions", "finished_at")
-
-    units = {name: of.unit for name, of in getattr(run.task, "measured", {}).items() if of.unit}
+    measured = getattr(run.task, "measured", {})
+    units = {name: quantity.unit for name, quantity in measured.items() if quantity.unit}
 
     def each(values: list[Any]) -> Any:
         return values[0] if settings.n_worlds == 1 else values
+
+    counts, of_balls = ("collisions", "finished_at"), {}
+    if "delivered" in measured:
+        n_dust = run.config.arena.n_dust
+        scores = [fitness(m, settings.n_robots, n_dust, settings.steps) for m in measures]
+        counts, of_balls = Measures._fields, {"n_dust": n_dust, "fitness": each(scores)}
 
     return {
         "seed": settings.seed,
         "n_worlds": settings.n_worlds,
         "n_robots": settings.n_robots,
-        **({"n_dust": n_dust} if is_cleaning else {}),
         "max_steps": settings.steps,
         "stop_at": run.goal,
         "steps": steps,
         **{name: each([getattr(m, name) for m in measures]) for name in counts},
-        **({"fitness": each(scores)} if is_cleaning else {}),
-        "metrics": {name: each(list(map(_number, values))) for name, values in metrics.items()},
+        **of_balls,
+        "metrics": {name: each([_number(value) for value in values]) for name, values in metrics.items()},
         **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),
         "seconds": {
@@ -116,7 +116,7 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
 
 def write_trajectory(out: Path, scene: Scene, frames: FrameStore, about: Mapping[str, Any]) -> None:
     """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
-    more: dict[str, Any] = {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
+    more: dict[str, Any] = {SCENE + name: np.asarray(value) for name, value in scene._asdict().items()}
     more[ABOUT] = np.bytes_(json.dumps(about).encode())
     with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
         frames.write(file, more)

@@ -1,14 +1,13 @@
 """Frames on disk become the file that all at once would have become."""
 
 import io
-from dataclasses import fields
 
 import numpy as np
 import pytest
 from helpers_files import full_disk
 
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.trajectory import ARRAYS, Frames
+from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.utils.errors import UserError
 
 SIZES = {"N": 3, "K": 2, "S": 4}
@@ -22,7 +21,7 @@ def made(n_frames, seed):
         shape = [n_frames, *(SIZES.get(axis) or int(axis) for axis in kind.dim_str.split()[1:])]
         return rng.integers(0, 2, shape).astype(dtype) if dtype is np.bool_ else (99 * rng.random(shape)).astype(dtype)
 
-    arrays = {f.name: values(f.type, f.metadata["dtype"]) for f in fields(Frames) if f.name in ARRAYS}
+    arrays = {name: values(f.type, f.metadata["dtype"]) for name, f in ARRAYS.items()}
     return Frames(**arrays, memory={"turned": rng.normal(size=(n_frames, 3)).T.copy().T})  # not in C's order
 
 

@@ -1,5 +1,7 @@
 """Frames of a trajectory from the records of a run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers_runs import N, run_of
@@ -7,6 +9,7 @@ from helpers_runs import N, run_of
 from iswarm_mj.output.frames import frames_of, scene_of
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
 
 
 @pytest.fixture(scope="module")
@@ -21,6 +24,12 @@ def test_each_world_has_its_own_scene(run):
     for scene, start in zip(scenes, run.starts, strict=True):
         np.testing.assert_array_equal(scene.ball_radius, start.balls.radius)
     assert (scenes[0].ball_radius != scenes[1].ball_radius).all()
+
+
+def test_obstacles_are_in_metres_and_radians(run):
+    arena = replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),))
+    scene = scene_of(replace(run.config, arena=arena), run.robot, run.start, 0, 0)
+    np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
 
 
 @pytest.mark.parametrize("held", [3, 7])

@@ -1,0 +1,294 @@
+"""The schema of a recorded world: each quantity once, with its type, unit and meaning, and how a step record gives it.
+
+Trajectories, the tables of `iswarm_mj.load`, the numbers in recordings and docs/files.md follow from it: a field of
+`Frames` is all that a new quantity needs.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped, UInt8, UInt32
+
+from iswarm_mj.output.trajectory import AREA, METRIC, Arrays
+from iswarm_mj.utils.units import MM
+
+if TYPE_CHECKING:
+    from iswarm_mj.gripper.handling import Balls
+    from iswarm_mj.simulation.state import StepRecord
+
+LYING, HELD, DELIVERED = 0, 1, 2
+"""States of a ball."""
+
+IN_FILES = {"mm": ("m", MM), "mm/s": ("m/s", MM)}
+"""Units of the model, what they become in files, and the factor."""
+
+
+class Observed(NamedTuple):
+    """What the getters of `Frames` see: T steps of one world with K balls."""
+
+    record: "StepRecord"
+    balls: "Balls"
+    """(T, K); no balls where the task has none."""
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    unit: str = ""
+    """Empty for numbers without one, and for what is no number."""
+    description: str = ""
+    known: Callable[[Arrays], Bool[np.ndarray, "..."]] | None = None
+    """Where the trajectory has a value, an array that broadcasts; by default everywhere."""
+    words: tuple[str, ...] = ()
+    """Names of the values 0, 1, ... of an enumeration."""
+    in_recording: bool = False
+    """Recordings show it where a robot, a ball or a link is selected, or of (T,) quantities as a time series."""
+
+
+def took_step(arrays: Arrays) -> Bool[np.ndarray, "T"]:
+    """Which frames are after a step of the world: not the start, nor those after its end."""
+    return (arrays["step"] > 0) & arrays["is_running"]
+
+
+def acted(arrays: Arrays) -> Bool[np.ndarray, "T 1"]:
+    """`took_step` for all robots."""
+    return took_step(arrays)[:, None]
+
+
+def spoke(arrays: Arrays) -> Bool[np.ndarray, "T N"]:
+    """Which robots sent messages; the dead keep silent."""
+    return acted(arrays) & arrays["scene_is_alive"]
+
+
+SCENE_COLUMNS = {
+    "is_scout": Column("is_scout", "", "it scouts"),
+    "is_alive": Column("is_alive", "", "it moves; a dead robot only stands in the way"),
+    "ball_radius": Column("radius", "m", "of the ball"),
+}
+"""Constants of robots and balls that tables repeat in each step."""
+
+
+def _quantity(dtype: type, get: Callable[[Observed], Shaped[np.ndarray, "..."]], *columns: Column) -> dict[str, Any]:
+    """Metadata of a field of `Frames`.
+
+    Args:
+        dtype: of the stored array.
+        get: its values in arena units, where lengths are in mm.
+        columns: of the tables; of arrays with a last axis of numbers, one for each.
+    """
+    return {"dtype": dtype, "get": get, "columns": columns}
+
+
+def _is_loaded(seen: Observed) -> Bool[np.ndarray, "T N"]:
+    balls, is_loaded = seen.balls, np.zeros(seen.record.poses.shape[:2], bool)
+    step, ball = np.nonzero(balls.is_held)
+    is_loaded[step, balls.holder[step, ball]] = True
+    return is_loaded
+
+
+def _ball_state(seen: Observed) -> Int[np.ndarray, "T K"]:
+    return np.where(seen.balls.is_held, HELD, np.where(seen.balls.is_delivered, DELIVERED, LYING))
+
+
+@dataclass(frozen=True)
+class Frames:
+    """T consecutive frames of one world with N robots, of S photodiode sectors, and K balls. SI units throughout.
+
+    Frame 0 is the start; frame t is the state after control step t. The axes of a quantity decide its table: T `steps`,
+    T N `robots`, T K `balls`, T N S `links`.
+    """
+
+    step: Int[np.ndarray, "T"] = field(metadata=_quantity(np.int32, lambda seen: seen.record.step))
+    is_running: Bool[np.ndarray, "T"] = field(
+        metadata=_quantity(
+            np.bool_, lambda seen: seen.record.is_running, Column("is_running", "", "the world took this step")
+        )
+    )
+    pose: Float[np.ndarray, "T N 3"] = field(
+        metadata=_quantity(
+            np.float32,
+            lambda seen: seen.record.poses.astype(np.float32),
+            Column("x", "m", "of the centre after the step; the arena is centred on the origin"),
+            Column("y", "m", "of the centre after the step"),
+            Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
+        )
+    )
+    is_loaded: Bool[np.ndarray, "T N"] = field(
+        metadata=_quantity(np.bool_, _is_loaded, Column("is_loaded", "", "it holds a ball"))
+    )
+    has_priority: Bool[np.ndarray, "T N"] = field(metadata=_quantity(np.bool_, lambda seen: seen.record.has_priority))
+    """Whether the robot sends the flag `priority`; nobody does where messages have none."""
+    message: UInt32[np.ndarray, "T N"] = field(
+        metadata=_quantity(
+            np.uint32,
+            lambda seen: seen.record.message,
+            Column("message", "", "the 32 bits that its first LED sent", spoke, in_recording=True),
+        )
+    )
+    """As the step began; those of its other LEDs differ in number and check."""
+    command: Float[np.ndarray, "T N 2"] = field(
+        metadata=_quantity(
+            np.float32,
+            lambda seen: np.stack([seen.record.command.turn, seen.record.command.forward], axis=-1),
+            Column("turn", "rad", "carried out in the step, anticlockwise", acted, in_recording=True),
+            Column("forward", "m", "walked in the step if nothing is in the way", acted, in_recording=True),
+        )
+    )
+    """What the drive carried out, within its limits and with its errors."""
+    ball_position: Float[np.ndarray, "T K 3"] = field(
+        metadata=_quantity(
+            np.float32,
+            lambda seen: seen.record.balls.astype(np.float32),
+            Column("x", "m", "of the centre after the step"),
+            Column("y", "m", "of the centre after the step"),
+            Column("z", "m", "of the centre after the step, above the floor"),
+        )
+    )
+    ball_state: UInt8[np.ndarray, "T K"] = field(
+        metadata=_quantity(
+            np.uint8,
+            _ball_state,
+            Column("state", "", "lying, held or delivered", words=("lying", "held", "delivered")),
+        )
+    )
+    ball_holder: Int[np.ndarray, "T K"] = field(
+        metadata=_quantity(
+            np.int16,
+            lambda seen: seen.balls.holder,
+            Column(
+                "holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, in_recording=True
+            ),
+        )
+    )
+    """Where no robot holds the ball, the last one that did."""
+    link_sender: Int[np.ndarray, "T N S"] = field(
+        metadata=_quantity(
+            np.int16,
+            lambda seen: seen.record.links.sender,
+            Column("sender", "", "number of the robot that sends", in_recording=True),
+        )
+    )
+    """Like all of links undefined where not `link_valid`."""
+    link_valid: Bool[np.ndarray, "T N S"] = field(metadata=_quantity(np.bool_, lambda seen: seen.record.links.valid))
+    """Photodiode sector s receives a robot; rows of the table are these alone."""
+    link_led: UInt8[np.ndarray, "T N S"] = field(
+        metadata=_quantity(
+            np.uint8,
+            lambda seen: seen.record.links.led,
+            Column("led", "", "LED that sends, counted as the sides", in_recording=True),
+        )
+    )
+    link_bearing: Float[np.ndarray, "T N S"] = field(
+        metadata=_quantity(
+            np.float32,
+            lambda seen: seen.record.links.bearing,
+            Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured"),
+        )
+    )
+    link_distance: Float[np.ndarray, "T N S"] = field(
+        metadata=_quantity(
+            np.float32,
+            lambda seen: seen.record.measured_distance,
+            Column("measured_distance", "m", "as the receiver measured it"),
+        )
+    )
+    link_heard: Bool[np.ndarray, "T N S"] = field(
+        metadata=_quantity(
+            np.bool_,
+            lambda seen: seen.record.is_heard,
+            Column("is_heard", "", "the message arrived undamaged", in_recording=True),
+        )
+    )
+    """Its check is right, if that is looked at."""
+    delivered: Int[np.ndarray, "T"] = field(
+        metadata=_quantity(
+            np.int32,
+            lambda seen: seen.balls.is_delivered.sum(axis=1),
+            Column("delivered", "", "balls delivered so far", in_recording=True),
+        )
+    )
+    picked: Int[np.ndarray, "T"] = field(
+        metadata=_quantity(
+            np.int32,
+            lambda seen: seen.balls.was_picked.sum(axis=1),
+            Column("picked", "", "balls picked up so far", in_recording=True),
+        )
+    )
+    collisions: Int[np.ndarray, "T"] = field(
+        metadata=_quantity(
+            np.int32, lambda seen: seen.record.collisions, Column("collisions", "", "so far", in_recording=True)
+        )
+    )
+    mean_speed: Float[np.ndarray, "T"] = field(
+        metadata=_quantity(
+            np.float32,
+            lambda seen: seen.record.speed,
+            Column("mean_speed", "m/s", "of the robots in the step", in_recording=True),
+        )
+    )
+    """Distance moved in the control step over its duration, averaged over the robots."""
+    memory: Arrays = field(default_factory=dict)
+    """Arrays (T, N, ...) of what the strategy wants recorded of its memory (`strategy.recorded`), lengths in m.
+
+    Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the robot's own frame (x
+    ahead, y left), `dust_known`, whether there is one, and `dust_hop`, its hop count; also for the dump.
+    """
+    task: Arrays = field(default_factory=dict)
+    """What the task adds: `area_NAME` (T, M, 3), x, y and half the width, or the radius, of M areas [m], and
+    `metric_NAME` (T,). Cleaning adds nothing: its metrics are `delivered` and `picked`."""
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.step)
+
+    @staticmethod
+    def of(arrays: Arrays) -> "Frames":
+        """Frames of these arrays; those with names of their own are the memory's, or with a prefix the task's."""
+        task = {name: array for name, array in arrays.items() if name.startswith((AREA, METRIC))}
+        memory = {name: array for name, array in arrays.items() if name not in ARRAYS and name not in task}
+        return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory, task=task)
+
+    @staticmethod
+    def observed(seen: Observed, memory: Arrays, task: Arrays) -> "Frames":
+        """Return the frames of a record, in SI.
+
+        Args:
+            seen: steps of one world, in arena units.
+            memory: arrays of the robots' memory, in SI.
+            task: arrays of the task, in SI.
+        """
+        return Frames(**{name: _stored(f.metadata, seen) for name, f in ARRAYS.items()}, memory=memory, task=task)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return all arrays by their names, those of memory and task included."""
+        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory) | dict(self.task)
+
+    def __getitem__(self, steps: slice) -> "Frames":
+        """Return some of the frames."""
+        return Frames.of({name: array[steps] for name, array in self.arrays().items()})
+
+    @staticmethod
+    def concatenate(blocks: "list[Frames]") -> "Frames":
+        """Join blocks along time."""
+        each = [block.arrays() for block in blocks]
+        return Frames.of({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
+
+
+ARRAYS = {f.name: f for f in fields(Frames) if "get" in f.metadata}
+"""Quantities that all trajectories have, by their names."""
+
+
+def _stored(metadata: Mapping[str, Any], seen: Observed) -> np.ndarray:
+    """Values of a quantity in SI."""
+    values = np.asarray(metadata["get"](seen))
+    factors = dict(IN_FILES.values())
+    scale = [factors.get(column.unit, 1.0) for column in metadata["columns"]]
+    return (values if set(scale) <= {1.0} else values * np.array(scale, values.dtype)).astype(metadata["dtype"])
+
+
+def axes_of(name: str) -> tuple[str, ...]:
+    """Axes of a quantity, as ("T", "N"), without a last one of numbers."""
+    return tuple(axis for axis in ARRAYS[name].type.dim_str.split() if not axis.isdigit())
