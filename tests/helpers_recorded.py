@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.message_columns import stored
-from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.schema import ARRAYS, dtype_of
 from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Scene
 from iswarm_mj.sensors.messages import Payload
 
@@ -38,7 +38,7 @@ def arrays(n_steps=3, n_robots=4, n_balls=2):
         name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
         for name, f in ARRAYS.items()
     }
-    made = {name: np.zeros(shapes[name], f.metadata["dtype"]) for name, f in ARRAYS.items()}
+    made = {name: np.zeros(shapes[name], dtype_of(name)) for name, f in ARRAYS.items()}
     made |= {
         "step": np.arange(n_steps, dtype=np.int32),
         "is_running": np.ones(n_steps, bool),

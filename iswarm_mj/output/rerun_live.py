@@ -58,6 +58,8 @@ class LiveRecording(Recording):
             leave_alone(self._stream)
             self._stream = rr.RecordingStream("iswarm_mj")  # whose entities go nowhere
             self._lose()
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
 
     def _flush(self) -> None:
         try:

@@ -4,16 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.output.schema import ARRAYS, Column, Frames, axes_of
+from iswarm_mj.output.schema import ARRAYS, Column, Frames, axes_of, columns_of
 
 ROBOTS, BALLS, LINKS = "world/robots/body", "world/balls/true_size", "world/links"
 SHOWN = {ROBOTS: ("T", "N"), BALLS: ("T", "K"), LINKS: ("T", "N", "S")}
 """Entities that show quantities of these axes where one of their instances is selected."""
 SERIES = {
     {"picked": "series/balls/picked", "delivered": "series/balls/delivered"}.get(name, f"series/{name}"): column
-    for name, f in ARRAYS.items()
-    for column in f.metadata["columns"]
-    if axes_of(name) == ("T",) and column.in_recording
+    for name in ARRAYS
+    for column in columns_of(name)
+    if axes_of(name) == ("T",) and column.shown
 }
 """Time series of quantities of a step."""
 UNITS = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", float(np.rad2deg(np.float32(1))))}
@@ -37,12 +37,12 @@ class Name(NamedTuple):
 def _shown(entity: str) -> list[tuple[str, int, Column, Name]]:
     """Quantities that an entity shows: array, place along its last axis, column of tables, and name here."""
     found = []
-    for quantity, f in ARRAYS.items():
-        for place, column in enumerate(f.metadata["columns"] if axes_of(quantity) == SHOWN[entity] else ()):
+    for quantity in ARRAYS:
+        for place, column in enumerate(columns_of(quantity) if axes_of(quantity) == SHOWN[entity] else ()):
             unit = UNITS.get(column.unit, (column.unit,))[0]
             component = f"{column.name}_{unit.replace('/', '_per_')}" if unit != column.unit else column.name
             text = column.description + (f", {UNKNOWN} if none does" if column.name == "holder" else "")
-            if column.in_recording:
+            if column.shown:
                 found.append((quantity, place, column, Name(entity, component, unit, text)))
     return found
 

@@ -20,14 +20,14 @@ from iswarm_mj.output.memory_vectors import is_known, title
 from iswarm_mj.output.message_columns import payload_of, shown_fields
 from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
-    bounded,
+    check_recordings,
     close,
     columns_of,
     index,
-    leave_alone,
-    require_recordings,
+    save,
     send_properties,
     settings_document,
+    unwritable,
     written,
 )
 from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, links_of, robots_of, strips, trails
@@ -76,10 +76,8 @@ class Recording:
         self._last_states: np.ndarray | None = None
         self._result: dict[str, Any] = {}
         self._stream = rr.RecordingStream(application)
-        require_recordings(self._stream)
+        check_recordings(self._stream)
         self._open()
-        self._stream.set_log_time_enabled(False)
-        self._stream.set_log_tick_enabled(False)
         self._stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
         send_properties(self._stream, "settings", config)
         send_properties(self._stream, "run", {**properties, "world": scene.world})
@@ -93,14 +91,9 @@ class Recording:
     def _open(self) -> None:
         """Open the file, with the layout."""
         try:
-            Path(self._path).open("wb").close()
-            bounded(lambda: self._stream.save(self._path, default_blueprint=layout(self._scene)))
-        except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
-            leave_alone(self._stream)
-            raise UserError(
-                f"The recording {self._path!r} cannot be written ({error}): "
-                "give a file name in an existing folder that you may write to."
-            ) from error
+            save(self._stream, Path(self._path), layout(self._scene))
+        except (OSError, RuntimeError, ValueError) as error:
+            raise unwritable(self._stream, self._path, error) from error
 
     @property
     def stream(self) -> rr.RecordingStream:

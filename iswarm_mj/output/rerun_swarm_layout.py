@@ -8,7 +8,7 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.memory_vectors import hop_name, title
-from iswarm_mj.output.rerun_format import blueprint, time_series
+from iswarm_mj.output.rerun_format import blueprint, space, time_series
 from iswarm_mj.output.rerun_names import LINKS, ROBOTS
 from iswarm_mj.output.rerun_states import COUNTS
 from iswarm_mj.output.trajectory import Scene
@@ -17,17 +17,9 @@ from iswarm_mj.output.trajectory import Scene
 def _arena_view(scene: Scene, name: str, *hidden: str, robots: Any = None) -> rrb.Spatial3DView:
     """Return a view from above, slightly from the south, on the whole arena; robots may look otherwise in it."""
     overrides: dict[Any, Any] = {entity: rrb.EntityBehavior(visible=False) for entity in hidden}
+    overrides |= {} if robots is None else {ROBOTS: robots}
     size = scene.arena_size * look.MILLIMETRES
-    return rrb.Spatial3DView(
-        origin="world",
-        name=name,
-        eye_controls=rrb.EyeControls3D(
-            position=(0, -0.1 * size, 1.03 * size), look_target=(0, -0.01 * size, 0), eye_up=(0, 0, 1)
-        ),
-        line_grid=False,
-        background=(24, 26, 30),
-        overrides=overrides if robots is None else overrides | {ROBOTS: robots},
-    )
+    return space("world", name, (0, -0.1 * size, 1.03 * size), (0, -0.01 * size, 0), overrides=overrides)
 
 
 def _hops(hop: str) -> Any:

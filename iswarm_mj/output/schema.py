@@ -4,12 +4,13 @@ Trajectories, the tables of `iswarm_mj.load`, the numbers in recordings and docs
 `Frames` is all that a new quantity needs.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped, UInt8, UInt32
+from jaxtyping import Bool, Float, Int, Int16, Shaped, UInt8, UInt32
 
 from iswarm_mj.output.trajectory import AREA, METRIC, Arrays
 from iswarm_mj.utils.units import MM
@@ -44,7 +45,7 @@ class Column(NamedTuple):
     """Where the trajectory has a value, an array that broadcasts; by default everywhere."""
     words: tuple[str, ...] = ()
     """Names of the values 0, 1, ... of an enumeration."""
-    in_recording: bool = False
+    shown: bool = False
     """Recordings show it where a robot, a ball or a link is selected, or of (T,) quantities as a time series."""
 
 
@@ -71,15 +72,17 @@ SCENE_COLUMNS = {
 """Constants of robots and balls that tables repeat in each step."""
 
 
-def _quantity(dtype: type, get: Callable[[Observed], Shaped[np.ndarray, "..."]], *columns: Column) -> dict[str, Any]:
-    """Metadata of a field of `Frames`.
+_PLACE = "of the centre after the step"
+
+
+def quantity(get: str | Callable[[Observed], Shaped[np.ndarray, "..."]], *columns: Column) -> Any:
+    """Return a field of `Frames`, whose annotation has its type and its axes.
 
     Args:
-        dtype: of the stored array.
-        get: its values in arena units, where lengths are in mm.
+        get: its values in arena units, where lengths are in mm; the name of a part of `Observed`, or a function.
         columns: of the tables; of arrays with a last axis of numbers, one for each.
     """
-    return {"dtype": dtype, "get": get, "columns": columns}
+    return field(metadata={"get": attrgetter(get) if isinstance(get, str) else get, "columns": columns})
 
 
 def _is_loaded(seen: Observed) -> Bool[np.ndarray, "T N"]:
@@ -101,133 +104,71 @@ class Frames:
     T N `robots`, T K `balls`, T N S `links`.
     """
 
-    step: Int[np.ndarray, "T"] = field(metadata=_quantity(np.int32, lambda seen: seen.record.step))
-    is_running: Bool[np.ndarray, "T"] = field(
-        metadata=_quantity(
-            np.bool_, lambda seen: seen.record.is_running, Column("is_running", "", "the world took this step")
-        )
+    step: Int[np.ndarray, "T"] = quantity("record.step")
+    is_running: Bool[np.ndarray, "T"] = quantity(
+        "record.is_running", Column("is_running", "", "the world took this step")
     )
-    pose: Float[np.ndarray, "T N 3"] = field(
-        metadata=_quantity(
-            np.float32,
-            lambda seen: seen.record.poses.astype(np.float32),
-            Column("x", "m", "of the centre after the step; the arena is centred on the origin"),
-            Column("y", "m", "of the centre after the step"),
-            Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
-        )
+    pose: Float[np.ndarray, "T N 3"] = quantity(
+        "record.poses",
+        Column("x", "m", f"{_PLACE}; the arena is centred on the origin"),
+        Column("y", "m", _PLACE),
+        Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
     )
-    is_loaded: Bool[np.ndarray, "T N"] = field(
-        metadata=_quantity(np.bool_, _is_loaded, Column("is_loaded", "", "it holds a ball"))
-    )
-    has_priority: Bool[np.ndarray, "T N"] = field(metadata=_quantity(np.bool_, lambda seen: seen.record.has_priority))
+    is_loaded: Bool[np.ndarray, "T N"] = quantity(_is_loaded, Column("is_loaded", "", "it holds a ball"))
+    has_priority: Bool[np.ndarray, "T N"] = quantity("record.has_priority")
     """Whether the robot sends the flag `priority`; nobody does where messages have none."""
-    message: UInt32[np.ndarray, "T N"] = field(
-        metadata=_quantity(
-            np.uint32,
-            lambda seen: seen.record.message,
-            Column("message", "", "the 32 bits that its first LED sent", spoke, in_recording=True),
-        )
+    message: UInt32[np.ndarray, "T N"] = quantity(
+        "record.message", Column("message", "", "the 32 bits that its first LED sent", spoke, shown=True)
     )
     """As the step began; those of its other LEDs differ in number and check."""
-    command: Float[np.ndarray, "T N 2"] = field(
-        metadata=_quantity(
-            np.float32,
-            lambda seen: np.stack([seen.record.command.turn, seen.record.command.forward], axis=-1),
-            Column("turn", "rad", "carried out in the step, anticlockwise", acted, in_recording=True),
-            Column("forward", "m", "walked in the step if nothing is in the way", acted, in_recording=True),
-        )
+    command: Float[np.ndarray, "T N 2"] = quantity(
+        lambda seen: np.stack([*seen.record.command], axis=-1),
+        Column("turn", "rad", "carried out in the step, anticlockwise", acted, shown=True),
+        Column("forward", "m", "walked in the step if nothing is in the way", acted, shown=True),
     )
     """What the drive carried out, within its limits and with its errors."""
-    ball_position: Float[np.ndarray, "T K 3"] = field(
-        metadata=_quantity(
-            np.float32,
-            lambda seen: seen.record.balls.astype(np.float32),
-            Column("x", "m", "of the centre after the step"),
-            Column("y", "m", "of the centre after the step"),
-            Column("z", "m", "of the centre after the step, above the floor"),
-        )
+    ball_position: Float[np.ndarray, "T K 3"] = quantity(
+        "record.balls",
+        Column("x", "m", _PLACE),
+        Column("y", "m", _PLACE),
+        Column("z", "m", f"{_PLACE}, above the floor"),
     )
-    ball_state: UInt8[np.ndarray, "T K"] = field(
-        metadata=_quantity(
-            np.uint8,
-            _ball_state,
-            Column("state", "", "lying, held or delivered", words=("lying", "held", "delivered")),
-        )
+    ball_state: UInt8[np.ndarray, "T K"] = quantity(
+        _ball_state, Column("state", "", "lying, held or delivered", words=("lying", "held", "delivered"))
     )
-    ball_holder: Int[np.ndarray, "T K"] = field(
-        metadata=_quantity(
-            np.int16,
-            lambda seen: seen.balls.holder,
-            Column(
-                "holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, in_recording=True
-            ),
-        )
+    ball_holder: Int16[np.ndarray, "T K"] = quantity(
+        "balls.holder",
+        Column("holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, shown=True),
     )
     """Where no robot holds the ball, the last one that did."""
-    link_sender: Int[np.ndarray, "T N S"] = field(
-        metadata=_quantity(
-            np.int16,
-            lambda seen: seen.record.links.sender,
-            Column("sender", "", "number of the robot that sends", in_recording=True),
-        )
+    link_sender: Int16[np.ndarray, "T N S"] = quantity(
+        "record.links.sender", Column("sender", "", "number of the robot that sends", shown=True)
     )
     """Like all of links undefined where not `link_valid`."""
-    link_valid: Bool[np.ndarray, "T N S"] = field(metadata=_quantity(np.bool_, lambda seen: seen.record.links.valid))
+    link_valid: Bool[np.ndarray, "T N S"] = quantity("record.links.valid")
     """Photodiode sector s receives a robot; rows of the table are these alone."""
-    link_led: UInt8[np.ndarray, "T N S"] = field(
-        metadata=_quantity(
-            np.uint8,
-            lambda seen: seen.record.links.led,
-            Column("led", "", "LED that sends, counted as the sides", in_recording=True),
-        )
+    link_led: UInt8[np.ndarray, "T N S"] = quantity(
+        "record.links.led", Column("led", "", "LED that sends, counted as the sides", shown=True)
     )
-    link_bearing: Float[np.ndarray, "T N S"] = field(
-        metadata=_quantity(
-            np.float32,
-            lambda seen: seen.record.links.bearing,
-            Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured"),
-        )
+    link_bearing: Float[np.ndarray, "T N S"] = quantity(
+        "record.links.bearing", Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured")
     )
-    link_distance: Float[np.ndarray, "T N S"] = field(
-        metadata=_quantity(
-            np.float32,
-            lambda seen: seen.record.measured_distance,
-            Column("measured_distance", "m", "as the receiver measured it"),
-        )
+    link_distance: Float[np.ndarray, "T N S"] = quantity(
+        "record.measured_distance", Column("measured_distance", "m", "as the receiver measured it")
     )
-    link_heard: Bool[np.ndarray, "T N S"] = field(
-        metadata=_quantity(
-            np.bool_,
-            lambda seen: seen.record.is_heard,
-            Column("is_heard", "", "the message arrived undamaged", in_recording=True),
-        )
+    link_heard: Bool[np.ndarray, "T N S"] = quantity(
+        "record.is_heard", Column("is_heard", "", "the message arrived undamaged", shown=True)
     )
     """Its check is right, if that is looked at."""
-    delivered: Int[np.ndarray, "T"] = field(
-        metadata=_quantity(
-            np.int32,
-            lambda seen: seen.balls.is_delivered.sum(axis=1),
-            Column("delivered", "", "balls delivered so far", in_recording=True),
-        )
+    delivered: Int[np.ndarray, "T"] = quantity(
+        lambda seen: seen.balls.is_delivered.sum(axis=1), Column("delivered", "", "balls delivered so far", shown=True)
     )
-    picked: Int[np.ndarray, "T"] = field(
-        metadata=_quantity(
-            np.int32,
-            lambda seen: seen.balls.was_picked.sum(axis=1),
-            Column("picked", "", "balls picked up so far", in_recording=True),
-        )
+    picked: Int[np.ndarray, "T"] = quantity(
+        lambda seen: seen.balls.was_picked.sum(axis=1), Column("picked", "", "balls picked up so far", shown=True)
     )
-    collisions: Int[np.ndarray, "T"] = field(
-        metadata=_quantity(
-            np.int32, lambda seen: seen.record.collisions, Column("collisions", "", "so far", in_recording=True)
-        )
-    )
-    mean_speed: Float[np.ndarray, "T"] = field(
-        metadata=_quantity(
-            np.float32,
-            lambda seen: seen.record.speed,
-            Column("mean_speed", "m/s", "of the robots in the step", in_recording=True),
-        )
+    collisions: Int[np.ndarray, "T"] = quantity("record.collisions", Column("collisions", "", "so far", shown=True))
+    mean_speed: Float[np.ndarray, "T"] = quantity(
+        "record.speed", Column("mean_speed", "m/s", "of the robots in the step", shown=True)
     )
     """Distance moved in the control step over its duration, averaged over the robots."""
     memory: Arrays = field(default_factory=dict)
@@ -260,7 +201,7 @@ class Frames:
             memory: arrays of the robots' memory, in SI.
             task: arrays of the task, in SI.
         """
-        return Frames(**{name: _stored(f.metadata, seen) for name, f in ARRAYS.items()}, memory=memory, task=task)
+        return Frames(**{name: _stored(name, seen) for name in ARRAYS}, memory=memory, task=task)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return all arrays by their names, those of memory and task included."""
@@ -281,12 +222,23 @@ ARRAYS = {f.name: f for f in fields(Frames) if "get" in f.metadata}
 """Quantities that all trajectories have, by their names."""
 
 
-def _stored(metadata: Mapping[str, Any], seen: Observed) -> np.ndarray:
+def _stored(name: str, seen: Observed) -> np.ndarray:
     """Values of a quantity in SI."""
-    values = np.asarray(metadata["get"](seen))
-    factors = dict(IN_FILES.values())
-    scale = [factors.get(column.unit, 1.0) for column in metadata["columns"]]
-    return (values if set(scale) <= {1.0} else values * np.array(scale, values.dtype)).astype(metadata["dtype"])
+    values, factors = np.asarray(ARRAYS[name].metadata["get"](seen)), dict(IN_FILES.values())
+    values = values.astype(np.float32) if values.dtype.kind == "f" else values
+    scale = [factors.get(column.unit, 1.0) for column in columns_of(name)]
+    return (values if set(scale) <= {1.0} else values * np.array(scale, values.dtype)).astype(dtype_of(name))
+
+
+def columns_of(name: str) -> tuple[Column, ...]:
+    """Columns of a quantity."""
+    return ARRAYS[name].metadata["columns"]
+
+
+def dtype_of(name: str) -> np.dtype:
+    """Type in which a quantity is stored; numbers without one in their annotation have 32 bits."""
+    found = ARRAYS[name].type.dtypes
+    return np.dtype(next(kind for kind in ("float32", "int32", *found) if kind in found))
 
 
 def axes_of(name: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Shaped
 
 from iswarm_mj.output.memory_vectors import known_name, stem, title
 from iswarm_mj.output.message_columns import decoded, message_columns, payload_of
-from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, acted, axes_of
+from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, acted, axes_of, columns_of
 from iswarm_mj.output.trajectory import METRIC, SCENE, Arrays, Scene
 from iswarm_mj.sensors.messages import PRIORITY
 
@@ -76,7 +76,7 @@ def _fixed(table: str) -> Iterator[tuple[Column, Get]]:
     for quantity, f in ARRAYS.items():
         if axes_of(quantity) == axes:
             has_parts = len(f.type.dim_str.split()) > len(axes)
-            for place, column in enumerate(f.metadata["columns"]):
+            for place, column in enumerate(columns_of(quantity)):
                 yield _stored(quantity, column, place if has_parts else None)
     for constant, column in SCENE_COLUMNS.items():
         if (Scene.__annotations__[constant].dim_str,) == axes[1:]:

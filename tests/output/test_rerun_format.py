@@ -6,6 +6,7 @@ import threading
 import numpy as np
 import pytest
 import rerun as rr
+from helpers_swarm_recording import make_scene
 
 from iswarm_mj.output import rerun_format
 from iswarm_mj.output.rerun_format import bounded
@@ -65,10 +66,8 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
 
 
 def test_a_name_that_no_file_can_have(unregistered):
-    recording = object.__new__(Recording)
-    recording._path, recording._stream = "a\0b", object()
     with pytest.raises(UserError, match=r"cannot be written \(embedded null byte\)"):
-        recording._open()
+        Recording("a\0b", make_scene(3, 1), {}, {})
 
 
 def test_a_recording_without_its_end_is_told(tmp_path, unregistered):

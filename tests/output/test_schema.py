@@ -9,7 +9,7 @@ from helpers_runs import run_of
 
 import iswarm_mj
 from iswarm_mj.output.rerun_names import LINKS, SERIES, SHOWN, UNITS
-from iswarm_mj.output.schema import ARRAYS, axes_of
+from iswarm_mj.output.schema import ARRAYS, axes_of, dtype_of
 from iswarm_mj.output.tables import TABLES
 from iswarm_mj.output.trajectory import RECORDING, TRAJECTORY
 from iswarm_mj.workflows.clean import clean
@@ -31,7 +31,7 @@ def done(small, tmp_path_factory):
 def test_a_quantity_is_everywhere(done, name):
     arrays, saved, recorded = done
     values, field, axes = arrays[name], ARRAYS[name], axes_of(name)
-    assert values.dtype == field.metadata["dtype"] and values.ndim == len(field.type.dim_str.split())
+    assert values.dtype == dtype_of(name) and values.ndim == len(field.type.dim_str.split())
     table, page = getattr(saved, TABLE[axes]), DOCS.read_text()
     section = page.split(f"<!-- made: {TABLE[axes]} -->")[1].split("<!-- made -->")[0]
     for place, column in enumerate(field.metadata["columns"]):
@@ -46,7 +46,7 @@ def test_a_quantity_is_everywhere(done, name):
             known = found != None  # noqa: E711, element by element
             assert known.any() or column.name == "holder"
             np.testing.assert_array_equal(found[known].astype(own.dtype), own[known])
-        if column.in_recording:
+        if column.shown:
             unit, factor = UNITS.get(column.unit, (column.unit, 1))
             entity = next((e for e, of in SHOWN.items() if of == axes), None)
             if entity is None:
