@@ -32,7 +32,7 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
     with Stage(config, frames, shot, robot_file_of(directory)) as stage:
-        pixels = stage.frame(frames, step)
+        pixels = stage.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step], step)
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)
     return step

@@ -109,7 +109,7 @@ class Frames:
         "record.is_running", Column("is_running", "", "the world took this step")
     )
     pose: Float[np.ndarray, "T N 3"] = quantity(
-        "record.poses",
+        lambda seen: seen.record.poses.astype(np.float32),
         Column("x", "m", f"{_PLACE}; the arena is centred on the origin"),
         Column("y", "m", _PLACE),
         Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
@@ -128,7 +128,7 @@ class Frames:
     )
     """What the drive carried out, within its limits and with its errors."""
     ball_position: Float[np.ndarray, "T K 3"] = quantity(
-        "record.balls",
+        lambda seen: seen.record.balls.astype(np.float32),
         Column("x", "m", _PLACE),
         Column("y", "m", _PLACE),
         Column("z", "m", f"{_PLACE}, above the floor"),
@@ -225,7 +225,6 @@ ARRAYS = {f.name: f for f in fields(Frames) if "get" in f.metadata}
 def _stored(name: str, seen: Observed) -> np.ndarray:
     """Values of a quantity in SI."""
     values, factors = np.asarray(ARRAYS[name].metadata["get"](seen)), dict(IN_FILES.values())
-    values = values.astype(np.float32) if values.dtype.kind == "f" else values
     scale = [factors.get(column.unit, 1.0) for column in columns_of(name)]
     return (values if set(scale) <= {1.0} else values * np.array(scale, values.dtype)).astype(dtype_of(name))
 

@@ -6,7 +6,7 @@ The robot is 1 x 2 x 1 mm; the LED of its front sits 0.4 mm left of the middle. 
 import shutil
 import subprocess
 import sys
-from types import SimpleNamespace
+from collections import namedtuple
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ from helpers_sensing import place
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import models_directory, read_robot
+from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.output.frames import scene_of
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
@@ -28,7 +29,7 @@ from iswarm_mj.sensors.optics import led_positions, receive
 from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import MujocoSettings, RunSettings
-from iswarm_mj.simulation.state import StepRecord
+from iswarm_mj.simulation.state import StepRecord, SwarmState
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
@@ -204,8 +205,9 @@ def test_a_whole_run_of_such_robots(file):
 
 @pytest.fixture(scope="module")
 def scene(file):
-    memory, balls = SimpleNamespace(is_scout=np.zeros((1, 1, N), bool)), SimpleNamespace(radius=np.zeros((1, 1, 0)))
-    swarm = SimpleNamespace(memory=memory, balls=balls, is_alive=np.ones((1, 1, N), bool))
+    memory = namedtuple("Memory", "is_scout")(np.zeros((1, 1, N), bool))
+    balls = Balls(**dict.fromkeys(Balls._fields) | {"radius": np.zeros((1, 1, 0))})
+    swarm = SwarmState(memory, balls, is_alive=np.ones((1, 1, N), bool))
     parts = {"swarm": swarm, "poses": np.zeros((1, 1, N, 3))}
     start = StepRecord(**dict.fromkeys(StepRecord._fields) | parts)
     return scene_of(CONFIG, read_robot(file), start, 0, 0)
@@ -241,10 +243,14 @@ def blue_area(robot_file):
 import numpy as np
 from pathlib import Path
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.output.stage import Shot, Stage
 path = {str(robot_file or "")!r}
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
-frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
+size = 2e-3 * np.array(read_robot(Path(path) if path else None).half_edges)
+frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool), scene_robot_size=size)
+frames |= dict(scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
+frames |= {{f"scene_area_{{part}}": np.zeros(0) for part in ("names", "colours", "shapes")}}
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=Path(path) if path else None) as stage:
     pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
