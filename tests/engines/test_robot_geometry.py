@@ -243,11 +243,10 @@ def blue_area(robot_file):
 import numpy as np
 from pathlib import Path
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.output.stage import Shot, Stage
 path = {str(robot_file or "")!r}
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
-size = 2e-3 * np.array(read_robot(Path(path) if path else None).half_edges)
+size = 2e-3 * np.array({tuple(map(float, read_robot(robot_file).half_edges))})
 frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool), scene_robot_size=size)
 frames |= dict(scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
 frames |= {{f"scene_area_{{part}}": np.zeros(0) for part in ("names", "colours", "shapes")}}
