@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import jaxtyped
 
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import (
@@ -103,20 +104,13 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
 
 def _check_shapes(path: Path, arrays: Arrays) -> None:
     """Refuse arrays of other kinds of values, sizes that differ along the same axis, and balls without a size."""
-    sizes: dict[str, tuple[int, str]] = {}
-    for name, kind in _NEEDED.items():
-        values = arrays[name]
-        if not hasattr(kind, "dim_str"):
-            continue
-        axes = kind.dim_str.split()
-        if values.dtype.name not in kind.dtypes:
-            raise UserError(f"{path}: `{name}` holds values of the kind {values.dtype}; {REMEDY}.")
-        if len(axes) != values.ndim:
-            raise UserError(f"{path}: `{name}` has {values.ndim} axes instead of {len(axes)}; {REMEDY}.")
-        for axis, size in zip(axes, values.shape, strict=True):
-            wanted, first = (int(axis), name) if axis.isdigit() else sizes.setdefault(axis, (size, name))
-            if size != wanted:
-                raise UserError(f"{path}: the shape {values.shape} of `{name}` does not fit `{first}`; {REMEDY}.")
+    with jaxtyped("context"):
+        for name, kind in _NEEDED.items():
+            if hasattr(kind, "dim_str") and not isinstance(arrays[name], kind):
+                found = f"{arrays[name].dtype} {arrays[name].shape}"
+                raise UserError(
+                    f"{path}: `{name}` ({found}) does not fit the other arrays as {kind.__name__}; {REMEDY}."
+                )
     for key, prefix in _NAMED.items():
         axes = arrays["pose"].shape[: 2 if key == "memory_names" else 1]
         for name in arrays[SCENE + key].tolist():
