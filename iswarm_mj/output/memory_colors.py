@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Int8, UInt32
 
-from iswarm_mj.output.memory_vectors import hop_name, is_known
+from iswarm_mj.output.memory_vectors import is_known, vectors
 from iswarm_mj.output.rerun_names import UNKNOWN
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
@@ -16,10 +16,8 @@ _WITHOUT = (170, 170, 170)
 
 def hop_counts(scene: Scene, frames: Frames) -> dict[str, Int8[np.ndarray, "T N"]]:
     """Return the hop counts of the recorded vectors that have some, by their names; -1 without a vector."""
-    hops = {hop_name(name): name for name in scene.arrows if hop_name(name) in frames.memory}
-    return {
-        hop: np.where(is_known(frames, name), frames.memory[hop], UNKNOWN).astype(np.int8) for hop, name in hops.items()
-    }
+    each = [vector for vector in vectors(scene) if vector.hop in frames.memory]
+    return {v.hop: np.where(is_known(frames, v), frames.memory[v.hop], UNKNOWN).astype(np.int8) for v in each}
 
 
 def hop_colours(hops: Int8[np.ndarray, "T N"]) -> UInt32[np.ndarray, "T N"]:

@@ -86,7 +86,11 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
     )
     with figure(path, columns=3, size=(4.3, 3.9), caption=caption) as (whole, near, parts):
         for curve in curves:
-            style = {"color": hues[curve.voltage], "ls": dashes[curve.radius], "lw": _WIDTHS[curve.direction]}
+            style: Any = {
+                "color": hues[curve.voltage],
+                "ls": dashes[curve.radius],
+                "lw": _WIDTHS[curve.direction],
+            }
             for axes in (whole, near):
                 axes.plot(curve.gap, curve.force, **style)
                 _mark(axes, curve, hues[curve.voltage], axes is near)

@@ -32,7 +32,9 @@ LARGEST_RESULT = 2**28
 """Size up to which a result.json is read [bytes]."""
 LARGEST_TRAJECTORY = 2**36
 """Size up to which a trajectory.npz is read, if its arrays fit into memory [bytes]."""
-_NEEDED = {name: f.type for name, f in ARRAYS.items()} | {SCENE + n: t for n, t in Scene.__annotations__.items()}
+_NEEDED: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
+    SCENE + n: t for n, t in Scene.__annotations__.items()
+}
 """Arrays without which a file is no trajectory, and their types."""
 _NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
 """Fields of `Scene` that name further arrays, and their prefixes."""

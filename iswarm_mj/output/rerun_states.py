@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 from jaxtyping import Bool, Int, UInt8
 
-from iswarm_mj.output.memory_vectors import is_known
+from iswarm_mj.output.memory_vectors import is_known, vector
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 
@@ -65,7 +65,7 @@ def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:
 def _is_in(state: State, scene: Scene, frames: Frames, stands: Bool[np.ndarray, "T N"]) -> Bool[np.ndarray, "T N"]:
     if state == DEAD:
         return np.broadcast_to(~np.asarray(scene.is_alive), stands.shape)
-    known = is_known(frames, state.vector) if state.vector else True
+    known = is_known(frames, vector(state.vector)) if state.vector else True
     return (frames.is_loaded == state.is_loaded) & known & (stands | (not state.stands))
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Float, Shaped
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.memory_colors import hop_colours, hop_counts
-from iswarm_mj.output.memory_vectors import is_known, title
+from iswarm_mj.output.memory_vectors import is_known, vectors
 from iswarm_mj.output.message_columns import payload_of, shown_fields
 from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
@@ -72,7 +72,7 @@ class Recording:
         """
         self._path, self._scene, self._payload = str(path), scene, payload_of(scene.payload)
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
-        self._last_step = -1
+        self._vectors, self._last_step = vectors(scene), -1
         self._last_states: np.ndarray | None = None
         self._result: dict[str, Any] = {}
         self._stream = rr.RecordingStream(application)
@@ -154,9 +154,9 @@ class Recording:
         if np.any(np.diff(frames.step, prepend=self._last_step) <= 0):
             raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
         drawn = {"pose of robots": frames.pose, "position of balls": frames.ball_position}
-        for name in self._scene.arrows:
-            known = is_known(frames, name)[..., None]
-            drawn[f"{title(name)} of robots"] = np.where(known, frames.memory[name], 0)
+        for vector in self._vectors:
+            known = is_known(frames, vector)[..., None]
+            drawn[f"{vector.title} of robots"] = np.where(known, frames.memory[vector.name], 0)
         for name, values in drawn.items():
             is_bad = np.any(~np.isfinite(values), axis=-1)
             if is_bad.any():
@@ -188,7 +188,7 @@ class Recording:
         )
         hops = hop_counts(self._scene, frames)
         values = shown_values(ROBOTS, frames) | shown_fields(self._payload, self._scene.n_leds, frames.message)
-        values |= hops | {look.hop_colour(name): hop_colours(each) for name, each in hops.items()}
+        values |= hops | {v.hop_colour: hop_colours(hops[v.hop]) for v in self._vectors if v.hop in hops}
         self._send(ROBOTS, boxes, yaw.shape[1], **values)
         fronts = centres + 0.34 * length * np.stack([cos, sin, zero], axis=-1)
         fronts[..., 2] = height + look.FRONT_RADIUS * length
@@ -216,12 +216,13 @@ class Recording:
 
     def _memory(self, frames: Frames, origins: Float[np.ndarray, "T N 3"]) -> None:
         """Arrows from the robots that know a vector, turned to the world; a series for other numbers of each robot."""
-        for name in self._scene.arrows:
-            known = is_known(frames, name)
-            vectors = np.zeros((np.count_nonzero(known), 3), np.float32)
-            vectors[:, :2] = rotate(frames.memory[name][known], frames.pose[..., 2][known]) * np.float32(MILLIMETRES)
-            shown = rr.Arrows3D.from_fields(origins=origins[known], vectors=vectors)
-            self._send(look.arrows(name), shown, np.count_nonzero(known, axis=1), robot=robots_of(known))
+        for vector in self._vectors:
+            known = is_known(frames, vector)
+            ends = np.zeros((np.count_nonzero(known), 3), np.float32)
+            turned = rotate(frames.memory[vector.name][known], frames.pose[..., 2][known])
+            ends[:, :2] = turned * np.float32(MILLIMETRES)
+            shown = rr.Arrows3D.from_fields(origins=origins[known], vectors=ends)
+            self._send(vector.arrows, shown, np.count_nonzero(known, axis=1), robot=robots_of(known))
         for name in look.numbers(self._scene):
             values = frames.memory[name].reshape(len(frames), -1).astype(np.float64)
             self._send(f"{look.MEMORY}/{name}", rr.Scalars(values.reshape(-1)), values.shape[1])
@@ -230,7 +231,7 @@ class Recording:
         """Areas of the task on the floor, which may move."""
         for name, shape in zip(self._scene.area_names, self._scene.area_shapes, strict=True):
             areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
-            self._send(look.area(name), look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
+            self._send(f"{look.AREAS}/{name}", look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
 
     def _states(self, frames: Frames) -> None:
         """How many robots are in each state, and the changes of some robots' states."""
@@ -247,11 +248,11 @@ class Recording:
     def _series(self, frames: Frames) -> None:
         """Time series; shares are of all robots. Keeps what the world has come to."""
         values = series_values(frames)
-        values |= {look.known(name): is_known(frames, name).mean(axis=1) for name in self._scene.arrows}
-        values |= {look.metric(name): frames.task[METRIC + name] for name in self._scene.metric_names}
+        values |= {vector.share: is_known(frames, vector).mean(axis=1) for vector in self._vectors}
+        counts = {name: frames.task[METRIC + name] for name in self._scene.metric_names}
+        values |= {f"{look.METRICS}/{name}": each for name, each in counts.items()}
         for entity in look.series(self._scene):
             self._send(entity, rr.Scalars(np.asarray(values[entity], np.float64)))
-        counts = {name: frames.task[METRIC + name] for name in self._scene.metric_names}
         counts |= {"delivered": frames.delivered, "picked": frames.picked, "collisions": frames.collisions}
         self._result |= {name: each[-1] for name, each in counts.items()}
         self._result["steps"] = int(frames.step[frames.is_running].max(initial=self._result.get("steps", 0)))

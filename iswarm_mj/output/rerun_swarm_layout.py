@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.memory_vectors import hop_name, title
+from iswarm_mj.output.memory_vectors import vectors
 from iswarm_mj.output.rerun_format import blueprint, space, time_series
 from iswarm_mj.output.rerun_names import LINKS, ROBOTS
 from iswarm_mj.output.rerun_states import COUNTS
@@ -22,35 +22,36 @@ def _arena_view(scene: Scene, name: str, *hidden: str, robots: Any = None) -> rr
     return space("world", name, (0, -0.1 * size, 1.03 * size), (0, -0.01 * size, 0), overrides=overrides)
 
 
-def _hops(hop: str) -> Any:
-    """Boxes in the colours of a hop count, which the recording has beside the boxes' own."""
+def _coloured(component: str) -> Any:
+    """Boxes in other colours than their own, which a component has."""
     colours = VisualizerComponentMapping(
-        "Boxes3D:colors", ComponentSourceKind.SourceComponent, source_component=look.hop_colour(hop)
+        "Boxes3D:colors", ComponentSourceKind.SourceComponent, source_component=component
     )
     return rr.Boxes3D.from_fields().visualizer(mappings=[colours])
 
 
 def arena(scene: Scene) -> rrb.Tabs:
     """Return the views of the arena: of everything, of each remembered vector, of its hop counts, of links with ids."""
-    arrows = {name: look.arrows(name) for name in scene.arrows}
-    views = [_arena_view(scene, "Arena (mm)", *arrows.values())]
-    for name in arrows:
-        others = (arrows[other] for other in arrows if other != name)
-        words = title(name).replace("vector", "Vectors", 1)
-        views.append(_arena_view(scene, f"{words} (mm)", *others, LINKS, look.TRAILS))
-    for name in arrows:
-        if hop_name(name) in scene.memory_names:
-            words, hidden = title(name).replace("vector", "Hop counts", 1), (LINKS, look.TRAILS, look.BALL_MARKERS)
-            views.append(_arena_view(scene, words, *arrows.values(), *hidden, robots=_hops(hop_name(name))))
+    each = vectors(scene)
+    arrows = [vector.arrows for vector in each]
+    views = [_arena_view(scene, "Arena (mm)", *arrows)]
+    for vector in each:
+        others = (entity for entity in arrows if entity != vector.arrows)
+        name = f"{vector.title.replace('vector', 'Vectors', 1)} (mm)"
+        views.append(_arena_view(scene, name, *others, LINKS, look.TRAILS))
+    for vector in each:
+        if vector.hop in scene.memory_names:
+            name, hidden = vector.title.replace("vector", "Hop counts", 1), (LINKS, look.TRAILS, look.BALL_MARKERS)
+            views.append(_arena_view(scene, name, *arrows, *hidden, robots=_coloured(vector.hop_colour)))
     numbered = rr.Boxes3D.from_fields(show_labels=True, colors=(255, 255, 255)).visualizer()  # as are the labels then
-    views.append(_arena_view(scene, "Links and ids", *arrows.values(), look.TRAILS, robots=numbered))
+    views.append(_arena_view(scene, "Links and ids", *arrows, look.TRAILS, robots=numbered))
     return rrb.Tabs(*views, active_tab=0)
 
 
 def content(scene: Scene) -> rrb.Horizontal:
     """Return the arena on the left; time series, states and configuration above the legend on the right."""
     plots = rrb.Vertical(
-        *([time_series("series/task", "Task", "LeftTop")] if scene.metric_names else []),
+        *([time_series(look.METRICS, "Task", "LeftTop")] if scene.metric_names else []),
         *([time_series("series/balls", "Balls", "LeftTop")] if len(scene.ball_radius) else []),
         *([time_series("series/known", "Share of robots", "RightBottom")] if scene.arrows else []),
         rrb.Horizontal(*(time_series(entity, name[0].upper() + name[1:], None) for entity, name in _single(scene))),

@@ -10,14 +10,15 @@ import numpy as np
 import rerun as rr
 from jaxtyping import Bool, Float, UInt16
 
-from iswarm_mj.output.memory_vectors import hop_name, known_name, stem
+from iswarm_mj.output.memory_vectors import vectors
 from iswarm_mj.output.rerun_names import BALLS, LINKS, ROBOTS, SERIES, UNITS
 from iswarm_mj.output.trajectory import Scene
 
 MILLIMETRES = 1e3
 """Millimetres per metre."""
 FRONTS, BALL_MARKERS, TRAILS = "world/robots/front", "world/balls/marker", "world/trails"
-MEMORY, CONFIG, KEY = "memory", "config", "legend"
+MEMORY, METRICS, CONFIG, KEY = "memory", "series/task", "config", "legend"
+AREAS = "world/arena"
 Colour = tuple[int, int, int]
 _LABELS = {
     "series/balls/picked": ("picked up", (230, 140, 40)),
@@ -79,34 +80,9 @@ def robot_classes(
     return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
 
 
-def arrows(name: str) -> str:
-    """Return the entity of the arrows of a recorded vector."""
-    return f"world/memory/{stem(name)}"
-
-
-def known(name: str) -> str:
-    """Return the entity of the share of robots that have a recorded vector."""
-    return f"series/known/{stem(name)}"
-
-
-def area(name: str) -> str:
-    """Return the entity of areas of the task."""
-    return f"world/arena/{name}"
-
-
-def metric(name: str) -> str:
-    """Return the entity of a metric of the task."""
-    return f"series/task/{name}"
-
-
-def hop_colour(hop: str) -> str:
-    """Return the name of the colours of hop counts."""
-    return f"{hop}_colour"
-
-
 def numbers(scene: Scene) -> list[str]:
     """Return the names of what is recorded of the memory, but for vectors drawn as arrows and what belongs to them."""
-    drawn = {part for name in scene.arrows for part in (name, known_name(name), hop_name(name))}
+    drawn = {part for vector in vectors(scene) for part in (vector.name, vector.known, vector.hop)}
     return [name for name in scene.memory_names if name not in drawn]
 
 
@@ -124,11 +100,10 @@ def series(scene: Scene) -> dict[str, tuple[str, Colour]]:
         entity: _LABELS.get(entity, (f"{column.name} [{UNITS.get(column.unit, (column.unit,))[0]}]", _HUES[0]))
         for entity, column in SERIES.items()
     }
-    words = {"dust": "know the dust", "dump": "know the dump"}
-    for name, hue in zip(scene.arrows, cycle(_HUES)):
-        found[known(name)] = (words.get(stem(name), f"have {stem(name)}"), hue)
+    for vector, hue in zip(vectors(scene), cycle(_HUES)):
+        found[vector.share] = (vector.share_title, hue)
     for name, unit, hue in zip(scene.metric_names, scene.metric_units, cycle(_HUES)):
-        found[metric(name)] = (f"{name} [{unit}]" if unit else name, hue)
+        found[f"{METRICS}/{name}"] = (f"{name} [{unit}]" if unit else name, hue)
     return found
 
 
@@ -136,7 +111,7 @@ def legend(scene: Scene) -> str:
     """Return what colours and lines mean, as far as this scene has them."""
     absent = {
         "balls": not len(scene.ball_radius),
-        "hops": not any(hop_name(name) in scene.memory_names for name in scene.arrows),
+        "hops": not any(vector.hop in scene.memory_names for vector in vectors(scene)),
         "floor": scene.dump[2] <= scene.dump[0] and not np.size(scene.dust_areas),
     }
     return "\n\n".join(text for name, text in _LEGEND.items() if not absent.get(name))
@@ -161,19 +136,19 @@ def _arena(scene: Scene) -> Iterator[tuple[str, rr.Boxes3D]]:
     """Yield floor, walls around it, dump, dust areas and obstacles."""
     half, height = scene.arena_size * MILLIMETRES / 2, scene.robot_size[2] * MILLIMETRES
     thick = height / 2
-    yield area("floor"), _boxes(np.array([[0, 0, half, half]]), -_SHEET, 0.0, _FLOOR)
+    yield f"{AREAS}/floor", _boxes(np.array([[0, 0, half, half]]), -_SHEET, 0.0, _FLOOR)
     beside, length = half + thick / 2, half + thick
     walls = [(side * beside, 0, thick / 2, length) for side in (1, -1)]
     walls += [(0, side * beside, length, thick / 2) for side in (1, -1)]
-    yield area("walls"), _boxes(np.array(walls), 0.0, height, _WALL)
+    yield f"{AREAS}/walls", _boxes(np.array(walls), 0.0, height, _WALL)
     dump = np.reshape(scene.dump, (-1, 4))[: int(scene.dump[2] > scene.dump[0])]
     for name, rectangles, colour in (("dump", dump, _DUMP), ("dust_areas", scene.dust_areas, _DUST_AREA)):
         low, high = np.split(np.reshape(rectangles, (-1, 4)) * MILLIMETRES, 2, axis=1)
         if len(low):
-            yield area(name), _boxes(np.hstack([low + high, high - low]) / 2, _SHEET, 2 * _SHEET, colour)
+            yield f"{AREAS}/{name}", _boxes(np.hstack([low + high, high - low]) / 2, _SHEET, 2 * _SHEET, colour)
     if len(scene.obstacles):
         boxes, yaw = scene.obstacles[:, :4] * MILLIMETRES, scene.obstacles[:, 4]
-        yield area("obstacles"), _boxes(boxes, 0.0, height, _WALL, yaw)
+        yield f"{AREAS}/obstacles", _boxes(boxes, 0.0, height, _WALL, yaw)
 
 
 def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
@@ -185,7 +160,7 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     yield from _arena(scene)
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
         kind = rr.Cylinders3D if shape == "disc" else rr.Boxes3D
-        yield area(name), kind.from_fields(colors=colour, fill_mode="solid")
+        yield f"{AREAS}/{name}", kind.from_fields(colors=colour, fill_mode="solid")
     ids = [str(number) for number in range(max(len(scene.is_scout), len(scene.ball_radius)))]
     robots, balls = ids[: len(scene.is_scout)], ids[: len(scene.ball_radius)]
     radii = np.asarray(scene.ball_radius) * MILLIMETRES
@@ -195,7 +170,7 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(4.0), show_labels=False)
     yield LINKS, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(0.6), show_labels=False)
     yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
-    for name, colour in zip(scene.arrows, cycle(_HUES)):
-        yield arrows(name), rr.Arrows3D.from_fields(colors=colour, radii=0.06 * size[0])
+    for vector, colour in zip(vectors(scene), cycle(_HUES)):
+        yield vector.arrows, rr.Arrows3D.from_fields(colors=colour, radii=0.06 * size[0])
     for entity, (name, colour) in series(scene).items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from operator import itemgetter
 
 import numpy as np
 import pyarrow as pa
 from jaxtyping import Float, Shaped
 
-from iswarm_mj.output.memory_vectors import known_name, stem, title
+from iswarm_mj.output.memory_vectors import vector
 from iswarm_mj.output.message_columns import decoded, message_columns, payload_of
 from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, acted, axes_of, columns_of
 from iswarm_mj.output.trajectory import METRIC, SCENE, Arrays, Scene
@@ -99,22 +100,21 @@ def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
         memory: name, unit and number of numbers of each part.
     """
     parts = {name: (unit, size) for name, unit, size in memory}
-    vectors = [name for name, about in parts.items() if about == ("m", 2) and known_name(name) in parts]
-    own = {f"{stem(name)}_{part}": name for name in vectors for part in ("known", "hop")}
+    own = [vector(name) for name, about in parts.items() if about == ("m", 2) and vector(name).known in parts]
+    of = {name: each for each in own for name in (each.name, each.known, each.hop)}
     found: Columns = []
     for name, (unit, size) in parts.items():
-        vector = name if name in vectors else own.get(name, "")
-        flag = known_name(vector)
-        known = (lambda arrays, flag=flag: arrays[flag]) if vector else None
-        if name in vectors:
-            where = f"of the remembered {title(name)}, in the robot's own frame"
-            found.append(_stored(name, Column(f"{stem(name)}_x", unit, f"ahead, {where}", known), 0))
-            found.append(_stored(name, Column(f"{stem(name)}_y", unit, f"left, {where}", known), 1))
-        elif not vector:
+        v = of.get(name)
+        if v is None:
             numbered = [name] if size == 1 else [f"{name}_{place}" for place in range(size)]
             found += [_stored(name, Column(each, unit, "remembered"), k) for k, each in enumerate(numbered)]
-        elif name != flag:
-            found.append(_stored(name, Column(name, unit, f"robots that the {title(vector)} came through", known)))
+            continue
+        known, where = itemgetter(v.known), f"of the remembered {v.title}, in the robot's own frame"
+        if name == v.name:
+            found.append(_stored(name, Column(f"{v.stem}_x", unit, f"ahead, {where}", known), 0))
+            found.append(_stored(name, Column(f"{v.stem}_y", unit, f"left, {where}", known), 1))
+        elif name == v.hop:
+            found.append(_stored(name, Column(name, unit, f"robots that the {v.title} came through", known)))
     return found
 
 
