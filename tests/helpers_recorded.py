@@ -11,6 +11,7 @@ from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.schema import ARRAYS, dtype_of
 from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Scene
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.genome import Genome
 
 
 def scene(n_robots=4, n_balls=2):
@@ -53,7 +54,9 @@ def write_run(out, config=None, **changed):
     sizes = {"n_robots": changed["scene_is_scout"].shape[0]} if "scene_is_scout" in changed else {}
     sizes |= {"n_balls": changed["scene_ball_radius"].shape[0]} if "scene_ball_radius" in changed else {}
     sizes |= {"n_steps": len(changed["step"])} if "step" in changed else {}
-    (out / RESULT).write_text(json.dumps({"config": asdict(config or SwarmConfig())}))
+    about = {"version": "", "config": asdict(config or SwarmConfig()), "genome": asdict(Genome()), "task": {}}
+    about |= {"settings": {"n_robots": 4, "steps": 2}, "robot": {"file": None}, "wall_s": 1.0}
+    (out / RESULT).write_text(json.dumps(about))
     np.savez(out / TRAJECTORY, **{**arrays(**sizes), **changed})
     return out
 

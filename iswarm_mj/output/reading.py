@@ -118,6 +118,12 @@ def _check_shapes(path: Path, arrays: Arrays) -> None:
         for name in arrays[SCENE + key].tolist():
             if arrays[prefix + name].shape[: len(axes)] != axes:
                 raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
+    steps = arrays["step"]
+    if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
+        raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
+    for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
+        if not np.isfinite(arrays[name]).all():
+            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")
     if not np.all(arrays["scene_ball_radius"] > 0):
         raise UserError(f"{path}: `scene_ball_radius` must be above 0; {REMEDY}.")
 

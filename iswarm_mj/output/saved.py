@@ -56,7 +56,19 @@ class SavedRun:
     """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
     scenes: dict[int, Scene]
     """Constants of each recorded world, by its number."""
+    robot_file: Path | None
+    """MJCF file of the robots; None for `models/robot.xml`."""
     _arrays: dict[int, Arrays] = field(repr=False)
+
+    @property
+    def arrays(self) -> Arrays:
+        """Arrays of the trajectory of the first recorded world, see `output.schema`.
+
+        Raises:
+            UserError: no world was recorded, or the run did not end.
+        """
+        self._check_recorded()
+        return next(iter(self._arrays.values()))
 
     @property
     def units(self) -> dict[str, dict[str, str]]:
@@ -120,7 +132,7 @@ def load(path: str | Path) -> SavedRun:
     place = path if os.path.isdir(path) else path.parent
     files = [path]
     if place == path or path.name == RESULT:
-        files = [file for file in (place / TRAJECTORY, *place.glob(f"world-*/{TRAJECTORY}")) if file.exists()]
+        files = [file for file in (place / TRAJECTORY, *place.glob(f"world-*/{TRAJECTORY}")) if os.path.lexists(file)]
         if not os.path.exists(path):
             raise UserError(f"{path} does not exist; {REMEDY}.")
         if not files and not (place / RESULT).exists():
@@ -149,6 +161,7 @@ def load(path: str | Path) -> SavedRun:
             ],
             metrics=[{name: values[k] for name, values in metrics.items()} for k in known],
             result=about if "wall_s" in about else {},
+            robot_file=None if about["robot"]["file"] is None else Path(about["robot"]["file"]),
             scenes={number: _scene(arrays) for number, arrays in worlds.items()},
             _arrays=worlds,
         )
@@ -157,7 +170,7 @@ def load(path: str | Path) -> SavedRun:
             f"{source} has settings that this version does not know ({error}); read it with the one that wrote it."
         ) from None
     except UserError as error:
-        raise UserError(f"{source}: {error}") from None
+        raise UserError(f"{source}: {error}; {REMEDY}.") from None
 
 
 def _by_world(values: Any, n_worlds: int) -> list[Any]:
@@ -171,7 +184,7 @@ def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
     for file, arrays in read.items():
         number = int(arrays["scene_world"])
         if number in found:
-            raise UserError(f"two trajectories are of world {number}; read {file} alone.")
+            raise UserError(f"two trajectories are of world {number}; read {file} alone")
         found[number] = arrays
     return dict(sorted(found.items()))
 

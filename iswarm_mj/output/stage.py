@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.saved import SavedRun, load
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
@@ -29,6 +30,19 @@ class Shot(NamedTuple):
     """Magnification of the balls, since 20 um are invisible beside 139 mm."""
     fine: bool = True
     """With shadows and round shapes; without them a frame takes a tenth of the time on a CPU."""
+
+
+def recorded(directory: Path) -> SavedRun:
+    """Return a run with a recorded world; if it was interrupted, say so on the standard error.
+
+    Raises:
+        UserError: the directory holds no recorded run, or a damaged one.
+    """
+    run = load(directory)
+    last = run.arrays["step"][-1]
+    if run.result.get("interrupted"):
+        print(f"iswarm: the run in {directory} was interrupted after step {last}.", file=sys.stderr)
+    return run
 
 
 _FLAT = 0.002

@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
-from iswarm_mj.output.recorded import load, robot_file_of
-from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.stage import Shot, Stage, recorded
 from iswarm_mj.output.trajectory import METRIC, Arrays
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
@@ -50,11 +49,12 @@ def write_video(directory: Path, out: Path, film: Film) -> None:
     Raises:
         UserError: no recorded run, no such camera, no off-screen OpenGL, or ffmpeg could not write the file.
     """
-    config, frames = load(directory)
+    run = recorded(directory)
+    frames = run.arrays
     last = len(frames["step"]) - 1 if film.steps is None else min(film.steps, len(frames["step"]) - 1)
     make_output_directory(out.parent, given=out)
     bar = Progress(last * film.frames_per_step + 1, "frame", out.stem)
-    with atomic_write(out) as part, Stage(config, frames, film.shot, robot_file_of(directory)) as stage, bar:
+    with atomic_write(out) as part, Stage(run.config, frames, film.shot, run.robot_file) as stage, bar:
         encode(_pictures(stage, frames, film, last, bar), part, film.shot.size)
 
 
