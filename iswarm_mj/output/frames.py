@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Shaped
+from jaxtyping import Bool, Float, Shaped
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.message_columns import stored
@@ -54,7 +54,7 @@ def scene_of(
             raise UserError(
                 f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
             )
-    seen = _observed(jax.tree.map(lambda a: a[:, world], start))
+    seen = _observed(jax.tree.map(lambda a: a[:, world], start), start.poses[0, world], config.drive.control_period)
     rectangles = fixed_areas(task, config, jax.tree.map(lambda a: a[0], seen.record.swarm.things))
     areas, metrics = looks(task), quantities(task)
     return Scene(
@@ -87,6 +87,8 @@ def frames_of(
     world: int,
     recorded: Mapping[str, str] | None = None,
     watched: Watch | None = None,
+    before: StepRecord | None = None,
+    control_period: float = 1.0,
 ) -> Frames:
     """Return the frames of one world.
 
@@ -95,16 +97,19 @@ def frames_of(
         world: which of the W worlds.
         recorded: as for `scene_of`.
         watched: what the task adds, see `task_arrays.watch`.
+        before: record that ends with the step before the first of these; None if they begin with the start.
+        control_period: duration of a step [s].
     """
-    seen = _observed(jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records))
+    record = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
+    seen = _observed(record, record.poses[0] if before is None else before.poses[-1, world], control_period)
     swarm = seen.record.swarm
     memory = {array_name(name): _in_si(part_of(swarm.memory, name), unit) for name, unit in (recorded or {}).items()}
     return Frames.observed(seen, memory, {} if watched is None else watched(swarm.things))
 
 
-def _observed(record: StepRecord) -> Observed:
-    """Steps of one world (T, ...) with what the task offers of them."""
-    return Observed(record, record.swarm.balls)
+def _observed(record: StepRecord, poses: Float[np.ndarray, "N 3"], control_period: float) -> Observed:
+    """Steps of one world (T, ...), the first of which began at these poses, with what the task offers of them."""
+    return Observed(record, record.swarm.balls, np.concatenate([poses[None], record.poses[:-1]]), control_period)
 
 
 def _scouts(start: StepRecord) -> Bool[np.ndarray, "N"]:

@@ -32,6 +32,10 @@ class Observed(NamedTuple):
     record: "StepRecord"
     balls: "Balls"
     """(T, K); no balls where the task has none."""
+    poses_before: Float[np.ndarray, "T N 3"]
+    """x, y [mm] and yaw [rad] as each step began; at the start those of the start."""
+    control_period: float
+    """Duration of a step [s]."""
 
 
 class Column(NamedTuple):

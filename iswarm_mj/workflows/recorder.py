@@ -10,6 +10,7 @@ from iswarm_mj.gripper.bench.attempt_log import Tried
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.task_arrays import watch
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -99,6 +100,8 @@ class Recorder:
         if shown.viewer is not None:
             self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, shown.lanes)
         self._unseen, self._shown_at = [run.start], 0.0
+        self._last_written: StepRecord | None = None
+        self._last_seen: StepRecord | None = None
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
@@ -136,13 +139,18 @@ class Recorder:
         """Send what the viewer has not had."""
         if self._unseen:
             unseen, self._unseen = self._unseen, []
-            live.append(frames_of(unseen, self._index, self._recorded, self._watched))
-            self._shown_at = time.monotonic()
+            live.append(self._frames_of(unseen, self._last_seen))
+            self._last_seen, self._shown_at = unseen[-1], time.monotonic()
+
+    def _frames_of(self, records: list[StepRecord], before: StepRecord | None) -> Frames:
+        period = self._scene.control_period
+        return frames_of(records, self._index, self._recorded, self._watched, before, period)
 
     def _write(self) -> None:
         if self._pending:
             pending, self._pending = self._pending, []
-            block = frames_of(pending, self._index, self._recorded, self._watched)
+            block = self._frames_of(pending, self._last_written)
+            self._last_written = pending[-1]
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from helpers_runs import N, run_of
 
 from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
@@ -40,3 +42,18 @@ def test_a_robot_is_loaded_whatever_it_held_before(run, held):
     holder[0, 1, [3, 7]], is_held[0, 1, held] = 5, True
     record = run.start._replace(swarm=swarm._replace(balls=swarm.balls._replace(holder=holder, is_held=is_held)))
     assert [np.argwhere(frames_of([record], world).is_loaded).tolist() for world in (0, 1)] == [[], [[0, 5]]]
+
+
+def test_getters_see_where_robots_were_before_each_step_also_across_blocks(run, monkeypatch):
+    """Blocks of one and of two steps give the distances that the poses say."""
+    records = [run.start, *(run.advance() for _ in range(3))]
+    records = [records[0]] + [jax.tree.map(lambda a: a[:1], record) for record in records[1:]]
+    poses = np.concatenate([record.poses for record in records])[:, 1]
+    whole = np.concatenate([poses[:1], poses[:-1]])
+    seen, before, observed = [], None, Frames.observed
+    monkeypatch.setattr(Frames, "observed", staticmethod(lambda *given: (seen.append(given[0]), observed(*given))[1]))
+    for block in (records[:1], records[1:3], records[3:]):
+        frames_of(block, 1, before=before, control_period=0.5)
+        before = block[-1]
+    np.testing.assert_array_equal(np.concatenate([each.poses_before for each in seen]), whole)
+    assert {each.control_period for each in seen} == {0.5}

@@ -53,7 +53,7 @@ def test_a_quantity_is_everywhere(done, name):
                 entity = next(e for e, of in SERIES.items() if of == column)
                 component = "Scalars:scalars"
             else:
-                component = column.name + (f"_{unit}" if unit != column.unit else "")
+                component = column.name + (f"_{unit.replace('/', '_per_')}" if unit != column.unit else "")
             shown = np.array([x for row in recorded[f"/{entity}"][component] for x in row])
             if column.name != "holder":
                 np.testing.assert_allclose(shown, own * factor, rtol=1e-6)
