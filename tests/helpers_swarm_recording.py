@@ -116,7 +116,13 @@ def make_frames(scene, n_frames=50, seed=0):
             one[name] = np.zeros([sizes[axis] for axis in axes_of(name)[1:]], dtype_of(name))
         many = {name: value[None] for name, value in one.items()}
         blocks.append(Frames(**many, memory={name: value[None] for name, value in memory.items()}))
-    return Frames.concatenate(blocks)
+    return joined(blocks)
+
+
+def joined(blocks):
+    """Blocks of frames as one."""
+    each = [block.arrays() for block in blocks]
+    return Frames.of({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
 
 
 def cut(frames, start, stop):

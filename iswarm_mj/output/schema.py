@@ -215,12 +215,6 @@ class Frames:
         """Return some of the frames."""
         return Frames.of({name: array[steps] for name, array in self.arrays().items()})
 
-    @staticmethod
-    def concatenate(blocks: "list[Frames]") -> "Frames":
-        """Join blocks along time."""
-        each = [block.arrays() for block in blocks]
-        return Frames.of({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
-
 
 ARRAYS = {f.name: f for f in fields(Frames) if "get" in f.metadata}
 """Quantities that all trajectories have, by their names."""

@@ -33,6 +33,10 @@ _ROWS = {
 """Of each table an array of its shape, and the numbers along its axes after that of steps."""
 
 
+_FIELD = "message."
+"""Prefix of arrays of the fields of messages; no other name of an array has a dot."""
+
+
 def _distance(arrays: Arrays) -> Float[np.ndarray, "T N S"]:
     """Between the centres as the step began, where the frame before left them."""
     before = np.roll(arrays["pose"][..., :2], 1, axis=0)
@@ -118,20 +122,20 @@ def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
     return found
 
 
-def _said(scene: Scene) -> Columns:
-    """Columns of what the robots' messages carried."""
-    found = []
+def _said(scene: Scene) -> Iterator[tuple[Column, Get]]:
+    """Columns of what the robots' messages carried, whose arrays `table_of` adds."""
     for column in message_columns(payload_of(scene.payload)):
         said = column._replace(name=f"said_{column.name}")
-        is_flag = column.name == PRIORITY
-        found.append(_stored("has_priority" if is_flag else said.name, said._replace(known=acted) if is_flag else said))
-    return found
+        if column.name == PRIORITY:
+            yield _stored("has_priority", said._replace(known=acted))
+        else:
+            yield _stored(_FIELD + column.name, said)
 
 
 def _own_columns(table: str, scene: Scene) -> Iterator[tuple[str, Columns]]:
     """Columns that the strategy and the task name, with the prefixes of those whose names are taken."""
     if table == "robots":
-        yield "said_", _said(scene)
+        yield "said_", list(_said(scene))
         yield "memory_", memory_columns(zip(scene.memory_names, scene.memory_units, scene.memory_sizes, strict=True))
     if table == "steps":
         metrics = zip(scene.metric_names, scene.metric_units, scene.metric_descriptions, strict=True)
@@ -148,7 +152,7 @@ def table_of(table: str, arrays: Arrays, scene: Scene) -> pa.Table:
     """
     if table == "robots":
         said = decoded(payload_of(scene.payload), int(scene.n_leds), arrays["message"])
-        arrays = {**arrays, **{f"said_{name}": values for name, values in said.items()}}
+        arrays = {**arrays, **{_FIELD + name: values for name, values in said.items()}}
     found = list(TABLES[table])
     taken = {WORLD.name, *(column.name for column, _ in found)}
     for prefix, columns in _own_columns(table, scene):

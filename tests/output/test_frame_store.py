@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 from helpers_files import full_disk
+from helpers_swarm_recording import joined
 
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.schema import ARRAYS, Frames, dtype_of
@@ -36,7 +37,7 @@ def test_the_file_is_that_of_numpy(tmp_path):
     blocks = [made(n, n) for n in (1, 64, 64, 7)]
     found, wanted = io.BytesIO(), io.BytesIO()
     stored(tmp_path, blocks).write(found, {"about": np.bytes_(b"{}"), "size": np.arange(3.0)})
-    together = {name: np.ascontiguousarray(values) for name, values in Frames.concatenate(blocks).arrays().items()}
+    together = {name: np.ascontiguousarray(values) for name, values in joined(blocks).arrays().items()}
     np.savez(wanted, **together, about=np.bytes_(b"{}"), size=np.arange(3.0))
     assert found.getvalue() == wanted.getvalue()
 

@@ -3,8 +3,11 @@
 import numpy as np
 from helpers_recorded import arrays, scene
 
+from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import METRIC
+from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.sensors.messages import Layout, Message, Payload
 
 
 def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
@@ -22,6 +25,17 @@ def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
     own = {"memory_x": 0, "memory_world": 100, "home_0": 200, "home_1": 250, "memory_home_0": 300}
     for name, first in (own | {"memory_memory_x": 400}).items():
         np.testing.assert_array_equal(table[name].to_numpy(), values.ravel() + first)
+
+
+def test_what_a_strategy_records_and_says_under_one_name():
+    """Both are there; robots said 3 in the first step and remember 9."""
+    payload = Payload({"count": Integer(bits=4)})
+    word = np.asarray(Layout(payload, 4).pack(Message(np.int32(0), {"count": np.int32(3)})))
+    made = arrays() | {"message": np.full((3, 4), word, np.uint32), "said_count": np.full((3, 4), 9)}
+    own = {"memory_names": ["said_count"], "memory_units": [""], "memory_sizes": [1], "payload": stored(payload)}
+    table = table_of("robots", made, scene()._replace(**own))
+    assert table["said_count"].to_pylist() == [None] * 4 + [3] * 8
+    assert table["memory_said_count"].to_pylist() == [9] * 12
 
 
 def test_a_metric_as_a_column_is_called():
