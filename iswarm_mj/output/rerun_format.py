@@ -48,15 +48,15 @@ def leave_alone(stream: rr.RecordingStream) -> None:
 
 
 @contextmanager
-def written(path: str, stream: rr.RecordingStream) -> Iterator[None]:
-    """Raise a UserError if the block cannot write a recording to its end, for example because the disk is full."""
+def written(path: str | Path, stream: rr.RecordingStream) -> Iterator[None]:
+    """Raise a UserError if the block cannot open or complete a recording, and leave its stream alone."""
     try:
         yield
-    except RuntimeError as error:
+    except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
         leave_alone(stream)
         raise UserError(
-            f"The recording {path!r} could not be written to its end ({error}): "
-            "make room on the disk, or give a file elsewhere."
+            f"The recording {str(path)!r} cannot be written ({error}): "
+            "give a file name in an existing folder that you may write to, with room on its disk."
         ) from error
 
 
@@ -74,21 +74,8 @@ def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
         raise RuntimeError(f"not done within {limit_s:g} s")
 
 
-def unwritable(stream: rr.RecordingStream, path: str | Path, error: Exception) -> UserError:
-    """Return the error to raise where a file cannot be opened or completed; its stream is left alone."""
-    leave_alone(stream)
-    return UserError(
-        f"The recording {str(path)!r} cannot be written ({error}): "
-        "give a file name in an existing folder that you may write to, with room on its disk."
-    )
-
-
 def save(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> None:
-    """Write a stream to a file, which is replaced, without times of its own.
-
-    Raises:
-        OSError, RuntimeError, ValueError: the file cannot be written; the last for a name with a null byte.
-    """
+    """Write a stream to a file, which is replaced, without times of its own; in a `written` block."""
     path.open("wb").close()
     bounded(lambda: stream.save(path, default_blueprint=layout))
     stream.set_log_time_enabled(False)

@@ -27,7 +27,6 @@ from iswarm_mj.output.rerun_format import (
     save,
     send_properties,
     settings_document,
-    unwritable,
     written,
 )
 from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, links_of, robots_of, strips, trails
@@ -90,10 +89,8 @@ class Recording:
 
     def _open(self) -> None:
         """Open the file, with the layout."""
-        try:
+        with written(self._path, self._stream):
             save(self._stream, Path(self._path), layout(self._scene))
-        except (OSError, RuntimeError, ValueError) as error:
-            raise unwritable(self._stream, self._path, error) from error
 
     @property
     def stream(self) -> rr.RecordingStream:

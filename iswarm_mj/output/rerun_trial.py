@@ -18,7 +18,7 @@ from iswarm_mj.output.rerun_format import (
     columns_of,
     save,
     send_properties,
-    unwritable,
+    written,
 )
 from iswarm_mj.output.rerun_trial_view import UM
 from iswarm_mj.utils.errors import SimulationFault
@@ -52,21 +52,18 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     _check(trace)
     path, stream = Path(path), rr.RecordingStream(_APPLICATION)
     check_recordings(stream)
-    try:
-        with atomic_write(path) as part:
-            save(stream, part, look.layout(trace))
-            try:
-                stream.send_recording_name(path.stem)
-                shown = {"version": __version__, **settings}
-                send_properties(stream, "settings", shown)
-                for entity, archetype in look.static_entities(trace, shown):
-                    stream.log(entity, archetype, static=True, strict=True)
-                send_trace(stream, thinned(trace, SAMPLES), time_index)
-                stream.flush(timeout_sec=FLUSH_SECONDS)
-            finally:
-                close(stream, part)
-    except (OSError, RuntimeError) as error:
-        raise unwritable(stream, path, error) from error
+    with atomic_write(path) as part, written(path, stream):
+        save(stream, part, look.layout(trace))
+        try:
+            stream.send_recording_name(path.stem)
+            shown = {"version": __version__, **settings}
+            send_properties(stream, "settings", shown)
+            for entity, archetype in look.static_entities(trace, shown):
+                stream.log(entity, archetype, static=True, strict=True)
+            send_trace(stream, thinned(trace, SAMPLES), time_index)
+            stream.flush(timeout_sec=FLUSH_SECONDS)
+        finally:
+            close(stream, part)
 
 
 def _check(trace: Trace) -> None:

@@ -98,7 +98,7 @@ class Recorder:
             self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
         self._live = None
         if shown.viewer is not None:
-            self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, shown.lanes)
+            self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, lanes=shown.lanes)
         self._unseen, self._shown_at = [run.start], 0.0
         self._last_written: StepRecord | None = None
         self._last_seen: StepRecord | None = None
