@@ -7,27 +7,57 @@ import numpy as np
 import pyarrow.compute as pc
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.output.message_columns import stored
+from iswarm_mj.output.schema import ARRAYS, dtype_of
+from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Scene
+from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.genome import Genome
+
+
+def scene(n_robots=4, n_balls=2):
+    """Constants of a world whose robots say and remember nothing."""
+    return Scene(
+        robot_size=np.array([2e-3, 2e-3, 1e-3]),
+        is_scout=np.zeros(n_robots, bool),
+        ball_radius=np.full(n_balls, 2e-5),
+        arena_size=0.139,
+        dump=np.array([-0.01, -0.01, 0.01, 0.01]),
+        dust_areas=np.array([[-0.05, -0.01, -0.03, 0.01]]),
+        control_period=1.0,
+        is_alive=np.ones(n_robots, bool),
+        payload=stored(Payload()),
+        world=0,
+        n_leds=4,
+    )
 
 
 def arrays(n_steps=3, n_robots=4, n_balls=2):
-    """Arrays of a trajectory, as far as pictures and videos need them."""
+    """Arrays of a trajectory: robots anywhere, balls that lie, nobody who hears anything."""
     rng = np.random.default_rng(1)
-    return {
-        "step": np.arange(n_steps),
-        "pose": rng.uniform(-0.02, 0.02, (n_steps, n_robots, 3)).astype(np.float32),
-        "is_loaded": np.zeros((n_steps, n_robots), bool),
-        "ball_position": np.full((n_steps, n_balls, 3), 2e-5, np.float32),
-        "delivered": np.zeros(n_steps, np.int32),
-        "scene_is_scout": np.zeros(n_robots, bool),
-        "scene_ball_radius": np.full(n_balls, 2e-5),
+    sizes = {"T": n_steps, "N": n_robots, "K": n_balls, "S": 4}
+    shapes = {
+        name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
+        for name, f in ARRAYS.items()
     }
+    made = {name: np.zeros(shapes[name], dtype_of(name)) for name, f in ARRAYS.items()}
+    made |= {
+        "step": np.arange(n_steps, dtype=np.int32),
+        "is_running": np.ones(n_steps, bool),
+        "pose": rng.uniform(-0.02, 0.02, (n_steps, n_robots, 3)).astype(np.float32),
+        "ball_position": np.full((n_steps, n_balls, 3), 2e-5, np.float32),
+    }
+    return made | {SCENE + name: np.asarray(value) for name, value in scene(n_robots, n_balls)._asdict().items()}
 
 
 def write_run(out, config=None, **changed):
-    """Write result.json and trajectory.npz; `changed` arrays replace those of `arrays`."""
-    (out / RESULT).write_text(json.dumps({"config": asdict(config or SwarmConfig())}))
-    np.savez(out / TRAJECTORY, **{**arrays(), **changed})
+    """Write result.json and trajectory.npz; `changed` arrays replace those of `arrays`, which have their sizes."""
+    sizes = {"n_robots": changed["scene_is_scout"].shape[0]} if "scene_is_scout" in changed else {}
+    sizes |= {"n_balls": changed["scene_ball_radius"].shape[0]} if "scene_ball_radius" in changed else {}
+    sizes |= {"n_steps": len(changed["step"])} if "step" in changed else {}
+    about = {"version": "", "config": asdict(config or SwarmConfig()), "genome": asdict(Genome()), "task": {}}
+    about |= {"settings": {"n_robots": 4, "steps": 2}, "robot": {"file": None}, "wall_s": 1.0}
+    (out / RESULT).write_text(json.dumps(about))
+    np.savez(out / TRAJECTORY, **{**arrays(**sizes), **changed})
     return out
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.said import stored
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.schema import ARRAYS, Frames, axes_of, dtype_of
+from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.strategy.vector_strategy import payload_for
 
 PERIOD = 0.4
@@ -110,9 +111,18 @@ def make_frames(scene, n_frames=50, seed=0):
             "dust_hop": more.integers(15, size=n),
             "dump_hop": more.integers(15, size=n),
         }
+        sizes = {"N": n, "K": k, "S": 4}
+        for name in ARRAYS.keys() - one.keys():
+            one[name] = np.zeros([sizes[axis] for axis in axes_of(name)[1:]], dtype_of(name))
         many = {name: value[None] for name, value in one.items()}
         blocks.append(Frames(**many, memory={name: value[None] for name, value in memory.items()}))
-    return Frames.concatenate(blocks)
+    return joined(blocks)
+
+
+def joined(blocks):
+    """Blocks of frames as one."""
+    each = [block.arrays() for block in blocks]
+    return Frames.of({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
 
 
 def cut(frames, start, stop):

@@ -8,12 +8,15 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
+from iswarm_mj.strategy.recorded import array_name
+
 from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.rerun_names import NAMES
-from iswarm_mj.output.tables import TABLES
+from iswarm_mj.output.tables import TABLES, memory_columns
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import choices, constraint_of
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
@@ -40,8 +43,10 @@ def table(head: str, rows: list[tuple[Any, ...]]) -> str:
 
 
 def columns(name: str) -> str:
-    """Return the columns of a table that `iswarm_mj.load` makes."""
-    rows = [(f"`{column.name}`", column.unit, column.description) for column in TABLES[name]]
+    """Return the columns of a table that `iswarm_mj.load` makes, of the robots also those of the paper's strategy."""
+    parts = [(array_name(part), "m" if unit else "", 1 + bool(unit)) for part, unit in VectorStrategy.recorded.items()]
+    shown = TABLES[name] + (memory_columns(parts) if name == "robots" else [])
+    rows = [(f"`{column.name}`", column.unit, column.description) for column, _ in shown]
     return table("column | unit | meaning", rows)
 
 

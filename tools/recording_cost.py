@@ -12,7 +12,8 @@ from pathlib import Path
 from iswarm_mj import load
 from iswarm_mj.output.reading import read_trajectory
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC, TRAJECTORY, Frames
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import ABOUT, SCENE, TRAJECTORY
 from iswarm_mj.workflows.recorder import BLOCK
 
 REPEATS = 7
@@ -21,11 +22,7 @@ REPEATS = 7
 def cost(directory: Path) -> tuple[int, float, float]:
     """Return the number of steps, bytes a step and milliseconds a step."""
     scene, arrays, times = load(directory / TRAJECTORY).scene, read_trajectory(directory / TRAJECTORY), []
-    frames = Frames(
-        **{name: arrays[name] for name in ARRAYS},
-        memory={name: arrays[name] for name in scene.memory_names},
-        task={name: array for name, array in arrays.items() if name.startswith((AREA, METRIC))},
-    )
+    frames = Frames.of({name: a for name, a in arrays.items() if name != ABOUT and not name.startswith(SCENE)})
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "run.rrd"
         for _ in range(REPEATS):

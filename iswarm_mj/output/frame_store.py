@@ -1,18 +1,15 @@
 """Frames of a run that goes on, on disk until its trajectory is written, however many there are."""
 
 import zipfile
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from iswarm_mj.output.trajectory import Frames
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import Arrays
 from iswarm_mj.utils.files import write_error
-
-_PIECE = 2**22
-"""Bytes that are copied at a time."""
 
 
 class FrameStore:
@@ -32,8 +29,7 @@ class FrameStore:
             self._file: Any = TemporaryFile(dir=directory)  # noqa: SIM115, closed in `close`
         except OSError as error:
             raise write_error(directory, error) from None
-        self._shapes: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
-        self._blocks: list[tuple[int, int]] = []  # where each begins, and how many frames it has
+        self._blocks: list[dict[str, tuple[int, np.ndarray]]] = []  # where each array begins, and one without memory
 
     def append(self, frames: Frames) -> None:
         """Keep some further frames; where they cannot be written, those before stay as they were.
@@ -41,33 +37,34 @@ class FrameStore:
         Raises:
             UserError: the disk is full.
         """
-        arrays = frames.arrays()
-        self._shapes = self._shapes or {name: (array.dtype, array.shape[1:]) for name, array in arrays.items()}
+        places = {}
         try:
-            at = self._file.seek(0, 2)
-            for name, (dtype, _) in self._shapes.items():
-                self._file.write(np.ascontiguousarray(arrays[name], dtype).tobytes())
+            for name, array in frames.arrays().items():
+                places[name] = self._file.seek(0, 2), np.broadcast_to(array.dtype.type(), array.shape)
+                self._file.write(np.ascontiguousarray(array).tobytes())
             self._file.flush()
         except OSError as error:
             raise write_error(self._directory, error) from None
-        self._blocks.append((at, len(frames)))
+        self._blocks.append(places)
 
-    def write(self, file: BinaryIO, more: Mapping[str, Any]) -> None:
+    def write(self, file: BinaryIO, more: Arrays) -> None:
         """Write all frames, and more arrays, as `numpy.savez` does, without having all of them in memory.
 
         Args:
             file: open for writing.
             more: arrays by their names.
         """
-        n_frames = sum(n for _, n in self._blocks)
         with zipfile.ZipFile(file, "w") as archive:
-            for name, (dtype, shape) in self._shapes.items():
+            for name, (_, like) in (self._blocks[0] if self._blocks else {}).items():
+                places = [block[name] for block in self._blocks]
+                shape = (sum(len(array) for _, array in places), *like.shape[1:])
+                descr = np.lib.format.dtype_to_descr(like.dtype)
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                    descr = np.lib.format.dtype_to_descr(dtype)
-                    head = {"descr": descr, "fortran_order": False, "shape": (n_frames, *shape)}
+                    head = {"descr": descr, "fortran_order": False, "shape": shape}
                     np.lib.format.write_array_header_1_0(entry, head)
-                    for piece in self._pieces(name):
-                        entry.write(piece)
+                    for at, array in places:
+                        self._file.seek(at)
+                        entry.write(self._file.read(array.nbytes))
             for name, values in more.items():
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                     np.lib.format.write_array(entry, np.asanyarray(values), allow_pickle=False)
@@ -75,15 +72,3 @@ class FrameStore:
     def close(self) -> None:
         """Let the frames go."""
         self._file.close()
-
-    def _pieces(self, name: str) -> Iterator[bytes]:
-        """The values of one array, block after block."""
-        for at, n_frames in self._blocks:
-            for other, (dtype, shape) in self._shapes.items():
-                size = dtype.itemsize * int(np.prod(shape, dtype=np.int64)) * n_frames
-                if other == name:
-                    self._file.seek(at)
-                    for done in range(0, size, _PIECE):
-                        yield self._file.read(min(_PIECE, size - done))
-                    break
-                at += size

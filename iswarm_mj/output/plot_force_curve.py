@@ -17,6 +17,7 @@ _NEAR = 30.0
 _HUES = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, DARK)
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (3, 1)), (0, (10, 3)))
 _WIDTHS = {"approach": 0.9, "retract": 2.0}
+_PARTS = (("adhesion", 0.9), ("electrostatic", 1.8))
 
 
 class Curve(NamedTuple):
@@ -85,30 +86,36 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
     )
     with figure(path, columns=3, size=(4.3, 3.9), caption=caption) as (whole, near, parts):
         for curve in curves:
-            style = {"color": hues[curve.voltage], "ls": dashes[curve.radius], "lw": _WIDTHS[curve.direction]}
+            style: Any = {
+                "color": hues[curve.voltage],
+                "ls": dashes[curve.radius],
+                "lw": _WIDTHS[curve.direction],
+            }
             for axes in (whole, near):
                 axes.plot(curve.gap, curve.force, **style)
                 _mark(axes, curve, hues[curve.voltage], axes is near)
-            if curve.direction == "approach":
-                _draw_parts(parts, curve, style)
-        lowest = min(float(curve.force.min()) for curve in curves)
+            for name, width in _PARTS if curve.direction == "approach" else ():
+                if curve.voltage or name == "adhesion":
+                    parts.plot(curve.gap / 1e3, column(curve.rows, name) * _NN, **style | {"lw": width})
+        lowest = min(-1.0, *(float(curve.force.min()) for curve in curves))
         least = min(float(curve.gap.min()) for curve in curves)
-        for axes in (whole, near):
+        for axes, title in ((whole, "(a) near contact"), (near, "(b) attraction, magnified")):
             axes.axhline(0, color="0.4", lw=0.8)
             axes.axvline(0, color="0.4", lw=0.8)
             axes.set(xlim=(1.1 * least - 0.5, _NEAR), xlabel="gap between tool and ball [nm]", ylabel="force [nN]")
-        near.set_ylim(1.15 * min(lowest, -1.0), -0.3 * min(lowest, -1.0))
-        whole.set_title("(a) near contact")
-        near.set_title("(b) attraction, magnified")
+            axes.set_title(title)
+        near.set_ylim(1.15 * lowest, -0.3 * lowest)
         parts.set(xlabel="gap between tool and ball [µm]", ylabel="force [nN]", title="(c) parts, without contact")
         parts.set(xscale="log", xlim=(1e-3, None))
         parts.set_yscale("symlog", linthresh=0.1)
-        parts.set_ylim(1.5 * min(lowest, -1.0), 0)
-        place: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16), "fontsize": 7}
-        whole.legend(handles=_conditions(hues, dashes), **place, ncols=2)
-        near.legend(handles=_strokes(), **place, ncols=2)
-        kinds = (("adhesion", 0.9), ("electrostatic", 1.8))
-        parts.legend(handles=[Line2D([], [], color="0.2", lw=w, label=name) for name, w in kinds], **place, ncols=2)
+        parts.set_ylim(1.5 * lowest, 0)
+        conditions = [_sample(f"{v:g} V", color=hue) for v, hue in hues.items()]
+        conditions += [_sample(f"R = {r * _UM:g} µm", ls=ls) for r, ls in dashes.items()]
+        strokes = [_sample(name, lw=width) for name, width in _WIDTHS.items()]
+        strokes += [_sample("snap-in", marker="o", ls=""), _sample("pull-off", marker="v", ls="")]
+        kinds = [_sample(name, lw=width) for name, width in _PARTS]
+        for axes, handles in ((whole, conditions), (near, strokes), (parts, kinds)):
+            axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=7, ncols=2)
     return path.with_name(path.name + ".png")
 
 
@@ -124,19 +131,6 @@ def _mark(axes: Axes, curve: Curve, hue: str, with_force: bool) -> None:
         axes.annotate(text, found, (6, -3), textcoords="offset points", fontsize=6.5, color=hue, annotation_clip=True)
 
 
-def _draw_parts(axes: Axes, curve: Curve, style: Mapping[str, Any]) -> None:
-    gap = curve.gap / 1e3
-    axes.plot(gap, column(curve.rows, "adhesion") * _NN, **{**style, "lw": 0.9})
-    if curve.voltage:
-        axes.plot(gap, column(curve.rows, "electrostatic") * _NN, **{**style, "lw": 1.8})
-
-
-def _conditions(hues: Mapping[float, str], dashes: Mapping[float, Any]) -> list[Line2D]:
-    voltages = [Line2D([], [], color=hue, label=f"{v:g} V") for v, hue in hues.items()]
-    return [*voltages, *(Line2D([], [], color="0.2", ls=ls, label=f"R = {r * _UM:g} µm") for r, ls in dashes.items())]
-
-
-def _strokes() -> list[Line2D]:
-    lines = [Line2D([], [], color="0.2", lw=width, label=name) for name, width in _WIDTHS.items()]
-    marks = (("o", "snap-in"), ("v", "pull-off"))
-    return [*lines, *(Line2D([], [], color="0.2", marker=m, ls="", label=name) for m, name in marks)]
+def _sample(label: str, color: str = "0.2", **style: Any) -> Line2D:
+    """A line of the legend."""
+    return Line2D([], [], color=color, label=label, **style)

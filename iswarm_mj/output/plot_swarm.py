@@ -1,6 +1,5 @@
 """A plan of a swarm at one step, after the paper's Figs. 12 and 16."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.schema import LYING
+from iswarm_mj.output.trajectory import Arrays
 from iswarm_mj.utils.geometry import rotate
 
 _MM = 1e3
@@ -19,7 +20,7 @@ RED, BLUE, GREEN = "#d62718", "#1f3fd6", "#199a40"
 _DUST, _DUMP, _LINK = "#8fb3f0", "#f8d84a", "#9aa0a8"
 
 
-def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Path) -> Path:
+def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
     """Draw a step of a run from above.
 
     Robots are drawn to scale in the colours of their states. From each leads the vector that it would follow: of an
@@ -37,24 +38,20 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
     with figure(path, size=(6.5, 7.3)) as (axes,):
         half = float(frames["scene_arena_size"]) / 2 * _MM
         axes.grid(False)
-        _area(axes, frames["scene_dump"], _DUMP)
-        for area in frames["scene_dust_areas"]:
-            _area(axes, area, _DUST)
+        areas = [(frames["scene_dump"], _DUMP), *((area, _DUST) for area in frames["scene_dust_areas"])]
+        for (left, low, right, high), hue in ((area * _MM, hue) for area, hue in areas):
+            axes.add_patch(Rectangle((left, low), right - left, high - low, color=hue, linewidth=0, zorder=0))
         axes.add_collection(LineCollection([*links(frames, step) * _MM], colors=_LINK, linewidths=0.5, zorder=1))
         pose, loaded, scout = frames["pose"][step], frames["is_loaded"][step], frames["scene_is_scout"]
         hues = np.where(loaded, BLUE, np.where(scout, GREEN, RED))
-        for known, vector, who in (
-            ("dust_known", "dust_vector", ~loaded & ~scout),
-            ("dump_known", "dump_vector", loaded),
-        ):
-            if known not in frames:  # of another strategy
-                continue
-            shown = frames[known][step] & who
-            lines = vectors(pose[shown], frames[vector][step][shown]) * _MM
-            axes.add_collection(LineCollection([*lines], colors=hues[shown], linewidths=0.4, alpha=0.55, zorder=2))
+        for name, who in (("dust", ~loaded & ~scout), ("dump", loaded)):
+            if f"{name}_known" in frames:  # or the strategy remembers something else
+                shown = frames[f"{name}_known"][step] & who
+                lines = vectors(pose[shown], frames[f"{name}_vector"][step][shown]) * _MM
+                axes.add_collection(LineCollection([*lines], colors=hues[shown], linewidths=0.4, alpha=0.55, zorder=2))
         bodies = outlines(pose, frames["scene_robot_size"][:2]) * _MM
         axes.add_collection(PolyCollection([*bodies], facecolors=hues, edgecolors="none", zorder=3))
-        lying = frames["ball_position"][step][frames["ball_state"][step] == 0] * _MM
+        lying = frames["ball_position"][step][frames["ball_state"][step] == LYING] * _MM
         axes.plot(lying[:, 0], lying[:, 1], "o", color="black", markersize=1.6, zorder=4)
         axes.add_patch(Rectangle((-half, -half), 2 * half, 2 * half, fill=False, edgecolor="0.25", linewidth=1.5))
         _scale(axes, half)
@@ -62,7 +59,11 @@ def draw_swarm(frames: Mapping[str, np.ndarray], step: int, title: str, path: Pa
         axes.axis("off")
         axes.set_aspect("equal")
         axes.set_title(title, pad=10)
-        axes.legend(handles=_legend(), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
+        marks = (("empty worker", RED, "s"), ("loaded", BLUE, "s"), ("scout", GREEN, "s"), ("dust", "black", "."))
+        handles = [Line2D([], [], color=hue, marker=mark, linestyle="", label=name) for name, hue, mark in marks]
+        handles += [Line2D([], [], color=RED, linewidth=0.8, label="vector followed")]
+        handles += [Line2D([], [], color=_LINK, label="link")]
+        axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
     return path.with_name(path.name + ".png")
 
 
@@ -77,17 +78,12 @@ def vectors(pose: Float[np.ndarray, "N 3"], vector: Float[np.ndarray, "N 2"]) ->
     return np.stack([pose[:, :2], pose[:, :2] + rotate(vector, pose[:, 2])], axis=1)
 
 
-def links(frames: Mapping[str, np.ndarray], step: int) -> Float[np.ndarray, "L 2 2"]:
+def links(frames: Arrays, step: int) -> Float[np.ndarray, "L 2 2"]:
     """Lines between the receivers and senders of a step, one for each pair."""
     receiver, side = np.nonzero(frames["link_valid"][step])
     sender = frames["link_sender"][step][receiver, side]
     pairs = np.unique(np.sort(np.column_stack([receiver, sender]), axis=1), axis=0)
     return frames["pose"][step][:, :2][pairs]
-
-
-def _area(axes: Axes, rectangle: np.ndarray, hue: str) -> None:
-    left, low, right, high = rectangle * _MM
-    axes.add_patch(Rectangle((left, low), right - left, high - low, color=hue, linewidth=0, zorder=0))
 
 
 def _scale(axes: Axes, half: float) -> None:
@@ -96,10 +92,3 @@ def _scale(axes: Axes, half: float) -> None:
     left, low = -half, -1.05 * half
     axes.plot([left, left + length], [low, low], color="black", linewidth=2.5, solid_capstyle="butt", label="scale")
     axes.text(left + 1.08 * length, low, f"{length} mm", ha="left", va="center", fontsize=8)
-
-
-def _legend() -> list[Line2D]:
-    marks = (("empty worker", RED, "s"), ("loaded", BLUE, "s"), ("scout", GREEN, "s"), ("dust", "black", "."))
-    handles = [Line2D([], [], color=hue, marker=mark, linestyle="", label=name) for name, hue, mark in marks]
-    followed = Line2D([], [], color=RED, linewidth=0.8, label="vector followed")
-    return [*handles, followed, Line2D([], [], color=_LINK, label="link")]

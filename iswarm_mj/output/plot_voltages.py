@@ -35,6 +35,12 @@ _UM, _MS = 1e6, 1e3
 _MANY = 2000
 """Number of points above which they are rasterized in the SVG file."""
 
+_CALIBRATION = {
+    "WORK_TOOL_OBJECT": WORK_TOOL_OBJECT,
+    "WORK_OBJECT_SUBSTRATE": WORK_OBJECT_SUBSTRATE,
+    "CONTACT_GAP": CONTACT_GAP,
+    "PROBE_RADIUS": PROBE_RADIUS,
+}
 _FITTED = {
     "grasp": (
         "Fitted: $W_{TO}$ to the paper's release band, $W_{OS}$ to its grasp band at 10 % RH given $D_{eff}$,\n"
@@ -55,22 +61,19 @@ class Laws:
 
     def __init__(self, settings: Mapping[str, Any]):
         """Take the constants of the `calibration` in a run's settings; those of `detachment` where it has none."""
-        constants = settings.get("calibration", {})
-        self._tool = constants.get("WORK_TOOL_OBJECT", WORK_TOOL_OBJECT)
-        self._plate = constants.get("WORK_OBJECT_SUBSTRATE", WORK_OBJECT_SUBSTRATE)
-        self._contact_gap = constants.get("CONTACT_GAP", CONTACT_GAP)
-        self._probe_radius = constants.get("PROBE_RADIUS", PROBE_RADIUS)
+        self._constants = _CALIBRATION | settings.get("calibration", {})
 
     def grasp(self, radius: Array, percent: float, gap: Array = 0.0) -> Array:
         """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
+        tool, plate, contact_gap, probe_radius = (self._constants[name] for name in _CALIBRATION)
         factor = humidity_factor(percent)
-        tool = np.where(np.asarray(gap) <= 0, self._tool * factor, 0.0)
-        effective = np.maximum(gap, self._contact_gap)
-        return grasp_voltage(radius, tool, self._plate * factor, effective, self._probe_radius)
+        adhesion = np.where(np.asarray(gap) <= 0, tool * factor, 0.0)
+        return grasp_voltage(radius, adhesion, plate * factor, np.maximum(gap, contact_gap), probe_radius)
 
     def release(self, radius: Array, percent: float, gap: Array = RELEASE_GAP) -> Array:
         """Least voltage that drops a held ball at a humidity [%]."""
-        return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe_radius)
+        tool, _, _, probe_radius = (self._constants[name] for name in _CALIBRATION)
+        return release_voltage(radius, tool * humidity_factor(percent), gap, probe_radius)
 
 
 def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
@@ -105,29 +108,28 @@ def draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
 
 def _draw_group(axes: Axes, rows: Rows, law: Callable[..., np.ndarray], hue: str, mark: str) -> None:
     """Draw the repeats, their mean where each has a voltage, and the law, for one humidity."""
-    percent = rows[0]["relative_humidity"]
+    percent, by_radius = rows[0]["relative_humidity"], {}
+    for row in sorted(rows, key=lambda row: row["radius"]):
+        by_radius.setdefault(row["radius"], []).append(row["voltage"])
     done = [row for row in rows if row["voltage"] is not None]
     undone = [row for row in rows if row["voltage"] is None]
     melted = [row for row in done if row["melted"]]
-    for group, name, style in (
-        (done, "voltage", {"marker": mark, "mec": hue, "alpha": 0.6, "ms": 4, "label": "each trial"}),
-        (undone, "limit_voltage", {"marker": "$↑$", "mec": hue, "ms": 8, "label": "not up to this voltage"}),
-        (melted, "voltage", {"marker": "x", "mec": RED, "ms": 7, "label": "melted"}),
-    ):
-        if group:
-            many = len(group) > _MANY
-            x, y = column(group, "radius") * _UM, column(group, name)
-            axes.plot(x, y, ls="none", mfc="none", rasterized=many, **style)
-    voltages = {}
-    for row in sorted(rows, key=lambda row: row["radius"]):
-        voltages.setdefault(row["radius"], []).append(row["voltage"])
-    means = {radius: np.mean(values) for radius, values in voltages.items() if None not in values}
-    radii = list(voltages)
+    _points(axes, done, "radius", "voltage", marker=mark, mec=hue, alpha=0.6, ms=4, label="each trial")
+    _points(axes, undone, "radius", "limit_voltage", marker="$↑$", mec=hue, ms=8, label="not up to this voltage")
+    _points(axes, melted, "radius", "voltage", marker="x", mec=RED, ms=7, label="melted")
+    means = [(radius * _UM, np.mean(values)) for radius, values in by_radius.items() if None not in values]
     if means:
-        x, y = np.array(list(means)), list(means.values())
-        axes.plot(x * _UM, y, "-" + mark, color=hue, ms=6, lw=1.3, label=f"{percent:g} % RH, mean")
+        axes.plot(*zip(*means, strict=True), "-" + mark, color=hue, ms=6, lw=1.3, label=f"{percent:g} % RH, mean")
+    radii = list(by_radius)
     x = np.linspace(radii[0], radii[-1], 61) if len(radii) > 1 else radii[0] * np.array([0.98, 1.02])
     axes.plot(x * _UM, law(x, percent, rows[0]["gap"]), "--", color=hue, lw=1, label="force laws, no dynamics")
+
+
+def _points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
+    """Draw a hollow mark for each row, if there are any."""
+    if rows:
+        many = len(rows) > _MANY
+        axes.plot(column(rows, x) * _UM, column(rows, y), ls="none", mfc="none", rasterized=many, **style)
 
 
 def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
@@ -139,17 +141,13 @@ def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
         laws: for the lines, each the least over the radii.
     """
     with figure(path, size=_SIZE) as (axes,):
-        axes.axhspan(
-            0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label=f"paper: no lift below {PAPER_NO_CONTACT:g} V"
-        )
-        for name, hue, mark, lifted in (("not lifted up to here", HUES[0], "^", False), ("lifted", HUES[1], "o", True)):
-            group = [row for row in _sound(rows) if (row["voltage"] is not None) == lifted]
-            if group:
-                voltage = column(group, "voltage" if lifted else "limit_voltage")
-                gap, label = column(group, "gap") * _UM, f"{name} ({len(group)})"
-                axes.plot(
-                    gap, voltage, ls="none", marker=mark, mfc="none", mec=hue, label=label, rasterized=len(gap) > _MANY
-                )
+        label = f"paper: no lift below {PAPER_NO_CONTACT:g} V"
+        axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label=label)
+        lifted = [row for row in _sound(rows) if row["voltage"] is not None]
+        left = [row for row in _sound(rows) if row["voltage"] is None]
+        label = f"not lifted up to here ({len(left)})"
+        _points(axes, left, "gap", "limit_voltage", marker="^", mec=HUES[0], label=label)
+        _points(axes, lifted, "gap", "voltage", marker="o", mec=HUES[1], label=f"lifted ({len(lifted)})")
         gaps, radii = column(rows, "gap"), column(rows, "radius")
         x, radius = np.linspace(0.5 * gaps.min(), 1.2 * gaps.max(), 101), np.linspace(radii.min(), radii.max(), 11)
         for i, percent in enumerate(sorted({row["relative_humidity"] for row in rows})):
@@ -164,14 +162,6 @@ def draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
 def column(rows: Rows, name: str) -> np.ndarray:
     """Numbers of one column (n,)."""
     return np.array([row[name] for row in rows], float)
-
-
-def entries(axes: Axes) -> tuple[list[Any], list[str]]:
-    """Handles and labels for a legend, each label once, with its first handle."""
-    first: dict[str, Any] = {}
-    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-        first.setdefault(label, handle)
-    return list(first.values()), list(first)
 
 
 def _sound(rows: Rows) -> Rows:
@@ -202,8 +192,10 @@ def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
     """Add the title and, below the axes, the caption and the legend."""
     faulty = len(rows) - len(_sound(rows))
     axes.set_title(title)
+    handles, labels = axes.get_legend_handles_labels()
     axes.legend(
-        *entries(axes),
+        [handles[labels.index(label)] for label in dict.fromkeys(labels)],
+        [*dict.fromkeys(labels)],
         loc="upper left",
         bbox_to_anchor=(-0.12, -0.16),
         ncols=3,

@@ -1,15 +1,28 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
 import json
+import math
 import zipfile
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import jaxtyped
 
-from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Frames, Scene
+from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.trajectory import (
+    ABOUT,
+    AREA,
+    METRIC,
+    OTHER_RECORDING,
+    RECORDING,
+    RESULT,
+    SCENE,
+    TRAJECTORY,
+    Arrays,
+    Scene,
+)
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
 from iswarm_mj.utils.memory import check_memory
@@ -18,9 +31,29 @@ REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJEC
 LARGEST_RESULT = 2**28
 """Size up to which a result.json is read [bytes]."""
 LARGEST_TRAJECTORY = 2**36
-"""Likewise a trajectory.npz, if its arrays fit into memory."""
-NEEDED = ("step", "pose")
-"""Arrays without which a file is no trajectory."""
+"""Size up to which a trajectory.npz is read, if its arrays fit into memory [bytes]."""
+_NEEDED: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
+    SCENE + n: t for n, t in Scene.__annotations__.items()
+}
+"""Arrays without which a file is no trajectory, and their types."""
+_NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
+"""Fields of `Scene` that name further arrays, and their prefixes."""
+
+
+def parsed(text: str | bytes) -> Any:
+    """Return the content of JSON.
+
+    Raises:
+        ValueError: it is none, or has a number that no float can hold.
+        RecursionError: it is nested too deep.
+    """
+
+    def finite(number: str) -> int | float:
+        if not math.isfinite(value := float(number)):
+            raise ValueError(f"a number of {len(number)} digits")
+        return int(number) if number.lstrip("-").isdigit() else value
+
+    return json.loads(text, parse_int=finite, parse_float=finite)
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -31,44 +64,71 @@ def read_result(path: Path) -> dict[str, Any]:
     """
     try:
         check_file(path, LARGEST_RESULT)
-        content = json.loads(path.read_text(encoding="utf-8"))
+        return _of_a_run(path, parsed(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path} is cut off or no JSON ({error}); {REMEDY}.") from None
+
+
+def _of_a_run(path: Path, content: Any) -> dict[str, Any]:
     if not isinstance(content, dict) or not isinstance(content.get("config"), dict):
-        raise UserError(f"{path} is not the {RESULT} of a run, for it has no `config`; {REMEDY}.")
+        raise UserError(f"{path} is not the {path.name} of a run, for it has no `config`; {REMEDY}.")
     return content
 
 
 def read_trajectory(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`.
-
-    Files of earlier versions lack some.
+    """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`; no others are read.
 
     Raises:
         UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
     """
     try:
         check_file(path, LARGEST_TRAJECTORY)
-        _check_room(path)
-        with np.load(path) as file:
-            arrays = dict(file)
+        with zipfile.ZipFile(path) as archive, np.load(path) as file:
+            sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.infolist()}
+            names = [name for name in (*_NEEDED, ABOUT) if name in sizes]
+            check_memory(sum(sizes[name] for name in names))
+            arrays = {name: file[name] for name in names}
+            own = {prefix + n for key, prefix in _NAMED.items() for n in arrays.get(SCENE + key, np.zeros(0)).tolist()}
+            check_memory(sum(sizes[name] for name in own & sizes.keys()))
+            arrays |= {name: file[name] for name in sorted(own & sizes.keys())}
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
     except Exception as error:  # bytes that another program wrote may break each part of the reader
         raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
-    lacking = [name for name in NEEDED if name not in arrays]
-    if lacking:
-        raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{lacking[0]}`; {REMEDY}.")
-    try:
-        _check_shapes(path, arrays)
-    except (TypeError, ValueError, IndexError) as error:
-        raise UserError(f"{path}: its arrays do not fit each other ({error}); {REMEDY}.") from None
+    for name in (*_NEEDED, *sorted(own)):
+        if name not in arrays:
+            raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}.")
+    _check_shapes(path, arrays)
     return arrays
 
 
-def read_about(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _check_shapes(path: Path, arrays: Arrays) -> None:
+    """Refuse arrays of other kinds of values, sizes that differ along the same axis, and balls without a size."""
+    with jaxtyped("context"):
+        for name, kind in _NEEDED.items():
+            if hasattr(kind, "dim_str") and not isinstance(arrays[name], kind):
+                found = f"{arrays[name].dtype} {arrays[name].shape}"
+                raise UserError(
+                    f"{path}: `{name}` ({found}) does not fit the other arrays as {kind.__name__}; {REMEDY}."
+                )
+    for key, prefix in _NAMED.items():
+        axes = arrays["pose"].shape[: 2 if key == "memory_names" else 1]
+        for name in arrays[SCENE + key].tolist():
+            if arrays[prefix + name].shape[: len(axes)] != axes:
+                raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
+    steps = arrays["step"]
+    if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
+        raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
+    for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
+        if not np.isfinite(arrays[name]).all():
+            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")
+    if not np.all(arrays["scene_ball_radius"] > 0):
+        raise UserError(f"{path}: `scene_ball_radius` must be above 0; {REMEDY}.")
+
+
+def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
     """Return what a run was, as its result.json says or, without one, its trajectory.
 
     Args:
@@ -78,16 +138,13 @@ def read_about(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     Raises:
         UserError: neither says so.
     """
-    places = [path.parent, *([path.parent.parent] if path.parent.name.startswith("world-") else [])]
-    for place in places:
+    for place in (path.parent, path.parent.parent)[: 2 if path.parent.name.startswith("world-") else 1]:
         if (place / RESULT).exists():
             return read_result(place / RESULT)
-    if ABOUT not in arrays:
-        raise UserError(
-            f"{path} is of an older version, and there is no {RESULT} beside it that states its configuration; "
-            "put it back where it was written."
-        )
-    return json.loads(arrays[ABOUT].item())
+    try:
+        return _of_a_run(path, parsed(arrays[ABOUT].item()))
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
+        raise UserError(f"{path} does not state its run ({error}), and no {RESULT} lies beside it; {REMEDY}.") from None
 
 
 def no_trajectory(directory: Path, result: Mapping[str, Any]) -> UserError:
@@ -104,41 +161,6 @@ def no_trajectory(directory: Path, result: Mapping[str, Any]) -> UserError:
     if not result.get("interrupted"):
         return UserError(f"{directory} holds no {TRAJECTORY}, although its run has ended; put it back, or {again}.")
     return UserError(
-        f"{directory} holds no {TRAJECTORY}, which a run writes at its end, and this one goes on, or was killed; wait "
-        f"for its end, or {again}: what was recorded until then is in {directory / recordings[0]}."
+        f"{directory} holds no {TRAJECTORY}, which is written at the end; the run is unfinished or was killed: wait "
+        f"for its end, or {again}. What was recorded until then is in {directory / recordings[0]}."
     )
-
-
-def _check_room(path: Path) -> None:
-    """Raise a MemoryError if the arrays need more memory than there is."""
-    with zipfile.ZipFile(path) as file:
-        needed = sum(part.file_size for part in file.infolist())
-    check_memory(needed)
-
-
-def _check_shapes(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Refuse arrays of other kinds of values, and those whose sizes along the same axis differ."""
-    sizes: dict[str, tuple[int, str]] = {}
-    kinds = {f.name: f.type for f in fields(Frames)}
-    kinds |= {f"scene_{name}": kind for name, kind in Scene.__annotations__.items()}
-    kinds = {
-        name: kind
-        for name, kind in kinds.items()
-        if not name.startswith(("scene_memory_", "scene_area_", "scene_metric_"))
-    }
-    for name, kind in kinds.items():
-        axes = getattr(kind, "dim_str", "").split()
-        if name not in arrays:
-            continue
-        found, dtype = arrays[name].shape, arrays[name].dtype
-        if dtype.name not in getattr(kind, "dtypes", [dtype.name]):
-            raise UserError(f"{path}: `{name}` holds values of the kind {dtype}; {REMEDY}.")
-        wanted = [sizes.setdefault(axis, (size, name)) for axis, size in zip(axes, found, strict=False)]
-        for axis, (size, first), mine in zip(axes, wanted, found, strict=False):
-            if mine != (int(axis) if axis.isdigit() else size):
-                raise UserError(f"{path}: the shape {found} of `{name}` does not fit that of `{first}`; {REMEDY}.")
-        if len(axes) != len(found):
-            raise UserError(f"{path}: `{name}` has {len(found)} axes instead of {len(axes)}; {REMEDY}.")
-    for name in np.atleast_1d(arrays.get("scene_memory_names", [])).tolist():
-        if name not in arrays or arrays[name].shape[:2] != arrays["pose"].shape[:2]:
-            raise UserError(f"{path}: `{name}` is not there for each step and robot; {REMEDY}.")

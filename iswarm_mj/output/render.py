@@ -4,8 +4,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from iswarm_mj.output.recorded import load, robot_file_of
-from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.stage import Shot, Stage, recorded
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 
@@ -26,13 +25,14 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
         UserError: no such run, step or camera, or no off-screen OpenGL, or `out` is not writable.
     """
     check("out", str(out), "a name ending in .png", out.suffix in Image.registered_extensions())
-    config, frames = load(directory)
+    run = recorded(directory)
+    frames = run.arrays
     last = int(frames["step"][-1])
     step = min(STEP, last) if step is None else step
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
-    with Stage(config, frames, shot, robot_file_of(directory)) as stage:
-        pixels = stage.frame(frames, step)
+    with Stage(run.config, frames, shot, run.robot_file) as stage:
+        pixels = stage.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step], step)
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)
     return step

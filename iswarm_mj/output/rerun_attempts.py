@@ -15,6 +15,7 @@ from jaxtyping import Float
 from iswarm_mj.gripper.bench.attempt_trace import Tried, trace_attempt
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_swarm_layout, rerun_trial, rerun_trial_view
+from iswarm_mj.output.rerun_format import blueprint, space, time_series
 from iswarm_mj.output.rerun_trial_view import BALL, BALL_MARK, FORCES, PLATE, PROBE, SHADOW, UM
 from iswarm_mj.output.trajectory import Scene
 
@@ -94,16 +95,12 @@ class AttemptView:
         level, hue = ("INFO", _GOOD) if tried.succeeded else ("WARN", _BAD)
         self._stream.log(LOG, rr.TextLog(said(self._count, tried), level=level, color=hue))
         self._stream.reset_time()
-        small = thinned(trace, SAMPLES)
-        time = start + small.time - small.time[0]
-        for entity, (archetype, sizes, values) in rerun_trial.columns_of(small).items():
-            parts = {key: value.reshape(-1, *value.shape[2:]) for key, value in values.items()}
-            columns = archetype.columns(**parts).partition([sizes] * len(time))
-            self._stream.send_columns(f"{ROOT}/{entity}", _index(time, step), columns, strict=True)
-        for entity, states in rerun_trial.states_of(small).items():
-            changes = np.flatnonzero(np.append(True, states[1:] != states[:-1]))
-            columns = rr.StateChange.columns(state=[str(state) for state in states[changes]])
-            self._stream.send_columns(f"{ROOT}/{entity}", _index(time[changes], step), columns, strict=True)
+
+        def index(time: np.ndarray) -> list[rr.TimeColumn]:
+            steps = rr.TimeColumn("step", sequence=np.full(len(time), step))
+            return [*rerun_trial.time_index(start + time - trace.time[0]), steps]
+
+        rerun_trial.send_trace(self._stream, thinned(trace, SAMPLES), index, f"{ROOT}/")
 
 
 def said(number: int, tried: Tried) -> str:
@@ -117,45 +114,17 @@ def outcome(tried: Tried) -> str:
     return ("" if tried.succeeded else "not ") + ("lifted" if tried.is_lift else "released")
 
 
-def _index(time: np.ndarray, step: int) -> list[rr.TimeColumn]:
-    return [
-        rr.TimeColumn("sim_time", duration=np.rint(time * 1e9).astype("timedelta64[ns]")),
-        rr.TimeColumn("step", sequence=np.full(len(time), step)),
-    ]
-
-
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout: the arena with its panels above; the list of attempts, the bench and its plots below."""
-    eye = rrb.EyeControls3D(position=(24, -120, 24), look_target=(4, 0, 30), eye_up=(0, 0, 1))
-    bench = rrb.Spatial3DView(
-        origin=f"{ROOT}/world", name="Grasp (µm)", eye_controls=eye, line_grid=False, background=(24, 26, 30)
-    )
+    bench = space(f"{ROOT}/world", "Grasp (µm)", (24, -120, 24), (4, 0, 30))
     states = rrb.StateTimelineView(origin=f"{ROOT}/states", name="Phase, and the ball's contacts and potential")
+    near = tuple(rr.TimeRangeBoundary.cursor_relative(seconds=side * _SPAN / 2) for side in (-1, 1))
     plots = rrb.Vertical(
-        _near_cursor("series/voltage", "Voltage (V)"),
-        _near_cursor("series/gaps", "Gaps (µm)"),
-        _near_cursor("series/attraction", "Forces on the ball (nN)"),
+        time_series(f"{ROOT}/series/voltage", "Voltage (V)", span=near),
+        time_series(f"{ROOT}/series/gaps", "Gaps (µm)", span=near),
+        time_series(f"{ROOT}/series/attraction", "Forces on the ball (nN)", span=near),
         name="Grasp over time",
     )
-    arena = rerun_swarm_layout.layout(scene).root_container
     lines = rrb.TextLogView(origin=LOG, name="Attempts; a click on a time shows its grasp")
     below = rrb.Horizontal(lines, rrb.Vertical(bench, states, row_shares=[2, 1]), plots, column_shares=[2, 3, 3])
-    return rrb.Blueprint(
-        rrb.Vertical(arena, below, row_shares=[1, 1]),
-        rrb.TimePanel(timeline="sim_time", state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        auto_layout=False,
-        auto_views=False,
-    )
-
-
-def _near_cursor(origin: str, name: str) -> rrb.TimeSeriesView:
-    """A plot of the series of a trial, for the time about the cursor."""
-    before, after = (rr.TimeRangeBoundary.cursor_relative(seconds=side * _SPAN / 2) for side in (-1, 1))
-    return rrb.TimeSeriesView(
-        origin=f"{ROOT}/{origin}",
-        name=name,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
-        axis_x=rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=before, end=after)),
-    )
+    return blueprint(rrb.Vertical(rerun_swarm_layout.content(scene), below, row_shares=[1, 1]))

@@ -1,4 +1,4 @@
-"""Common parts of all Rerun recordings: settings as properties and as a table, plots, and whether Rerun is on."""
+"""Common parts of all Rerun recordings: their files, settings as properties and as a table, columns, views."""
 
 import ctypes
 import os
@@ -21,28 +21,20 @@ _END = b"RRF2FOOT\x01\x00\x00\x00"
 """Of a complete file: the mark of its index, and of how many there are."""
 FLUSH_SECONDS = 30.0
 """Time limit of a flush; without one Rerun waits for ever when the disk is full."""
+Point = tuple[float, float, float]
 
 
-def require_recordings(stream: rr.RecordingStream) -> None:
-    """Check that Rerun is enabled.
+def check_recordings(stream: rr.RecordingStream | None = None) -> None:
+    """Check that Rerun is enabled, for instance before anything is computed or removed.
 
     Raises:
         UserError: the environment disables it.
     """
-    if not rr.is_enabled(stream):
+    if not rr.is_enabled(stream or rr.RecordingStream("iswarm_mj")):
         raise UserError(
             f"Recordings are disabled by the environment variable RERUN={os.environ.get('RERUN', '')}; "
             "unset it, set it to 1, or run without a recording."
         )
-
-
-def check_recordings() -> None:
-    """Check that Rerun is enabled, before anything is computed or removed.
-
-    Raises:
-        UserError: the environment disables it.
-    """
-    require_recordings(rr.RecordingStream("iswarm_mj"))
 
 
 def leave_alone(stream: rr.RecordingStream) -> None:
@@ -56,15 +48,15 @@ def leave_alone(stream: rr.RecordingStream) -> None:
 
 
 @contextmanager
-def written(path: str, stream: rr.RecordingStream) -> Iterator[None]:
-    """Raise a UserError if the block cannot write a recording to its end, for example because the disk is full."""
+def written(path: str | Path, stream: rr.RecordingStream) -> Iterator[None]:
+    """Raise a UserError if the block cannot open or complete a recording, and leave its stream alone."""
     try:
         yield
-    except RuntimeError as error:
+    except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
         leave_alone(stream)
         raise UserError(
-            f"The recording {path!r} could not be written to its end ({error}): "
-            "make room on the disk, or give a file elsewhere."
+            f"The recording {str(path)!r} cannot be written ({error}): "
+            "give a file name in an existing folder that you may write to, with room on its disk."
         ) from error
 
 
@@ -80,6 +72,14 @@ def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
     """
     if not ends_within(limit_s, call):
         raise RuntimeError(f"not done within {limit_s:g} s")
+
+
+def save(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> None:
+    """Write a stream to a file, which is replaced, without times of its own; in a `written` block."""
+    path.open("wb").close()
+    bounded(lambda: stream.save(path, default_blueprint=layout))
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
 
 
 def close(stream: rr.RecordingStream, path: str | Path) -> None:
@@ -157,13 +157,43 @@ def settings_document(legend: str, header: str, settings: Mapping[str, Any]) -> 
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
-def time_series(origin: str, name: str, corner: str | None = "LeftTop", **more: Any) -> rrb.TimeSeriesView:
-    """A plot of the series below `origin` over the whole time, with its legend, if any, in a corner."""
-    always = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+def time_series(
+    origin: str,
+    name: str,
+    corner: str | None = "LeftTop",
+    span: tuple[rr.TimeRangeBoundary, ...] = (rr.TimeRangeBoundary.infinite(),) * 2,
+    **more: Any,
+) -> rrb.TimeSeriesView:
+    """Return a plot of the series below `origin`, by default over the whole time; without a corner it has no legend."""
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
         plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None),
-        axis_x=rrb.archetypes.TimeAxis(view_range=always),
+        axis_x=rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=span[0], end=span[1])),
         **more,
+    )
+
+
+def space(origin: str, name: str, eye: Point, target: Point, **more: Any) -> rrb.Spatial3DView:
+    """Return a view on a dark ground, from the place `eye` to `target`, with z upwards."""
+    controls = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0, 0, 1))
+    return rrb.Spatial3DView(
+        origin=origin, name=name, eye_controls=controls, line_grid=False, background=(24, 26, 30), **more
+    )
+
+
+def blueprint(content: rrb.Container, **time: Any) -> rrb.Blueprint:
+    """Return a layout of these views, with all panels closed.
+
+    Args:
+        content: the views.
+        time: more settings of the panel of time.
+    """
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(timeline="sim_time", state="collapsed", **time),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
     )

@@ -1,15 +1,13 @@
 """A swarm's recording that a viewer on this machine shows while it is made."""
 
 import sys
-from collections.abc import Mapping
-from typing import Any
 
 import rerun as rr
 
 from iswarm_mj.output.rerun_format import leave_alone
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.rerun_swarm_layout import layout
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.utils.deadline import ends_within
 
 SECONDS = 5.0
@@ -17,33 +15,12 @@ SECONDS = 5.0
 
 
 class LiveRecording(Recording):
-    """A recording that goes to a viewer instead of a file.
+    """A recording that goes to a viewer, whose address (`viewer.open_viewer`) is its path, instead of a file.
 
     If the viewer is closed, this says so once on the standard error, and further blocks are dropped.
     """
 
-    def __init__(
-        self,
-        url: str,
-        scene: Scene,
-        config: Mapping[str, Any],
-        properties: Mapping[str, Any],
-        lanes: tuple[int, ...] = (),
-    ):
-        """Connect to the viewer and send everything static; see `Recording`.
-
-        Args:
-            url: of the viewer, see `viewer.open_viewer`.
-            scene: constants of the run.
-            config: shown as a table.
-            properties: what identifies the run.
-            lanes: robots whose states are shown as lanes; a few by default.
-
-        Raises:
-            UserError: the environment disables recordings.
-        """
-        self._is_lost = False
-        super().__init__(url, scene, config, properties, lanes=lanes)
+    _is_lost = False
 
     def append(self, frames: Frames) -> None:
         """Send a block of frames; see `Recording.append`."""
@@ -57,6 +34,8 @@ class LiveRecording(Recording):
             leave_alone(self._stream)
             self._stream = rr.RecordingStream("iswarm_mj")  # whose entities go nowhere
             self._lose()
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
 
     def _flush(self) -> None:
         try:

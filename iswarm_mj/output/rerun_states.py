@@ -1,17 +1,17 @@
 """States of robots in a swarm's recording: lanes of some robots, and how many robots are in each state."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
-from jaxtyping import Int, UInt8
+from jaxtyping import Bool, Int, UInt8
 
-from iswarm_mj.output.remembered import is_known
-from iswarm_mj.output.trajectory import Frames, Scene
+from iswarm_mj.output.memory_vectors import is_known, vector
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import Scene
 
 COUNTS = "series/states"
-"""Entity of the number of robots in each state, in the order of `names`."""
-
+"""Entity of the number of robots in each state, in the order of `states`."""
 MOST = 8
 """Lanes that are shown if none are asked for."""
 
@@ -21,21 +21,23 @@ class State(NamedTuple):
 
     name: str
     colour: tuple[int, int, int]
-    is_loaded: bool | None
-    """Whether the robot holds a ball; None if that does not matter."""
+    is_loaded: bool = False
+    """Whether the robot holds a ball."""
     vector: str = ""
     """The recorded vector that the robot knows; empty if that does not matter."""
+    stands: bool = False
+    """The drive carried out neither a turn nor a way."""
 
 
-STANDS, DEAD = ", stands", "dead"
+DEAD = State("dead", (70, 70, 70))
 STATES = (
-    State("empty", (213, 94, 0), False),
-    State("empty, knows dust", (240, 165, 95), False, "dust_vector"),
-    State(f"empty{STANDS}", (150, 120, 100), False),
+    State("empty", (213, 94, 0)),
+    State("empty, knows dust", (240, 165, 95), vector="dust_vector"),
+    State("empty, stands", (150, 120, 100), stands=True),
     State("loaded", (0, 114, 178), True),
     State("loaded, knows dump", (86, 180, 233), True, "dump_vector"),
-    State(f"loaded{STANDS}", (100, 120, 150), True),
-    State(DEAD, (70, 70, 70), None),
+    State("loaded, stands", (100, 120, 150), True, stands=True),
+    DEAD,
 )
 """Colours are those of the robots, lighter with a vector, greyer at rest."""
 
@@ -47,39 +49,24 @@ def states(scene: Scene) -> list[State]:
         for state in STATES
         if (not state.vector or state.vector in scene.arrows)
         and (not state.is_loaded or len(scene.ball_radius) > 0)
-        and (state.name != DEAD or not np.all(scene.is_alive))
+        and (state != DEAD or not np.all(scene.is_alive))
     ]
 
 
-def names(scene: Scene) -> list[str]:
-    """Return the names of these states."""
-    return [state.name for state in states(scene)]
-
-
 def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:
-    """Return the state of each robot, its place in `states`.
-
-    A robot stands if its drive carried out neither a turn nor a way; at the start, before the first step, none does.
-    """
-    stands = ~(frames.command[..., 0].astype(bool) | frames.command[..., 1].astype(bool))
-    stands[np.asarray(frames.step) == 0] = False
+    """Return the state of each robot, its place in `states`; at the start, before the first step, none stands."""
+    stands = ~frames.command.any(axis=-1) & (frames.step > 0)[:, None]
     found = np.zeros(frames.is_loaded.shape, np.uint8)
     for place, state in enumerate(states(scene)):
-        if state.name == DEAD:
-            found[:, ~np.asarray(scene.is_alive)] = place
-            continue
-        holds = frames.is_loaded if state.is_loaded else ~frames.is_loaded
-        if state.vector:
-            holds = holds & is_known(frames, state.vector)
-        if state.name.endswith(STANDS):
-            holds = holds & stands
-        found[holds] = place
+        found[_is_in(state, scene, frames, stands)] = place
     return found
 
 
-def counts(found: UInt8[np.ndarray, "T N"], n_states: int) -> Int[np.ndarray, "T K"]:
-    """Return the number of robots in each state."""
-    return np.stack([np.count_nonzero(found == place, axis=1) for place in range(n_states)], axis=1)
+def _is_in(state: State, scene: Scene, frames: Frames, stands: Bool[np.ndarray, "T N"]) -> Bool[np.ndarray, "T N"]:
+    if state == DEAD:
+        return np.broadcast_to(~np.asarray(scene.is_alive), stands.shape)
+    known = is_known(frames, vector(state.vector)) if state.vector else True
+    return (frames.is_loaded == state.is_loaded) & known & (stands | (not state.stands))
 
 
 def lane(robot: int) -> str:
@@ -90,47 +77,32 @@ def lane(robot: int) -> str:
 def shown_lanes(scene: Scene, wanted: tuple[int, ...]) -> tuple[int, ...]:
     """Return the robots that get a lane: those asked for, or some that are alive, from the first to the last."""
     alive = np.flatnonzero(scene.is_alive)
-    n_lanes = min(MOST, len(alive))
-    return tuple(wanted) or tuple(alive[np.linspace(0, len(alive) - 1, n_lanes, dtype=int)].tolist())
+    places = np.linspace(0, len(alive) - 1, min(MOST, len(alive)), dtype=int)
+    return tuple(wanted) or tuple(alive[places].tolist())
 
 
-def static_lanes(scene: Scene, robots: tuple[int, ...]) -> list[tuple[str, Any]]:
+def static_lanes(scene: Scene, robots: tuple[int, ...]) -> list[tuple[str, rr.AsComponents]]:
     """Return (entity, archetype) of the looks of the lanes and of the counts."""
-    each = states(scene)
-    own, colours = [state.name for state in each], [state.colour for state in each]
-    looks = [
-        (
-            lane(robot),
-            rr.StateConfiguration(
-                values=own,
-                labels=[f"scout, {name}" if scene.is_scout[robot] else name for name in own],
-                colors=colours,
-            ),
-        )
-        for robot in robots
+    names, colours = [state.name for state in states(scene)], [state.colour for state in states(scene)]
+    found: list[tuple[str, rr.AsComponents]] = [
+        (COUNTS, rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names)))
     ]
-    return [(COUNTS, rr.SeriesLines(names=own, colors=colours, widths=[1.5] * len(own))), *looks]
+    for robot in robots:
+        labels = [f"scout, {name}" if scene.is_scout[robot] else name for name in names]
+        found.append((lane(robot), rr.StateConfiguration(values=names, labels=labels, colors=colours)))
+    return found
 
 
-class Lanes:
-    """Tells when some robots change their states."""
+def changes(
+    found: UInt8[np.ndarray, "T N"], last: UInt8[np.ndarray, "N"] | None, robots: tuple[int, ...]
+) -> dict[int, Int[np.ndarray, "M"]]:
+    """Return the frames of a block in which robots change their states, for those that do.
 
-    def __init__(self, robots: tuple[int, ...]):
-        """Begin without a state.
-
-        Args:
-            robots: their numbers.
-        """
-        self._robots, self._last = robots, np.full(len(robots), len(STATES), np.uint8)
-
-    def changes(self, found: UInt8[np.ndarray, "T N"]) -> dict[int, Int[np.ndarray, "M"]]:
-        """Return the frames of the next block in which each robot that changes its state does so.
-
-        Args:
-            found: states of all robots in the block.
-        """
-        own = np.concatenate([self._last[None], found[:, list(self._robots)]])
-        self._last = own[-1]
-        changed = own[1:] != own[:-1]
-        each = {robot: np.flatnonzero(changed[:, place]) for place, robot in enumerate(self._robots)}
-        return {robot: when for robot, when in each.items() if len(when)}
+    Args:
+        found: states of all robots in the block.
+        last: in the frame before it; None before the first, in which all change.
+        robots: numbers of some robots.
+    """
+    before = np.full_like(found[:1], len(STATES)) if last is None else last[None]
+    changed = np.diff(np.concatenate([before, found]), axis=0) != 0
+    return {robot: np.flatnonzero(changed[:, robot]) for robot in robots if changed[:, robot].any()}

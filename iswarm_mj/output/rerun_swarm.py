@@ -11,30 +11,31 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from jaxtyping import Float, Shaped
 
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.frame_checks import check_frames
-from iswarm_mj.output.frames import HELD
-from iswarm_mj.output.remembered import hop_colours, hop_counts, is_known
+from iswarm_mj.output.memory_colors import hop_colours, hop_counts
+from iswarm_mj.output.memory_vectors import is_known, vectors
+from iswarm_mj.output.message_columns import payload_of, shown_fields
 from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
-    bounded,
+    check_recordings,
     close,
     columns_of,
     index,
-    leave_alone,
-    require_recordings,
+    save,
     send_properties,
     settings_document,
     written,
 )
-from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, links_of, robot_classes, robots_of, strips, trails
+from iswarm_mj.output.rerun_lines import TRAIL_FRAMES, links_of, robots_of, strips, trails
+from iswarm_mj.output.rerun_names import BALLS, LINKS, ROBOTS, series_values, shown_values
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
-from iswarm_mj.output.said import payload_of, readable
-from iswarm_mj.output.trajectory import AREA, METRIC, Frames, Scene
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import AREA, METRIC, Scene
+from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.geometry import rotate
 
 
@@ -68,21 +69,19 @@ class Recording:
         Raises:
             UserError: the file cannot be written, or the environment disables recordings.
         """
-        self._path, self._scene, self._payload = str(path), scene, payload_of({"scene_payload": scene.payload})
+        self._path, self._scene, self._payload = str(path), scene, payload_of(scene.payload)
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
-        self._last_step = -1
+        self._vectors, self._last_step = vectors(scene), -1
+        self._last_states: np.ndarray | None = None
         self._result: dict[str, Any] = {}
         self._stream = rr.RecordingStream(application)
-        require_recordings(self._stream)
+        check_recordings(self._stream)
         self._open()
-        self._stream.set_log_time_enabled(False)
-        self._stream.set_log_tick_enabled(False)
         self._stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
         send_properties(self._stream, "settings", config)
         send_properties(self._stream, "run", {**properties, "world": scene.world})
-        robots = rerun_states.shown_lanes(scene, lanes)
-        self._lanes = rerun_states.Lanes(robots)
-        for entity, archetype in [*look.static_entities(scene), *rerun_states.static_lanes(scene, robots)]:
+        self._lanes = rerun_states.shown_lanes(scene, lanes)
+        for entity, archetype in [*look.static_entities(scene), *rerun_states.static_lanes(scene, self._lanes)]:
             self._stream.log(entity, archetype, static=True, strict=True)
         document = settings_document(look.legend(scene), "Parameter", config)
         self._stream.log(look.CONFIG, document, static=True, strict=True)
@@ -90,15 +89,8 @@ class Recording:
 
     def _open(self) -> None:
         """Open the file, with the layout."""
-        try:
-            Path(self._path).open("wb").close()
-            bounded(lambda: self._stream.save(self._path, default_blueprint=layout(self._scene)))
-        except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
-            leave_alone(self._stream)
-            raise UserError(
-                f"The recording {self._path!r} cannot be written ({error}): "
-                "give a file name in an existing folder that you may write to."
-            ) from error
+        with written(self._path, self._stream):
+            save(self._stream, Path(self._path), layout(self._scene))
 
     @property
     def stream(self) -> rr.RecordingStream:
@@ -139,37 +131,39 @@ class Recording:
         """
         if len(frames) == 0:
             return
-        check_frames(self._scene, frames, self._last_step)
+        self._check(frames)
         self._index, self._n_frames = index(frames.step, self._scene.control_period), len(frames)
-        size = np.asarray(self._scene.robot_size, np.float32) * np.float32(MILLIMETRES)
-        yaw = frames.pose[..., 2]
-        centres = np.empty_like(frames.pose, dtype=np.float32)
+        height = self._scene.robot_size[2] * MILLIMETRES
+        centres = np.full(frames.pose.shape, height / 2, np.float32)
         centres[..., :2] = frames.pose[..., :2] * np.float32(MILLIMETRES)
-        centres[..., 2] = size[2] / 2
-        self._robots(frames, centres, yaw, size)
+        self._robots(frames, centres)
         self._balls(frames)
         self._lines(frames, centres)
-        top = centres.copy()
-        top[..., 2] = 1.1 * size[2]
-        for name in self._scene.arrows:
-            self._arrows(look.arrows(name), top, yaw, frames.memory[name], is_known(frames, name))
-        self._memory(frames)
+        self._memory(frames, centres + np.array([0, 0, 0.6 * height], np.float32))
         self._areas(frames)
         self._states(frames)
         self._series(frames)
         self._flush()
         self._last_step = int(frames.step[-1])
-        self._note(frames)
 
-    def _note(self, frames: Frames) -> None:
-        """Keep what the world has come to."""
-        values = {name: frames.task[METRIC + name] for name in self._scene.metric_names}
-        values |= {"delivered": frames.delivered, "picked": frames.picked, "collisions": frames.collisions}
-        taken = np.asarray(frames.step)[np.asarray(frames.is_running)]
-        self._result |= {name: value[-1] for name, value in values.items()}
-        self._result["steps"] = int(taken[-1]) if len(taken) else self._result.get("steps", 0)
+    def _check(self, frames: Frames) -> None:
+        """Refuse values that the viewer would silently draw wrong."""
+        if np.any(np.diff(frames.step, prepend=self._last_step) <= 0):
+            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
+        drawn = {"pose of robots": frames.pose, "position of balls": frames.ball_position}
+        for vector in self._vectors:
+            known = is_known(frames, vector)[..., None]
+            drawn[f"{vector.title} of robots"] = np.where(known, frames.memory[vector.name], 0)
+        for name, values in drawn.items():
+            is_bad = np.any(~np.isfinite(values), axis=-1)
+            if is_bad.any():
+                t = int(np.argmax(is_bad.any(axis=1)))
+                which = ", ".join(map(str, np.flatnonzero(is_bad[t])[:10]))
+                raise SimulationFault(f"Step {frames.step[t]}: the {name} {which} is not finite.")
 
-    def _send(self, entity: str, shown: Any, lengths: np.ndarray | int = 1, **values: np.ndarray) -> None:
+    def _send(
+        self, entity: str, shown: rr.AsComponents, lengths: np.ndarray | int = 1, **values: Shaped[np.ndarray, "..."]
+    ) -> None:
         """Send columns of one entity; row t gets the next `lengths[t]` instances, or each the same number.
 
         `values` are shown by the viewer where an instance is selected.
@@ -177,31 +171,25 @@ class Recording:
         columns = columns_of(shown, values, self._n_frames, lengths)
         self._stream.send_columns(entity, self._index, columns, strict=True)
 
-    def _robots(self, frames: Frames, centres: np.ndarray, yaw: np.ndarray, size: np.ndarray) -> None:
+    def _robots(self, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> None:
         """Boxes coloured by state, and a dot at each front."""
-        n_robots = yaw.shape[1]
-        quaternions = np.zeros((*yaw.shape, 4), np.float32)
-        quaternions[..., 2], quaternions[..., 3] = np.sin(yaw / 2), np.cos(yaw / 2)
+        yaw, (length, _, height) = (
+            frames.pose[..., 2],
+            np.asarray(self._scene.robot_size, np.float32) * np.float32(MILLIMETRES),
+        )
+        zero, cos, sin = np.zeros_like(yaw), np.cos(yaw), np.sin(yaw)
         boxes = rr.Boxes3D.from_fields(
             centers=centres.reshape(-1, 3),
-            quaternions=quaternions.reshape(-1, 4),
-            class_ids=robot_classes(frames.is_loaded, self._scene.is_scout, frames.has_priority).reshape(-1),
+            quaternions=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1).reshape(-1, 4),
+            class_ids=look.robot_classes(frames.is_loaded, self._scene.is_scout, frames.has_priority).reshape(-1),
         )
         hops = hop_counts(self._scene, frames)
-        self._send(
-            look.ROBOTS,
-            boxes,
-            n_robots,
-            message=frames.message,
-            **readable(self._payload, self._scene.n_leds, frames.message),
-            **hops,
-            **{look.hop_colour(name): hop_colours(values) for name, values in hops.items()},
-            turn_deg=np.rad2deg(frames.command[..., 0]),
-            forward_mm=frames.command[..., 1] * np.float32(MILLIMETRES),
-        )
-        fronts = centres + 0.34 * size[0] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-        fronts[..., 2] = size[2] + look.FRONT_RADIUS * size[0]
-        self._send(look.FRONTS, rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), n_robots)
+        values = shown_values(ROBOTS, frames) | shown_fields(self._payload, self._scene.n_leds, frames.message)
+        values |= hops | {v.hop_colour: hop_colours(hops[v.hop]) for v in self._vectors if v.hop in hops}
+        self._send(ROBOTS, boxes, yaw.shape[1], **values)
+        fronts = centres + 0.34 * length * np.stack([cos, sin, zero], axis=-1)
+        fronts[..., 2] = height + look.FRONT_RADIUS * length
+        self._send(look.FRONTS, rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), yaw.shape[1])
 
     def _balls(self, frames: Frames) -> None:
         """Points of true size; above the robots, markers that stay visible with the whole arena in view."""
@@ -209,43 +197,29 @@ class Recording:
         positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
         classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
         above = positions + np.array([0, 0, 1.5 * self._scene.robot_size[2] * MILLIMETRES])
-        holder = {"holder": np.where(frames.ball_state == HELD, frames.ball_holder, -1).astype(np.int16)}
-        for entity, shown in ((look.BALLS, positions), (look.BALL_MARKERS, above)):
-            points = rr.Points3D.from_fields(positions=shown, class_ids=classes)
-            self._send(entity, points, n_balls, **(holder if entity == look.BALLS else {}))
+        points = rr.Points3D.from_fields(positions=positions, class_ids=classes)
+        self._send(BALLS, points, n_balls, **shown_values(BALLS, frames))
+        self._send(look.BALL_MARKERS, rr.Points3D.from_fields(positions=above, class_ids=classes), n_balls)
 
-    def _lines(self, frames: Frames, centres: np.ndarray) -> None:
+    def _lines(self, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> None:
         """Links of each step, and the trails of robots now loaded."""
-        links = links_of(centres, frames)
-        self._send(
-            look.LINKS,
-            rr.LineStrips3D.from_fields(
-                strips=links.strips, class_ids=links.is_heard + np.uint16(look.LINK_CLASS_OFFSET)
-            ),
-            links.counts,
-            receiver=links.receiver,
-            side=links.side,
-            sender=links.sender,
-            led=links.led,
-            is_heard=links.is_heard,
-        )
-        history = np.concatenate([self._before, centres])
-        points, lengths = trails(history, len(self._before), frames.is_loaded)
-        trail = rr.LineStrips3D.from_fields(strips=strips(points, lengths))
-        loaded = frames.is_loaded
+        lines, counts, numbers = links_of(centres, frames)
+        classes = numbers["is_heard"] + np.uint16(look.LINK_CLASS_OFFSET)
+        self._send(LINKS, rr.LineStrips3D.from_fields(strips=lines, class_ids=classes), counts, **numbers)
+        history, loaded = np.concatenate([self._before, centres]), frames.is_loaded
+        trail = rr.LineStrips3D.from_fields(strips=strips(*trails(history, len(self._before), loaded)))
         self._send(look.TRAILS, trail, np.count_nonzero(loaded, axis=1), robot=robots_of(loaded))
         self._before = history[-TRAIL_FRAMES:]
 
-    def _arrows(self, entity: str, origins: np.ndarray, yaw: np.ndarray, vector: np.ndarray, known: np.ndarray) -> None:
-        """Arrows from the robots that know a vector, turned to the world."""
-        place = np.flatnonzero(known)
-        vectors = np.zeros((len(place), 3), np.float32)
-        vectors[:, :2] = rotate(vector.reshape(-1, 2)[place], yaw.ravel()[place]) * np.float32(MILLIMETRES)
-        shown = rr.Arrows3D.from_fields(origins=origins.reshape(-1, 3)[place], vectors=vectors)
-        self._send(entity, shown, np.count_nonzero(known, axis=1), robot=robots_of(known))
-
-    def _memory(self, frames: Frames) -> None:
-        """Numbers and flags that the robots remember, a series for each number of each robot."""
+    def _memory(self, frames: Frames, origins: Float[np.ndarray, "T N 3"]) -> None:
+        """Arrows from the robots that know a vector, turned to the world; a series for other numbers of each robot."""
+        for vector in self._vectors:
+            known = is_known(frames, vector)
+            ends = np.zeros((np.count_nonzero(known), 3), np.float32)
+            turned = rotate(frames.memory[vector.name][known], frames.pose[..., 2][known])
+            ends[:, :2] = turned * np.float32(MILLIMETRES)
+            shown = rr.Arrows3D.from_fields(origins=origins[known], vectors=ends)
+            self._send(vector.arrows, shown, np.count_nonzero(known, axis=1), robot=robots_of(known))
         for name in look.numbers(self._scene):
             values = frames.memory[name].reshape(len(frames), -1).astype(np.float64)
             self._send(f"{look.MEMORY}/{name}", rr.Scalars(values.reshape(-1)), values.shape[1])
@@ -254,29 +228,28 @@ class Recording:
         """Areas of the task on the floor, which may move."""
         for name, shape in zip(self._scene.area_names, self._scene.area_shapes, strict=True):
             areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
-            self._send(look.area(name), look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
+            self._send(f"{look.AREAS}/{name}", look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
 
     def _states(self, frames: Frames) -> None:
         """How many robots are in each state, and the changes of some robots' states."""
-        names, found = rerun_states.names(self._scene), rerun_states.states_of(self._scene, frames)
-        counts = rerun_states.counts(found, len(names)).astype(np.float64)
-        self._send(rerun_states.COUNTS, rr.Scalars(counts.reshape(-1)), len(names))
-        for robot, when in self._lanes.changes(found).items():
+        names = [state.name for state in rerun_states.states(self._scene)]
+        found = rerun_states.states_of(self._scene, frames)
+        counts = np.stack([np.count_nonzero(found == place, axis=1) for place in range(len(names))], axis=1)
+        self._send(rerun_states.COUNTS, rr.Scalars(counts.reshape(-1).astype(np.float64)), len(names))
+        for robot, when in rerun_states.changes(found, self._last_states, self._lanes).items():
             columns = rr.StateChange.columns(state=[names[place] for place in found[when, robot]])
-            when_columns = index(frames.step[when], self._scene.control_period)
-            self._stream.send_columns(rerun_states.lane(robot), when_columns, columns, strict=True)
+            times = index(frames.step[when], self._scene.control_period)
+            self._stream.send_columns(rerun_states.lane(robot), times, columns, strict=True)
+        self._last_states = found[-1]
 
     def _series(self, frames: Frames) -> None:
-        """Time series; counts are cumulative, shares are of all robots, the speed is in mm/s."""
-        values = {
-            "series/balls/picked": frames.picked,
-            "series/balls/delivered": frames.delivered,
-            "series/collisions": frames.collisions,
-            "series/mean_speed": frames.mean_speed * MILLIMETRES,
-        }
-        for name in self._scene.arrows:
-            values[look.known(name)] = is_known(frames, name).mean(axis=1)
-        for name in self._scene.metric_names:
-            values[look.metric(name)] = frames.task[METRIC + name]
+        """Time series; shares are of all robots. Keeps what the world has come to."""
+        values = series_values(frames)
+        values |= {vector.share: is_known(frames, vector).mean(axis=1) for vector in self._vectors}
+        counts = {name: frames.task[METRIC + name] for name in self._scene.metric_names}
+        values |= {f"{look.METRICS}/{name}": each for name, each in counts.items()}
         for entity in look.series(self._scene):
             self._send(entity, rr.Scalars(np.asarray(values[entity], np.float64)))
+        counts |= {"delivered": frames.delivered, "picked": frames.picked, "collisions": frames.collisions}
+        self._result |= {name: each[-1] for name, each in counts.items()}
+        self._result["steps"] = int(frames.step[frames.is_running].max(initial=self._result.get("steps", 0)))

@@ -1,6 +1,6 @@
 """Trace of a trial -> Rerun recording (.rrd): SI in, um and nN out. Its look is defined in `rerun_trial_view`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,27 +13,28 @@ from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.rerun_format import (
     FLUSH_SECONDS,
-    bounded,
+    check_recordings,
     close,
-    leave_alone,
-    require_recordings,
+    columns_of,
+    save,
     send_properties,
+    written,
 )
-from iswarm_mj.output.rerun_trial_view import NN, UM
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.output.rerun_trial_view import UM
+from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import atomic_write
 
 SAMPLES = 4000
 """Longer traces are thinned to about this number of samples."""
-
 ARROW_FORCE = 4e-6
 """Force whose arrow is one radius long; lengths go with the square root [N]."""
-
 _APPLICATION = "iswarm_mj_grasp"
 """Recordings of one application share the viewer's layout."""
-
 _BLOCK = 1000
 """Samples per block, for quick seeking."""
+
+Index = Callable[[Float[np.ndarray, "T"]], list[rr.TimeColumn]]
+"""From times of samples [s] to their columns."""
 
 
 def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) -> None:
@@ -50,22 +51,19 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     """
     _check(trace)
     path, stream = Path(path), rr.RecordingStream(_APPLICATION)
-    require_recordings(stream)
-    try:
-        with atomic_write(path) as part:
-            part.open("wb").close()
-            bounded(lambda: stream.save(part, default_blueprint=look.layout(trace)))
-            try:
-                _write(stream, path.stem, thinned(trace, SAMPLES), {"version": __version__, **settings})
-                stream.flush(timeout_sec=FLUSH_SECONDS)
-            finally:
-                close(stream, part)
-    except (OSError, RuntimeError) as error:
-        leave_alone(stream)
-        raise UserError(
-            f"The recording {str(path)!r} cannot be written ({error}): "
-            "give a file name in an existing folder that you may write to, with room on its disk."
-        ) from error
+    check_recordings(stream)
+    with atomic_write(path) as part, written(path, stream):
+        save(stream, part, look.layout(trace))
+        try:
+            stream.send_recording_name(path.stem)
+            shown = {"version": __version__, **settings}
+            send_properties(stream, "settings", shown)
+            for entity, archetype in look.static_entities(trace, shown):
+                stream.log(entity, archetype, static=True, strict=True)
+            send_trace(stream, thinned(trace, SAMPLES), time_index)
+            stream.flush(timeout_sec=FLUSH_SECONDS)
+        finally:
+            close(stream, part)
 
 
 def _check(trace: Trace) -> None:
@@ -78,70 +76,59 @@ def _check(trace: Trace) -> None:
         raise ValueError("The times of a trace must increase.")
 
 
-def _write(stream: rr.RecordingStream, name: str, trace: Trace, settings: Mapping[str, Any]) -> None:
-    """Write a whole trace."""
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    stream.send_recording_name(name)
-    send_properties(stream, "settings", settings)
-    for entity, archetype in look.static_entities(trace, settings):
-        stream.log(entity, archetype, static=True, strict=True)
-    columns = columns_of(trace)
-    count = len(trace.time)
-    for start in range(0, count, _BLOCK):
-        block = slice(start, start + _BLOCK)
-        for entity, (archetype, sizes, values) in columns.items():
-            parts = {key: value[block].reshape(-1, *value.shape[2:]) for key, value in values.items()}
-            sent = archetype.columns(**parts).partition([sizes] * len(range(count)[block]))
-            stream.send_columns(entity, _index(trace.time[block]), sent, strict=True)
-    for entity, states in states_of(trace).items():
-        changes = np.flatnonzero(np.append(True, states[1:] != states[:-1]))
-        sent = rr.StateChange.columns(state=[str(state) for state in states[changes]])
-        stream.send_columns(entity, _index(trace.time[changes]), sent, strict=True)
-
-
-def _index(time: np.ndarray) -> list[rr.TimeColumn]:
+def time_index(time: Float[np.ndarray, "T"]) -> list[rr.TimeColumn]:
+    """Return the column of times [s]."""
     return [rr.TimeColumn("sim_time", duration=np.rint(time * 1e9).astype("timedelta64[ns]"))]
 
 
-def columns_of(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
-    """Entity -> archetype, number of instances, and fields (T, instances, ...) of all that changes but the states."""
-    return {**_bodies(trace), **_series(trace)}
+def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str = "") -> None:
+    """Write all that changes in a trial.
+
+    Args:
+        stream: where it goes.
+        trace: of the trial.
+        index: of its times.
+        root: what precedes the names of its entities.
+    """
+    moving, n_samples = {**_bodies(trace), **_series(trace)}, len(trace.time)
+    for start in range(0, n_samples, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        times = index(trace.time[block])
+        for entity, (archetype, fields) in moving.items():
+            parts = {name: values[block].reshape(-1, *values.shape[2:]) for name, values in fields.items()}
+            n_rows, size = next(iter(fields.values()))[block].shape[:2]
+            sent = columns_of(archetype.from_fields(**parts), {}, n_rows, size)
+            stream.send_columns(root + entity, times, sent, strict=True)
+    for entity, states in states_of(trace).items():
+        changes = np.flatnonzero(np.append(True, states[1:] != states[:-1]))
+        sent = rr.StateChange.columns(state=[str(state) for state in states[changes]])
+        stream.send_columns(root + entity, index(trace.time[changes]), sent, strict=True)
 
 
-def _bodies(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
-    """Entity -> archetype, number of instances, and fields (T, instances, ...) of the moving bodies and forces."""
-    probe, ball = trace.probe * UM, trace.ball * UM
-    mark = ball + trace.radius * UM * rotated(trace.ball_quaternion, np.array([0.3, -0.8, 0.52]))
+def _bodies(trace: Trace) -> dict[str, tuple[Any, dict[str, np.ndarray]]]:
+    """Entity -> archetype and fields (T, instances, ...) of the moving bodies and forces."""
+    ball, radius = trace.ball * UM, trace.radius * UM
+    mark = ball + radius * rotated(trace.ball_quaternion, np.array([0.3, -0.8, 0.52]))
     forces = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
     arrows = np.zeros((*forces.shape, 3))
-    arrows[..., 2] = np.sign(forces) * np.sqrt(np.abs(forces) / ARROW_FORCE) * trace.radius * UM
-    origins = ball[:, None] + np.array([[1.3, 0, 0], [1.55, 0, 0], [1.8, 0, 0]]) * trace.radius * UM
-    centre = probe + np.array([0, 0, look.PROBE_LENGTH / 2])
+    arrows[..., 2] = np.sign(forces) * np.sqrt(np.abs(forces) / ARROW_FORCE) * radius
+    origins = ball[:, None] + np.array([[1.3, 0, 0], [1.55, 0, 0], [1.8, 0, 0]]) * radius
+    centre = trace.probe * UM + np.array([0, 0, look.PROBE_LENGTH / 2])
     classes = np.where(trace.on_plate_potential, 0, 1).astype(np.uint16)
     return {
-        look.PROBE: (rr.Cylinders3D, 1, {"centers": centre[:, None]}),
-        look.BALL: (rr.Points3D, 1, {"positions": ball[:, None], "class_ids": classes[:, None]}),
-        look.SHADOW: (rr.Cylinders3D, 1, {"centers": (ball * np.array([1, 1, 0]))[:, None]}),
-        look.BALL_MARK: (rr.Points3D, 1, {"positions": mark[:, None]}),
-        look.FORCES: (rr.Arrows3D, 3, {"origins": origins, "vectors": arrows}),
+        look.PROBE: (rr.Cylinders3D, {"centers": centre[:, None]}),
+        look.BALL: (rr.Points3D, {"positions": ball[:, None], "class_ids": classes[:, None]}),
+        look.SHADOW: (rr.Cylinders3D, {"centers": (ball * np.array([1, 1, 0]))[:, None]}),
+        look.BALL_MARK: (rr.Points3D, {"positions": mark[:, None]}),
+        look.FORCES: (rr.Arrows3D, {"origins": origins, "vectors": arrows}),
     }
 
 
-def _series(trace: Trace) -> dict[str, tuple[Any, int, dict[str, np.ndarray]]]:
-    """Entity -> archetype, number of instances, and fields (T, 1) of the time series; V, um, nN."""
-    values = {
-        "series/voltage/voltage": trace.voltage,
-        "series/gaps/tool": trace.gap_tool * UM,
-        "series/gaps/plate": trace.gap_plate * UM,
-        "series/attraction/electrostatic": trace.electrostatic * NN,
-        "series/attraction/tool": trace.adhesion_tool * NN,
-        "series/attraction/plate": trace.adhesion_plate * NN,
-        "series/attraction/weight": np.full(len(trace.time), trace.weight * NN),
-        "series/contact/tool": trace.contact_tool * NN,
-        "series/contact/plate": trace.contact_plate * NN,
-    }
-    return {name: (rr.Scalars, 1, {"scalars": np.asarray(values[name], float)[:, None]}) for name in look.SERIES}
+def _series(trace: Trace) -> dict[str, tuple[Any, dict[str, np.ndarray]]]:
+    """Entity -> archetype and field (T, 1) of the time series; V, um, nN."""
+    values = {name: getattr(trace, line.field) * line.factor for name, line in look.SERIES.items()}
+    each = {name: np.broadcast_to(np.asarray(value, float), len(trace.time)) for name, value in values.items()}
+    return {name: (rr.Scalars, {"scalars": value[:, None]}) for name, value in each.items()}
 
 
 def states_of(trace: Trace) -> dict[str, np.ndarray]:

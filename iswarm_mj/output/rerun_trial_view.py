@@ -1,14 +1,14 @@
 """The look of a trial's recording: static entities and the layout of the viewer. Lengths in um, forces in nN."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from iswarm_mj.gripper.bench.trial_trace import Trace
-from iswarm_mj.output.rerun_format import settings_document, time_series
+from iswarm_mj.output.rerun_format import blueprint, settings_document, space, time_series
 
 UM, NN = 1e6, 1e9
 """Micrometres per metre, nanonewtons per newton."""
@@ -25,19 +25,31 @@ PROBE_LENGTH = 100.0
 _GREEN, _ORANGE, _YELLOW = (0, 175, 125), (235, 110, 35), (240, 190, 40)
 _PALE_GREEN, _PALE_ORANGE, _GREY = (150, 225, 200), (250, 190, 150), (170, 175, 180)
 
-SERIES = {
-    "series/voltage/voltage": ("voltage", (90, 160, 250)),
-    "series/gaps/tool": ("tool to ball", _GREEN),
-    "series/gaps/plate": ("ball to plate", _ORANGE),
-    "series/attraction/electrostatic": ("electrostatic, + to the tool", _YELLOW),
-    "series/attraction/tool": ("adhesion to the tool", _GREEN),
-    "series/attraction/plate": ("adhesion to the plate", _ORANGE),
-    "series/attraction/weight": ("weight", _GREY),
-    "series/contact/tool": ("contact with the tool", _PALE_GREEN),
-    "series/contact/plate": ("contact with the plate", _PALE_ORANGE),
-}
-"""Entity of each time series: its name in the legend and its colour."""
 
+class Line(NamedTuple):
+    """A time series."""
+
+    field: str
+    """Of the trace."""
+    factor: float
+    """From SI to its unit."""
+    name: str
+    """In the legend."""
+    colour: tuple[int, int, int]
+
+
+SERIES = {
+    "series/voltage/voltage": Line("voltage", 1.0, "voltage", (90, 160, 250)),
+    "series/gaps/tool": Line("gap_tool", UM, "tool to ball", _GREEN),
+    "series/gaps/plate": Line("gap_plate", UM, "ball to plate", _ORANGE),
+    "series/attraction/electrostatic": Line("electrostatic", NN, "electrostatic, + to the tool", _YELLOW),
+    "series/attraction/tool": Line("adhesion_tool", NN, "adhesion to the tool", _GREEN),
+    "series/attraction/plate": Line("adhesion_plate", NN, "adhesion to the plate", _ORANGE),
+    "series/attraction/weight": Line("weight", NN, "weight", _GREY),
+    "series/contact/tool": Line("contact_tool", NN, "contact with the tool", _PALE_GREEN),
+    "series/contact/plate": Line("contact_plate", NN, "contact with the plate", _PALE_ORANGE),
+}
+"""Time series by their entities."""
 PLACES = {"on the plate": _ORANGE, "between tool and plate": _GREY, "at the tool": _GREEN, "free": (90, 160, 250)}
 """What the ball touches, and its colour then."""
 
@@ -76,8 +88,8 @@ def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple
     shadow = {"lengths": 0.1, "radii": 0.6 * radius, "colors": (70, 72, 78), "fill_mode": "solid"}
     yield SHADOW, rr.Cylinders3D.from_fields(**shadow)
     yield FORCES, rr.Arrows3D.from_fields(colors=[_YELLOW, _GREEN, _ORANGE], radii=0.04 * radius)
-    for entity, (name, colour) in SERIES.items():
-        yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)
+    for entity, line in SERIES.items():
+        yield entity, rr.SeriesLines(names=line.name, colors=line.colour, widths=1.5)
     phases = {name: _PHASES[i % 2] for i, name in enumerate(trace.phases)}
     for entity, states in ((PHASE, phases), (PLACE, PLACES), (POTENTIAL, POTENTIALS)):
         yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=list(states.values()))
@@ -91,14 +103,7 @@ def layout(trace: Trace) -> rrb.Blueprint:
     The plots have no legends of their own, which would lie on the short contact and on the landing.
     """
     radius = trace.radius * UM
-    eye = rrb.EyeControls3D(
-        position=(1.2 * radius, -6 * radius, 1.2 * radius),
-        look_target=(0.2 * radius, 0, 1.5 * radius),
-        eye_up=(0, 0, 1),
-    )
-    bench = rrb.Spatial3DView(
-        origin="world", name="Bench (µm)", eye_controls=eye, line_grid=False, background=(24, 26, 30)
-    )
+    bench = space("world", "Bench (µm)", (1.2 * radius, -6 * radius, 1.2 * radius), (0.2 * radius, 0, 1.5 * radius))
     states = rrb.StateTimelineView(origin="states", name="Phase, and the ball's contacts and potential")
     small = 1.3 * float(np.max(trace.adhesion_tool) * NN) or 1.0
     plots = rrb.Vertical(
@@ -111,20 +116,7 @@ def layout(trace: Trace) -> rrb.Blueprint:
         time_series("series/contact", "Contact forces (nN)", None),
         name="Time series",
     )
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(bench, states, rrb.TextDocumentView(origin=KEY, name="Legend"), row_shares=[9, 3, 4]),
-            rrb.Tabs(plots, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0),
-            column_shares=[1, 1],
-        ),
-        rrb.TimePanel(
-            timeline="sim_time",
-            state="collapsed",
-            playback_speed=float(trace.time[-1] - trace.time[0]) / _PLAYED,
-            loop_mode="all",
-        ),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        auto_layout=False,
-        auto_views=False,
-    )
+    left = rrb.Vertical(bench, states, rrb.TextDocumentView(origin=KEY, name="Legend"), row_shares=[9, 3, 4])
+    right = rrb.Tabs(plots, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0)
+    speed = float(trace.time[-1] - trace.time[0]) / _PLAYED
+    return blueprint(rrb.Horizontal(left, right, column_shares=[1, 1]), playback_speed=speed, loop_mode="all")

@@ -11,7 +11,7 @@ import numpy as np
 
 from iswarm_mj import __version__
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
+from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, SCENE, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.measures import Measures
@@ -70,15 +70,16 @@ def result(
         steps: control steps taken.
         wall_s: how long it took.
     """
-    task, counts, scored = run.task, ("collisions", "finished_at"), {}
-    if isinstance(task, ScoredTask):
-        scores = [task.fitness(m, run.config, settings.n_robots, settings.steps) for m in measures]
-        counts = Measures._fields
-        scored = {"n_dust": run.config.arena.n_dust, "fitness": scores[0] if settings.n_worlds == 1 else scores}
-    units = {name: of.unit for name, of in getattr(run.task, "measured", {}).items() if of.unit}
+    measured = getattr(run.task, "measured", {})
+    units = {name: quantity.unit for name, quantity in measured.items() if quantity.unit}
 
     def each(values: list[Any]) -> Any:
         return values[0] if settings.n_worlds == 1 else values
+
+    task, counts, scored = run.task, ("collisions", "finished_at"), {}
+    if isinstance(task, ScoredTask):
+        scores = [task.fitness(m, run.config, settings.n_robots, settings.steps) for m in measures]
+        counts, scored = Measures._fields, {"n_dust": run.config.arena.n_dust, "fitness": each(scores)}
 
     return {
         "seed": settings.seed,
@@ -89,7 +90,7 @@ def result(
         "steps": steps,
         **{name: each([getattr(m, name) for m in measures]) for name in counts},
         **scored,
-        "metrics": {name: each(list(map(_number, values))) for name, values in metrics.items()},
+        "metrics": {name: each([_number(value) for value in values]) for name, values in metrics.items()},
         **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),
         "seconds": {
@@ -115,7 +116,7 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
 
 def write_trajectory(out: Path, scene: Scene, frames: FrameStore, about: Mapping[str, Any]) -> None:
     """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
-    more: dict[str, Any] = {f"scene_{name}": np.asarray(value) for name, value in scene._asdict().items()}
+    more: dict[str, Any] = {SCENE + name: np.asarray(value) for name, value in scene._asdict().items()}
     more[ABOUT] = np.bytes_(json.dumps(about).encode())
     with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
         frames.write(file, more)

@@ -1,29 +1,25 @@
 """A run read back from its files: what it was, what it came to, and tidy tables of what was recorded."""
 
 import os
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
-from iswarm_mj.config import N_LEDS, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.output.reading import REMEDY, no_trajectory, read_about, read_result, read_trajectory
-from iswarm_mj.output.said import payload_of, stored
-from iswarm_mj.output.tables import TABLES, missing, table_of
-from iswarm_mj.output.trajectory import RESULT, TRAJECTORY, Scene
+from iswarm_mj.output.tables import TABLES, table_of
+from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Arrays, Scene
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.serialization import restored
-from iswarm_mj.utils.units import ROBOT_DIAMETER
 
 
 @dataclass(frozen=True)
@@ -53,17 +49,27 @@ class SavedRun:
     engine: dict[str, Any]
     """Name and main settings of the engine."""
     measures: list[Measures]
-    """Of each world, up to where it was if the run was interrupted; none where there is no result.json, and of other
-    tasks than cleaning."""
+    """Of each world, up to where it was if the run was interrupted; empty without result.json, and for other tasks than
+    cleaning."""
     metrics: list[dict[str, Any]]
-    """Of the task in each world, likewise; None for what is not known."""
+    """Of the task in each world; None for what is not known."""
     result: dict[str, Any]
     """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
     scenes: dict[int, Scene]
     """Constants of each recorded world, by its number."""
-    missing: dict[str, list[str]]
-    """Columns that the tables lack, since an earlier version wrote the trajectory."""
-    _arrays: dict[int, dict[str, np.ndarray]] = field(repr=False)
+    robot_file: Path | None
+    """MJCF file of the robots; None for `models/robot.xml`."""
+    _arrays: dict[int, Arrays] = field(repr=False)
+
+    @property
+    def arrays(self) -> Arrays:
+        """Arrays of the trajectory of the first recorded world, see `output.schema`.
+
+        Raises:
+            UserError: no world was recorded, or the run did not end.
+        """
+        self._check_recorded()
+        return next(iter(self._arrays.values()))
 
     @property
     def units(self) -> dict[str, dict[str, str]]:
@@ -104,16 +110,9 @@ class SavedRun:
     def _table(self, name: str) -> pa.Table:
         self._check_recorded()
         try:
-            tables = [table_of(name, arrays, world) for world, arrays in self._arrays.items()]
+            return pa.concat_tables([table_of(name, self._arrays[n], scene) for n, scene in self.scenes.items()])
         except (ValueError, TypeError, IndexError, KeyError, pa.ArrowException) as error:
             raise UserError(f"{self.path}: the recorded arrays do not fit each other ({error}); {REMEDY}.") from None
-        shared = [c for c in tables[0].column_names if all(c in table.column_names for table in tables)]
-        try:
-            return pa.concat_tables([table.select(shared) for table in tables])
-        except pa.ArrowException:
-            raise UserError(
-                f"{self.path}: the worlds were recorded by different versions; read them one by one."
-            ) from None
 
     def _check_recorded(self) -> None:
         if not self._arrays:
@@ -127,123 +126,74 @@ def load(path: str | Path) -> SavedRun:
         path: its directory, its result.json, or the trajectory.npz of one of its worlds, which is then read alone.
 
     Raises:
-        UserError: there is no run, or a file of it is cut off, foreign, or of a later version.
-
-    Warns:
-        UserWarning: an earlier version wrote the trajectory, and columns are missing.
+        UserError: there is no run, or a file of it is cut off, foreign, or of another version.
     """
     check_kind("path", path, (str, Path))
     path = Path(path)
-    if os.path.isdir(path):
-        place = path
-        files = [path / TRAJECTORY] if (path / TRAJECTORY).exists() else []
-        files += sorted(path.glob(f"world-*/{TRAJECTORY}"), key=_number)
-        if not files and not (path / RESULT).exists():
+    place = path if os.path.isdir(path) else path.parent
+    files = [path]
+    if place == path or path.name == RESULT:
+        files = [file for file in (place / TRAJECTORY, *place.glob(f"world-*/{TRAJECTORY}")) if os.path.lexists(file)]
+        if not os.path.exists(path):
+            raise UserError(f"{path} does not exist; {REMEDY}.")
+        if not files and not (place / RESULT).exists():
             raise UserError(f"{path} holds neither {RESULT} nor {TRAJECTORY}; {REMEDY}.")
-    elif path.name == RESULT:
-        return replace(load(path.parent), path=path) if os.path.exists(path) else _nothing(path)
-    else:
-        place, files = path.parent, [path]
     read = {file: read_trajectory(file) for file in files}
     about = read_about(files[0], read[files[0]]) if files else read_result(place / RESULT)
-    source = place / RESULT if not files else files[0]
+    source = files[0] if files else place / RESULT
     try:
-        config = restored(SwarmConfig, about["config"])
-        strategy = about.get("strategy")
-        genome = restored(Genome, about["genome"]) if strategy is None else None
         worlds = _by_number(read)
-        settings = _settings(about, tuple(worlds))
-        task = dict(about["task"])
-        measures = _measures(about, settings.n_worlds)
-        metrics = _metrics(about, settings.n_worlds)
-        scenes = {number: _scene(arrays, number, config) for number, arrays in worlds.items()}
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        settings = RunSettings(**about["settings"], record_worlds=tuple(worlds))
+        n_worlds = settings.n_worlds
+        measures = {name: _by_world(about[name], n_worlds) for name in Measures._fields if name in about}
+        metrics = {name: _by_world(values, n_worlds) for name, values in (about.get("metrics") or {}).items()}
+        known = range(min(n_worlds, *map(len, [*measures.values(), *metrics.values(), range(n_worlds)])))
+        return SavedRun(
+            path=path,
+            version=about["version"],
+            config=restored(SwarmConfig, about["config"]),
+            genome=restored(Genome, about["genome"]) if "genome" in about else None,
+            strategy=about.get("strategy"),
+            task=about["task"],
+            settings=settings,
+            engine={name: about[name] for name in IDENTITY if name in about},
+            measures=[
+                Measures(**{name: of[k] for name, of in measures.items()}) for k in known if "picked" in measures
+            ],
+            metrics=[{name: values[k] for name, values in metrics.items()} for k in known],
+            result=about if "wall_s" in about else {},
+            robot_file=None if about["robot"]["file"] is None else Path(about["robot"]["file"]),
+            scenes={number: _scene(arrays) for number, arrays in worlds.items()},
+            _arrays=worlds,
+        )
+    except (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError) as error:
         raise UserError(
             f"{source} has settings that this version does not know ({error}); read it with the one that wrote it."
         ) from None
     except UserError as error:
-        raise UserError(f"{source}: {error}") from None
-    try:
-        lacking = {name: sorted({c for arrays in worlds.values() for c in missing(name, arrays)}) for name in TABLES}
-    except (ValueError, TypeError, IndexError) as error:
-        raise UserError(f"{source}: the recorded arrays do not fit each other ({error}); {REMEDY}.") from None
-    lacking = {name: columns for name, columns in lacking.items() if columns}
-    if lacking:
-        columns = "; ".join(f"{name}: {', '.join(columns)}" for name, columns in lacking.items())
-        warnings.warn(f"{source} is of an earlier version, which did not record all columns ({columns})", stacklevel=2)
-    return SavedRun(
-        path=path,
-        version=about.get("version", ""),
-        config=config,
-        genome=genome,
-        strategy=strategy,
-        task=task,
-        settings=settings,
-        engine={name: about[name] for name in IDENTITY if name in about},
-        measures=measures,
-        metrics=metrics,
-        result=about if "wall_s" in about else {},
-        scenes=scenes,
-        missing=lacking,
-        _arrays=worlds,
-    )
+        raise UserError(f"{source}: {error}; {REMEDY}.") from None
 
 
-def _nothing(path: Path) -> Any:
-    raise UserError(f"{path} does not exist; {REMEDY}.")
+def _by_world(values: Any, n_worlds: int) -> list[Any]:
+    """A measure of each world; one world states it by itself, and what an interrupted run does not know is None."""
+    return values if isinstance(values, list) else [values] * n_worlds
 
 
-def _number(file: Path) -> int:
-    """Number of the world of a trajectory by its folder; 0 where that does not say."""
-    name = file.parent.name.removeprefix("world-")
-    return int(name) if name.isdigit() else 0
-
-
-def _by_number(read: Mapping[Path, dict[str, np.ndarray]]) -> dict[int, dict[str, np.ndarray]]:
+def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
     """Trajectories by the numbers of their worlds, in ascending order."""
-    found: dict[int, dict[str, np.ndarray]] = {}
+    found: dict[int, Arrays] = {}
     for file, arrays in read.items():
-        number = int(arrays.get("scene_world", _number(file)))
+        number = int(arrays["scene_world"])
         if number in found:
-            raise UserError(f"two trajectories are of world {number}; read {file} alone.")
+            raise UserError(f"two trajectories are of world {number}; read {file} alone")
         found[number] = arrays
     return dict(sorted(found.items()))
 
 
-def _settings(about: Mapping[str, Any], recorded: tuple[int, ...]) -> RunSettings:
-    """Settings of a run; versions that did not write them wrote the main ones under other names."""
-    names = {"n_robots": "n_robots", "steps": "max_steps", "seed": "seed", "n_worlds": "n_worlds", "stop_at": "stop_at"}
-    own = about.get("settings") or {name: about[key] for name, key in names.items()}
-    return RunSettings(**own, record_worlds=recorded)
-
-
-def _measures(about: Mapping[str, Any], n_worlds: int) -> list[Measures]:
-    usual = Measures._field_defaults
-    if not all(name in about for name in Measures._fields if name not in usual):
-        return []
-    columns = []
-    for name in Measures._fields:
-        found = about.get(name)
-        columns.append([usual[name]] * n_worlds if name not in about else found if n_worlds > 1 else [found])
-    return [Measures(*values) for values in zip(*columns, strict=True)]
-
-
-def _metrics(about: Mapping[str, Any], n_worlds: int) -> list[dict[str, Any]]:
-    found = about.get("metrics") or {}
-    return [{name: value[k] if n_worlds > 1 else value for name, value in found.items()} for k in range(n_worlds)]
-
-
-def _scene(arrays: Mapping[str, np.ndarray], number: int, config: SwarmConfig) -> Scene:
-    """Constants of a world; for what earlier versions did not write, the same from the configuration."""
-    range_ = config.strategy.message_range * ROBOT_DIAMETER
-    usual: dict[str, Any] = {
-        "is_alive": np.ones(arrays["pose"].shape[1], bool),
-        "payload": stored(payload_of({"scene_message_range": range_, **arrays})),
-        "world": number,
-        "n_leds": N_LEDS,
-    }
-    found = {name: arrays[f"scene_{name}"] for name in Scene._fields if f"scene_{name}" in arrays}
-    values: dict[str, Any] = {name: value if value.ndim else value.item() for name, value in found.items()}
-    words = [name for name, usually in Scene._field_defaults.items() if isinstance(usually, tuple) and name in values]
+def _scene(arrays: Arrays) -> Scene:
+    """Constants of a world."""
+    values: dict[str, Any] = {name: arrays[SCENE + name] for name in Scene._fields}
+    values = {name: value if value.ndim else value.item() for name, value in values.items()}
+    words = [name for name, usual in Scene._field_defaults.items() if isinstance(usual, tuple)]
     values |= {name: tuple(tuple(v) if isinstance(v, list) else v for v in values[name].tolist()) for name in words}
-    return Scene(**usual | values)
+    return Scene(**values)

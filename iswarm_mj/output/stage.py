@@ -2,7 +2,6 @@
 
 import os
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import AREA
+from iswarm_mj.output.saved import SavedRun, load
+from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
@@ -32,30 +32,21 @@ class Shot(NamedTuple):
     """With shadows and round shapes; without them a frame takes a tenth of the time on a CPU."""
 
 
+def recorded(directory: Path) -> SavedRun:
+    """Return a run with a recorded world; if it was interrupted, say so on the standard error.
+
+    Raises:
+        UserError: the directory holds no recorded run, or a damaged one.
+    """
+    run = load(directory)
+    last = run.arrays["step"][-1]
+    if run.result.get("interrupted"):
+        print(f"iswarm: the run in {directory} was interrupted after step {last}.", file=sys.stderr)
+    return run
+
+
 _FLAT = 0.002
 """Half the height of what is painted on the floor [mm]."""
-
-
-class TaskArea(NamedTuple):
-    """Areas of one kind."""
-
-    colour: np.ndarray
-    """Red, green, blue and alpha from 0 to 1."""
-    shape: str
-    """square or disc."""
-    places: Float[np.ndarray, "T M 3"]
-    """x, y and half the width or the radius [mm]."""
-
-
-def task_areas(frames: Mapping[str, np.ndarray]) -> list[TaskArea]:
-    """Return the areas that the task of a trajectory has, beside dump and dust."""
-    if "scene_area_names" not in frames:
-        return []
-    each = zip(*(frames[f"scene_area_{part}"].tolist() for part in ("names", "colours", "shapes")), strict=True)
-    return [
-        TaskArea(np.array([*colour, 255], np.float32) / 255, shape, mm_from_m(frames[AREA + name].astype(float)))
-        for name, colour, shape in each
-    ]
 
 
 class Stage:
@@ -71,7 +62,7 @@ class Stage:
         UserError: the robot is another one by now, no such camera, or no off-screen OpenGL.
     """
 
-    def __init__(self, config: SwarmConfig, frames: dict[str, np.ndarray], shot: Shot, robot_file: Path | None = None):
+    def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: Path | None = None):
         if sys.platform == "linux" and not os.environ.get("DISPLAY"):
             os.environ.setdefault("MUJOCO_GL", "egl")
         import mujoco
@@ -81,22 +72,25 @@ class Stage:
         arena = compile_arena(
             config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True, robot_file=robot_file
         )
-        size = frames.get("scene_robot_size", 2 * MM * np.array(arena.robot.half_edges))
-        if not np.allclose(size, 2 * MM * np.array(arena.robot.half_edges), rtol=1e-6):
+        size = 2 * MM * np.array(arena.robot.half_edges)
+        if not np.allclose(frames["scene_robot_size"], size, rtol=1e-6):
             raise UserError(
-                f"the robots of {robot_file or 'models/robot.xml'} must be as large as those of the run, {size} m (got "
-                f"{arena.robot.half_edges} mm as half edges); restore the file, or run again."
+                f"the robots of {robot_file or 'models/robot.xml'} must be as large as those of the run, "
+                f"{frames['scene_robot_size']} m (got {size} m); restore the file, or run again."
             )
         model = arena.model
         cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
         check("camera", shot.camera, " or ".join(cameras), shot.camera in cameras)
         for ball in range(len(arena.mocap)):
             model.geom(f"ball{ball}/ball").size[0] *= shot.ball_scale
-        for name, areas in (("dump", frames.get("scene_dump")), ("dust_areas", frames.get("scene_dust_areas"))):
-            if areas is not None and not np.any(areas):  # the task has none
-                for geom in ("dump",) if name == "dump" else ("dust_west", "dust_east"):
-                    model.geom(geom).size[:] = 1e-6
-        self._areas = task_areas(frames)
+        for name, geoms in (("dump", ("dump",)), ("dust_areas", ("dust_west", "dust_east"))):
+            for geom in geoms if not np.any(frames[SCENE + name]) else ():  # the task has none
+                model.geom(geom).size[:] = 1e-6
+        names, colours, shapes = (frames[f"scene_area_{part}"].tolist() for part in ("names", "colours", "shapes"))
+        self._areas = [
+            (shape == "disc", np.array([*colour, 255], np.float32) / 255, mm_from_m(frames[AREA + name].astype(float)))
+            for name, colour, shape in zip(names, colours, shapes, strict=True)
+        ]
         if not shot.fine:
             quality = model.vis.quality
             quality.numslices, quality.numstacks, quality.offsamples = 8, 4, 4
@@ -121,10 +115,6 @@ class Stage:
     def __exit__(self, *_: Any) -> None:
         """Release OpenGL."""
         self._renderer.close()
-
-    def frame(self, frames: dict[str, np.ndarray], step: int) -> UInt8[np.ndarray, "height width 3"]:
-        """Pixels of a step of the trajectory."""
-        return self.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step], step)
 
     def show(
         self,
@@ -153,12 +143,11 @@ class Stage:
         mujoco.mj_camlight(model, data)
         self._renderer.update_scene(data, self._camera)
         scene = self._renderer.scene
-        for area in self._areas:
-            kind = mujoco.mjtGeom.mjGEOM_CYLINDER if area.shape == "disc" else mujoco.mjtGeom.mjGEOM_BOX
-            for x, y, half in area.places[step]:
-                size = [half, _FLAT, 0.0] if area.shape == "disc" else [half, half, _FLAT]
-                geom = scene.geoms[scene.ngeom]
-                mujoco.mjv_initGeom(geom, kind, size, [x, y, -_FLAT], np.eye(3).ravel(), area.colour)
+        for is_disc, colour, places in self._areas:
+            kind = mujoco.mjtGeom.mjGEOM_CYLINDER if is_disc else mujoco.mjtGeom.mjGEOM_BOX
+            for x, y, half in places[step]:
+                size = [half, _FLAT, 0.0] if is_disc else [half, half, _FLAT]
+                mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, [x, y, -_FLAT], np.eye(3).ravel(), colour)
                 scene.ngeom += 1
         return self._renderer.render()
 
@@ -182,16 +171,11 @@ def _step_back(model: Any, data: Any, shot: Shot, half: float) -> None:
     mujoco.mj_camlight(model, data)
     camera = model.camera(shot.camera)
     axes, place = data.cam_xmat[camera.id].reshape(3, 3), np.array(camera.pos)
-    corners = np.array([(x, y, 0.0) for x in (-half, half) for y in (-half, half)]) * MARGIN
+    corners = np.array([(x, y, 0.0) for x in (-half, half) for y in (-half, half)]) * MARGIN @ axes
     upright = np.tan(np.radians(model.cam_fovy[camera.id]) / 2)
     limits = np.array([upright * shot.size[0] / shot.size[1], upright])
-
-    def is_seen(scale: float) -> bool:
-        seen = (corners - scale * place) @ axes
-        return bool((seen[:, 2] < 0).all() and (np.abs(seen[:, :2]) <= -seen[:, 2:] * limits).all())
-
-    low, high = 0.1, 20.0
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (low, middle) if is_seen(middle) else (middle, high)
-    model.cam_pos[camera.id] = high * place
+    # A corner c is seen from s p if |c_xy - s p_xy| <= limits (s p_z - c_z), for the axes of the camera.
+    sides = np.array([1.0, -1.0])[:, None, None]
+    wanted = sides * corners[:, :2] + limits * corners[:, 2:]
+    gained = sides * (place @ axes)[:2] + limits * (place @ axes)[2]
+    model.cam_pos[camera.id] = np.max(wanted / gained) * place

@@ -1,267 +1,173 @@
 """Tidy tables of a recorded world: one row a robot, ball, link or control step, units in the metadata of columns."""
 
-from collections.abc import Callable, Mapping
-from functools import cache
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Iterable, Iterator
+from operator import itemgetter
 
 import numpy as np
 import pyarrow as pa
+from jaxtyping import Float, Shaped
 
-from iswarm_mj.config import N_LEDS
-from iswarm_mj.output.said import names_of, payload_of, said
-from iswarm_mj.output.trajectory import METRIC
+from iswarm_mj.output.memory_vectors import vector
+from iswarm_mj.output.message_columns import decoded, message_columns, payload_of
+from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, acted, axes_of, columns_of
+from iswarm_mj.output.trajectory import METRIC, SCENE, Arrays, Scene
 from iswarm_mj.sensors.messages import PRIORITY
 
-Arrays = Mapping[str, np.ndarray]
-"""Of a trajectory, see `trajectory.Frames` and `Scene`; those of earlier versions lack some."""
+Get = Callable[[Arrays], Shaped[np.ndarray, "..."]]
+"""From the arrays of a trajectory to values that broadcast to the shape of the table; masked where there is none."""
+Columns = list[tuple[Column, Get]]
 
-
-class Column(NamedTuple):
-    """A column of a table."""
-
-    name: str
-    unit: str
-    """Empty for numbers without one, and for what is no number."""
-    description: str
-    values: Callable[[Arrays], np.ndarray]
-    """From the arrays to values of any shape, the same for all columns; masked where there is no value."""
-
-
-STATES = np.array(["lying", "held", "delivered"])
-"""Names of the states of a ball."""
-
-
-def _by_robot(name: str) -> Callable[[Arrays], np.ndarray]:
-    """Values (N,) of a scene, for every step."""
-    return lambda a: np.broadcast_to(a[name], a["pose"].shape[:2])
-
-
-def _remembered(name: str, axis: int | None = None) -> Callable[[Arrays], np.ndarray]:
-    """Vectors or hop counts where the robot knows a vector."""
-    part = f"{name}_hop" if axis is None else f"{name}_vector"
-    return lambda a: np.ma.masked_where(~a[f"{name}_known"], a[part] if axis is None else a[part][..., axis])
-
-
-def _in_step(a: Arrays, values: np.ndarray) -> np.ndarray:
-    """Values (T, N), but none at the start and where the world did not take the step."""
-    took = (a["step"] > 0) & a.get("is_running", np.True_)
-    return np.ma.masked_where(np.broadcast_to(~took[:, None], values.shape), values)
-
-
-def _sent(a: Arrays, values: np.ndarray) -> np.ndarray:
-    """Values (T, N) of a step, but none where dead robots keep silent."""
-    return np.ma.masked_where(np.broadcast_to(~a["scene_is_alive"], values.shape), _in_step(a, values))
-
-
-def said_columns(arrays: Arrays) -> list[Column]:
-    """Columns of what the robots' messages carried, by the payload that their strategy declared."""
-    payload = payload_of(arrays)
-    values = cache(lambda: said(payload, int(arrays.get("scene_n_leds", N_LEDS)), arrays["message"]))
-
-    def of(name: str) -> Callable[[Arrays], np.ndarray]:
-        if name == PRIORITY:
-            return lambda a: _in_step(a, a["has_priority"])
-        return lambda a: _sent(a, values()[name].values)
-
-    return [Column(f"said_{name}", *about, of(name)) for name, about in names_of(payload).items()]
-
-
-def _memory(name: str) -> list[Column]:
-    where = f"of the remembered vector to the {name}, in the robot's own frame"
-    return [
-        Column(f"{name}_x", "m", f"ahead, {where}", _remembered(name, 0)),
-        Column(f"{name}_y", "m", f"left, {where}", _remembered(name, 1)),
-        Column(f"{name}_hop", "", f"robots that the vector to the {name} came through", _remembered(name)),
-    ]
-
-
-def _index(axis: int, kind: str) -> Callable[[Arrays], np.ndarray]:
-    """Numbers along the first or second axis of (T, N) or (T, K) arrays."""
-    name = {"robot": "pose", "ball": "ball_position"}[kind]
-
-    def of(a: Arrays) -> np.ndarray:
-        numbers = np.asarray(a["step"])[:, None] if axis == 0 else np.arange(a[name].shape[1], dtype=np.int32)
-        return np.broadcast_to(numbers, a[name].shape[:2])
-
-    return of
-
-
-def _of_links(values: Callable[[Arrays, np.ndarray, np.ndarray, np.ndarray], np.ndarray]):
-    """From frame, receiver and side (M,) of the links that exist to their values (M,)."""
-    return lambda a: values(a, *np.nonzero(a["link_valid"]))
-
-
-def _true_distance(a: Arrays, frame: np.ndarray, receiver: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """Between the centres as the step began, where the frame before left them."""
-    sender, xy = a["link_sender"][frame, receiver, side], a["pose"][..., :2]
-    apart = xy[frame - 1, sender] - xy[frame - 1, receiver]
-    return np.hypot(apart[:, 0], apart[:, 1])
-
-
-STEP = "control step, 0 for the start"
-TABLES: dict[str, tuple[Column, ...]] = {
-    "robots": (
-        Column("step", "", STEP, _index(0, "robot")),
-        Column("robot", "", "its number", _index(1, "robot")),
-        Column(
-            "x", "m", "of the centre after the step; the arena is centred on the origin", lambda a: a["pose"][..., 0]
-        ),
-        Column("y", "m", "likewise", lambda a: a["pose"][..., 1]),
-        Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped", lambda a: a["pose"][..., 2]),
-        Column("is_loaded", "", "it holds a ball", lambda a: a["is_loaded"]),
-        Column("is_scout", "", "it scouts", _by_robot("scene_is_scout")),
-        Column("is_alive", "", "it moves; a dead robot only stands in the way", _by_robot("scene_is_alive")),
-        *_memory("dust"),
-        *_memory("dump"),
-        Column("message", "", "the 32 bits that its first LED sent", lambda a: _sent(a, a["message"])),
-        Column("turn", "rad", "carried out in the step, anticlockwise", lambda a: _in_step(a, a["command"][..., 0])),
-        Column(
-            "forward", "m", "walked in the step if nothing is in the way", lambda a: _in_step(a, a["command"][..., 1])
-        ),
-    ),
-    "balls": (
-        Column("step", "", STEP, _index(0, "ball")),
-        Column("ball", "", "its number", _index(1, "ball")),
-        Column("x", "m", "of the centre after the step", lambda a: a["ball_position"][..., 0]),
-        Column("y", "m", "likewise", lambda a: a["ball_position"][..., 1]),
-        Column("z", "m", "likewise, above the floor", lambda a: a["ball_position"][..., 2]),
-        Column("radius", "m", "", lambda a: np.broadcast_to(a["scene_ball_radius"], a["ball_state"].shape)),
-        Column("state", "", "lying, held or delivered", lambda a: STATES[a["ball_state"]]),
-        Column(
-            "holder",
-            "",
-            "the robot that holds it",
-            lambda a: np.ma.masked_where(a["ball_state"] != 1, a["ball_holder"]),
-        ),
-    ),
+_ROWS = {
+    "robots": ("is_loaded", {"N": Column("robot", "", "its number")}),
+    "balls": ("ball_state", {"K": Column("ball", "", "its number")}),
     "links": (
-        Column("step", "", STEP, _of_links(lambda a, t, n, s: a["step"][t])),
-        Column("receiver", "", "number of the robot that receives", _of_links(lambda a, t, n, s: n.astype(np.int32))),
-        Column(
-            "side",
-            "",
-            "that receives: 0 front, 1 left, 2 back, 3 right",
-            _of_links(lambda a, t, n, s: s.astype(np.int8)),
-        ),
-        Column("sender", "", "number of the robot that sends", _of_links(lambda a, t, n, s: a["link_sender"][t, n, s])),
-        Column("led", "", "LED that sends, counted as the sides", _of_links(lambda a, t, n, s: a["link_led"][t, n, s])),
-        Column(
-            "bearing",
-            "rad",
-            "direction of the sender in the receiver's frame, as measured",
-            _of_links(lambda a, t, n, s: a["link_bearing"][t, n, s]),
-        ),
-        Column("distance", "m", "between the centres as the step began", _of_links(_true_distance)),
-        Column(
-            "measured_distance",
-            "m",
-            "as the receiver measured it",
-            _of_links(lambda a, t, n, s: a["link_distance"][t, n, s]),
-        ),
-        Column("is_heard", "", "its message arrived undamaged", _of_links(lambda a, t, n, s: a["link_heard"][t, n, s])),
+        "link_valid",
+        {
+            "N": Column("receiver", "", "number of the robot that receives"),
+            "S": Column("side", "", "that receives: 0 front, 1 left, 2 back, 3 right"),
+        },
     ),
-    "steps": (
-        Column("step", "", STEP, lambda a: a["step"]),
-        Column("time", "s", "", lambda a: a["step"] * float(a["scene_control_period"])),
-        Column("is_running", "", "the world took this step", lambda a: a["is_running"]),
-        Column("picked", "", "balls picked up so far", lambda a: a["picked"]),
-        Column("delivered", "", "balls delivered so far", lambda a: a["delivered"]),
-        Column("collisions", "", "so far", lambda a: a["collisions"]),
-        Column("mean_speed", "m/s", "of the robots in the step", lambda a: a["mean_speed"]),
-    ),
+    "steps": ("step", {}),
 }
-"""Columns of each table, after the number of the world; before `message` come those of `said_columns`."""
-WORLD = pa.field("world", pa.int32(), metadata={"unit": "", "description": "number of the world"})
+"""Of each table an array of its shape, and the numbers along its axes after that of steps."""
 
 
-def missing(name: str, arrays: Arrays) -> list[str]:
-    """Columns of a table that lack an array, since an earlier version wrote the trajectory."""
-    own = _remembers_otherwise(arrays)
-    return [c.name for c in _columns(name, arrays) if c.name not in own and _values(c, arrays) is None]
+_FIELD = "message."
+"""Prefix of arrays of the fields of messages; no other name of an array has a dot."""
 
 
-def _columns(name: str, arrays: Arrays) -> list[Column]:
-    """Columns of a table, but for `memory_columns`."""
-    columns = list(TABLES[name])
-    place = next((i for i, column in enumerate(columns) if column.name == "message"), 0)
-    return columns[:place] + (said_columns(arrays) if place else []) + columns[place:]
+def _distance(arrays: Arrays) -> Float[np.ndarray, "T N S"]:
+    """Between the centres as the step began, where the frame before left them."""
+    before = np.roll(arrays["pose"][..., :2], 1, axis=0)
+    sender = np.where(arrays["link_valid"], arrays["link_sender"], 0)
+    apart = before[np.arange(len(before))[:, None, None], sender] - before[:, :, None]
+    return np.hypot(apart[..., 0], apart[..., 1])
 
 
-def memory_columns(name: str, arrays: Arrays) -> list[Column]:
-    """Columns of what other strategies than the paper's have recorded of the robots' memory, if the table is `robots`.
-
-    What a robot has several numbers of makes as many columns, as `home_0` and `home_1`.
-    """
-    if name != "robots" or not _remembers_otherwise(arrays):
-        return []
-    each = zip(*(arrays[f"scene_memory_{part}"].tolist() for part in ("names", "units", "sizes")), strict=True)
-    return [
-        Column(part if size == 1 else f"{part}_{place}", unit, "remembered", _place(part, place))
-        for part, unit, size in each
-        for place in range(size)
-    ]
+_DERIVED: dict[str, Columns] = {
+    "steps": [(Column("time", "s", "at the end of the step"), lambda a: a["step"] * float(a["scene_control_period"]))],
+    "links": [(Column("distance", "m", "between the centres as the step began"), _distance)],
+}
 
 
-def metric_columns(name: str, arrays: Arrays) -> list[Column]:
-    """Columns of the metrics of other tasks than cleaning, if the table is `steps`."""
-    if name != "steps" or "scene_metric_names" not in arrays:
-        return []
-    each = zip(*(arrays[f"scene_metric_{part}"].tolist() for part in ("names", "units", "descriptions")), strict=True)
-    return [Column(metric, unit, text, lambda a, key=METRIC + metric: a[key]) for metric, unit, text in each]
+def _stored(name: str, column: Column, place: int | None = None) -> tuple[Column, Get]:
+    """An array of the trajectory, or of one of the numbers along its last axes, as a column."""
+
+    def get(arrays: Arrays) -> np.ndarray:
+        values = arrays[name]
+        values = values if place is None else values.reshape(*values.shape[:2], math.prod(values.shape[2:]))[..., place]
+        values = np.array(column.words)[values] if column.words else values
+        if column.known is None:
+            return values
+        return np.ma.masked_where(np.broadcast_to(~column.known(arrays), values.shape), values)
+
+    return column, get
 
 
-def _place(name: str, place: int) -> Callable[[Arrays], np.ndarray]:
-    return lambda a: a[name].reshape(*a["pose"].shape[:2], -1)[..., place]
+def _numbers(name: str, axis: int, n_axes: int) -> Get:
+    """Numbers along an axis of the table's array."""
+    shape = [-1 if k == axis else 1 for k in range(n_axes)]
+    return lambda arrays: np.arange(arrays[name].shape[axis], dtype=np.int32).reshape(shape)
 
 
-def _remembers_otherwise(arrays: Arrays) -> set[str]:
-    """Columns of the memory of the paper's strategy, if the trajectory is of another one."""
-    if "scene_memory_names" not in arrays or "dust_vector" in arrays["scene_memory_names"]:
-        return set()
-    return {column.name for place in ("dust", "dump") for column in _memory(place)}
+def _fixed(table: str) -> Iterator[tuple[Column, Get]]:
+    """Columns that the schema gives."""
+    name, numbers = _ROWS[table]
+    axes = ("T", *numbers)
+    over_steps = (-1, *[1] * len(numbers))
+    yield Column("step", "", "control step, 0 for the start"), lambda arrays: arrays["step"].reshape(over_steps)
+    yield from ((column, _numbers(name, axes.index(axis), len(axes))) for axis, column in numbers.items())
+    for quantity, f in ARRAYS.items():
+        if axes_of(quantity) == axes:
+            has_parts = len(f.type.dim_str.split()) > len(axes)
+            for place, column in enumerate(columns_of(quantity)):
+                yield _stored(quantity, column, place if has_parts else None)
+    for constant, column in SCENE_COLUMNS.items():
+        if (Scene.__annotations__[constant].dim_str,) == axes[1:]:
+            yield _stored(SCENE + constant, column)
+    yield from _DERIVED.get(table, [])
 
 
-def table_of(name: str, arrays: Arrays, world: int) -> pa.Table:
-    """Return a table of one world, without the columns that are `missing`.
+TABLES: dict[str, Columns] = {table: list(_fixed(table)) for table in _ROWS}
+"""Columns of each table whatever strategy and task, after the number of the world."""
+WORLD = Column("world", "", "number of the world")
+
+
+def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
+    """Return the columns of what is recorded of the robots' memory.
+
+    Vectors that a flag says to be known have their parts ahead and to the left, where they are known. Of what else a
+    robot has several numbers of there are as many columns, as `home_0` and `home_1`.
 
     Args:
-        name: of the table, one of `TABLES`.
-        arrays: of the trajectory.
-        world: number of the world.
+        memory: name, unit and number of numbers of each part.
     """
-    found = _present(_columns(name, arrays), arrays)
-    for prefix, own in (("memory_", memory_columns(name, arrays)), ("metric_", metric_columns(name, arrays))):
-        found += _present(_distinct(prefix, own, {WORLD.name, *(column.name for column, _ in found)}), arrays)
-    n_rows = found[0][1].size if found else 0
-    parts = [pa.array(np.full(n_rows, world, np.int32))]
-    schema = [WORLD]
-    for column, values in found:
-        mask = np.ma.getmaskarray(values).ravel() if np.ma.isMaskedArray(values) else None
-        part = pa.array(np.ascontiguousarray(np.ma.getdata(values)).ravel(), mask=mask)
-        about = {"unit": column.unit, "description": column.description}
-        parts.append(part)
-        schema.append(pa.field(column.name, part.type, metadata=about))
-    return pa.Table.from_arrays(parts, schema=pa.schema(schema))
-
-
-def _distinct(prefix: str, own: list[Column], taken: set[str]) -> list[Column]:
-    """Columns that a strategy or a task named, with a prefix where another column has that name."""
-    found, taken = [], set(taken)
-    for column in own:
-        while column.name in taken:
-            column = column._replace(name=prefix + column.name)
-        taken.add(column.name)
-        found.append(column)
+    parts = {name: (unit, size) for name, unit, size in memory}
+    own = [vector(name) for name, about in parts.items() if about == ("m", 2) and vector(name).known in parts]
+    of = {name: each for each in own for name in (each.name, each.known, each.hop)}
+    found: Columns = []
+    for name, (unit, size) in parts.items():
+        v = of.get(name)
+        if v is None:
+            numbered = [name] if size == 1 else [f"{name}_{place}" for place in range(size)]
+            found += [_stored(name, Column(each, unit, "remembered"), k) for k, each in enumerate(numbered)]
+            continue
+        known, where = itemgetter(v.known), f"of the remembered {v.title}, in the robot's own frame"
+        if name == v.name:
+            found.append(_stored(name, Column(f"{v.stem}_x", unit, f"ahead, {where}", known), 0))
+            found.append(_stored(name, Column(f"{v.stem}_y", unit, f"left, {where}", known), 1))
+        elif name == v.hop:
+            found.append(_stored(name, Column(name, unit, f"robots that the {v.title} came through", known)))
     return found
 
 
-def _present(columns: list[Column], arrays: Arrays) -> list[tuple[Column, np.ndarray]]:
-    """Columns of which the trajectory has the arrays, with their values."""
-    return [(column, values) for column in columns if (values := _values(column, arrays)) is not None]
+def _said(scene: Scene) -> Iterator[tuple[Column, Get]]:
+    """Columns of what the robots' messages carried, whose arrays `table_of` adds."""
+    for column in message_columns(payload_of(scene.payload)):
+        said = column._replace(name=f"said_{column.name}")
+        if column.name == PRIORITY:
+            yield _stored("has_priority", said._replace(known=acted))
+        else:
+            yield _stored(_FIELD + column.name, said)
 
 
-def _values(column: Column, arrays: Arrays) -> np.ndarray | None:
-    try:
-        return column.values(arrays)
-    except KeyError:
-        return None
+def _own_columns(table: str, scene: Scene) -> Iterator[tuple[str, Columns]]:
+    """Columns that the strategy and the task name, with the prefixes of those whose names are taken."""
+    if table == "robots":
+        yield "said_", list(_said(scene))
+        yield "memory_", memory_columns(zip(scene.memory_names, scene.memory_units, scene.memory_sizes, strict=True))
+    if table == "steps":
+        metrics = zip(scene.metric_names, scene.metric_units, scene.metric_descriptions, strict=True)
+        yield "metric_", [_stored(METRIC + about[0], Column(*about)) for about in metrics]
+
+
+def table_of(table: str, arrays: Arrays, scene: Scene) -> pa.Table:
+    """Return a table of one world.
+
+    Args:
+        table: its name, one of `TABLES`.
+        arrays: of the trajectory.
+        scene: of the world.
+    """
+    if table == "robots":
+        said = decoded(payload_of(scene.payload), int(scene.n_leds), arrays["message"])
+        arrays = {**arrays, **{_FIELD + name: values for name, values in said.items()}}
+    found = list(TABLES[table])
+    taken = {WORLD.name, *(column.name for column, _ in found)}
+    for prefix, columns in _own_columns(table, scene):
+        for column, get in columns:
+            while column.name in taken:
+                column = column._replace(name=prefix + column.name)
+            taken.add(column.name)
+            found.append((column, get))
+    rows = arrays[_ROWS[table][0]]
+    select = rows if table == "links" else np.ones(rows.shape, bool)
+    parts = [pa.array(np.full(np.count_nonzero(select), scene.world, np.int32))]
+    for _, get in found:
+        values = get(arrays)
+        mask = np.ma.getmaskarray(values)[select] if np.ma.isMaskedArray(values) else None
+        parts.append(pa.array(np.broadcast_to(np.ma.getdata(values), select.shape)[select], mask=mask))
+    about = {c.name: {"unit": c.unit, "description": c.description} for c in (WORLD, *(column for column, _ in found))}
+    fields = [pa.field(name, part.type, metadata=m) for (name, m), part in zip(about.items(), parts, strict=True)]
+    return pa.Table.from_arrays(parts, schema=pa.schema(fields))

@@ -5,9 +5,11 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import AREA, ARRAYS, METRIC
+from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task
 from iswarm_mj.utils.units import MM
 
@@ -17,22 +19,24 @@ _BLOCK = 64
 """Steps of a program, which is compiled for as many."""
 
 Watch = Callable[[Any], dict[str, np.ndarray]]
-"""From the states of a task in T steps to arrays (T, ...) by their names in a trajectory, areas in m."""
+"""From the states of a task after T steps to arrays (T, ...) by their names in a trajectory, areas in m."""
 
 
 def looks(task: Task) -> dict[str, Look]:
-    """How areas are drawn that may change from step to step."""
+    """Return how areas are drawn that may change from step to step."""
     return {name: look for name, look in getattr(task, "drawn", {}).items() if name not in FIXED}
 
 
 def quantities(task: Task) -> dict[str, Quantity]:
-    """Metrics that trajectories have beside those of `Frames`."""
+    """Return metrics that trajectories have beside those of `Frames`."""
     return {name: quantity for name, quantity in getattr(task, "measured", {}).items() if name not in ARRAYS}
 
 
 def watch(task: Task, config: SwarmConfig) -> Watch:
     """Return what reads areas and metrics of a task in worlds of this configuration."""
     areas, metrics = looks(task), quantities(task)
+    if not areas and not metrics:
+        return lambda state: {}
 
     @jax.jit
     @jax.vmap
@@ -42,8 +46,6 @@ def watch(task: Task, config: SwarmConfig) -> Watch:
         return {AREA + name: shapes[name] * MM for name in areas} | {METRIC + name: numbers[name] for name in metrics}
 
     def of_steps(state: Any) -> dict[str, np.ndarray]:
-        if not areas and not metrics:
-            return {}
         n_steps = len(jax.tree.leaves(state)[0])
         rows = np.minimum(np.arange(-(-n_steps // _BLOCK) * _BLOCK), n_steps - 1).reshape(-1, _BLOCK)
         parts = [read(jax.tree.map(lambda a, block=block: np.asarray(a)[block], state)) for block in rows]
@@ -52,8 +54,8 @@ def watch(task: Task, config: SwarmConfig) -> Watch:
     return of_steps
 
 
-def fixed_areas(task: Task, config: SwarmConfig, state: Any) -> dict[str, np.ndarray]:
-    """Rectangles (A, 4) x_min, y_min, x_max, y_max [m] of the dump and of dust areas; none where a task has none."""
+def fixed_areas(task: Task, config: SwarmConfig, state: Any) -> dict[str, Float[np.ndarray, "A 4"]]:
+    """Return rectangles x_min, y_min, x_max, y_max [m] of the dump and of dust areas, as far as the task has them."""
     if not isinstance(task, DrawnTask) or not any(name in task.drawn for name in FIXED):
         return {}
     found = task.areas(config, state)

@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
-from iswarm_mj.output.recorded import load, robot_file_of
-from iswarm_mj.output.stage import Shot, Stage
-from iswarm_mj.output.trajectory import METRIC
+from iswarm_mj.output.stage import Shot, Stage, recorded
+from iswarm_mj.output.trajectory import METRIC, Arrays
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -50,20 +49,13 @@ def write_video(directory: Path, out: Path, film: Film) -> None:
     Raises:
         UserError: no recorded run, no such camera, no off-screen OpenGL, or ffmpeg could not write the file.
     """
-    config, frames = load(directory)
+    run = recorded(directory)
+    frames = run.arrays
     last = len(frames["step"]) - 1 if film.steps is None else min(film.steps, len(frames["step"]) - 1)
-    total = last * film.frames_per_step + 1
     make_output_directory(out.parent, given=out)
-    with atomic_write(out) as part, Stage(config, frames, film.shot, robot_file_of(directory)) as stage:
-        pictures = _pictures(stage, frames, film, last)
-        with Progress(total, "frame", out.stem) as bar:
-            encode(_counted(pictures, bar), part, film.shot.size)
-
-
-def _counted(pictures: Iterable[np.ndarray], bar: Progress) -> Iterator[np.ndarray]:
-    for picture in pictures:
-        yield picture
-        bar.update()
+    bar = Progress(last * film.frames_per_step + 1, "frame", out.stem)
+    with atomic_write(out) as part, Stage(run.config, frames, film.shot, run.robot_file) as stage, bar:
+        encode(_pictures(stage, frames, film, last, bar), part, film.shot.size)
 
 
 def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> None:
@@ -88,34 +80,28 @@ def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> 
             process.kill()
             process.wait()
         told.seek(0)
-        words = told.read().decode(errors="replace")
+        lines = [
+            re.sub(r"^\[[^]]*\] *", "", line).strip(" .") for line in told.read().decode(errors="replace").split("\n")
+        ]
     if status:
-        raise UserError(
-            f"ffmpeg could not write the video ({_in_one_line(words, status)}); make room or choose another `out`"
-        )
+        reason = next(filter(None, lines), f"it ended with status {status}")  # the first line names the cause
+        raise UserError(f"ffmpeg could not write the video ({reason}); make room or choose another `out`")
 
 
-def _in_one_line(words: str, status: int) -> str:
-    """The first of ffmpeg's lines, which names the cause; without one, how it ended."""
-    lines = [re.sub(r"^\[[^]]*\] *", "", line).strip(" .") for line in words.splitlines()]
-    return next(filter(None, lines), f"it ended with status {status}")
-
-
-def _pictures(stage: Stage, frames: dict[str, np.ndarray], film: Film, last: int) -> Iterator[np.ndarray]:
+def _pictures(stage: Stage, frames: Arrays, film: Film, last: int, bar: Progress) -> Iterator[np.ndarray]:
     """Frames with their captions, up to the step `last`."""
+    metrics = frames["scene_metric_names"].tolist()
     for number in range(last * film.frames_per_step + 1):
         step, part = divmod(number, film.frames_per_step)
-        share = part / film.frames_per_step
-        pose, balls = (interpolated(frames[name], step, share) for name in ("pose", "ball_position"))
-        pixels = stage.show(pose, frames["is_loaded"][step], balls, step)
-        yield _captioned(pixels, [film.title, f"step {step}", *_counts(frames, step)])
-
-
-def _counts(frames: dict[str, np.ndarray], step: int) -> list[str]:
-    """Balls delivered, or the metrics of another task than cleaning."""
-    metrics = frames["scene_metric_names"].tolist() if "scene_metric_names" in frames else []
-    delivered = f"{frames['delivered'][step]} of {frames['ball_position'].shape[1]} balls delivered"
-    return [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
+        pose, balls = (
+            interpolated(frames[name], step, part / film.frames_per_step) for name in ("pose", "ball_position")
+        )
+        delivered = f"{frames['delivered'][step]} of {balls.shape[0]} balls delivered"
+        counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
+        yield _captioned(
+            stage.show(pose, frames["is_loaded"][step], balls, step), [film.title, f"step {step}", *counts]
+        )
+        bar.update()
 
 
 def interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:

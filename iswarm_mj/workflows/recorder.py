@@ -13,8 +13,8 @@ from iswarm_mj.gripper.bench.attempt_trace import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.task_arrays import watch
-from iswarm_mj.output.trajectory import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
@@ -76,9 +76,8 @@ class Recorder:
 
         self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
         number = run.worlds[run.settings.record_worlds[index]].index
-        self._scene = scene_of(
-            run.config, run.robot, run.start, index, number, self._recorded, run.payload, task=run.task
-        )
+        whole = run.config, run.robot, run.start, index, number, self._recorded, run.payload
+        self._scene = scene_of(*whole, task=run.task)
         own = run.worlds[run.settings.record_worlds[index]].config or run.config
         self._watched, self._task, self._robot = watch(run.task, own), run.task, run.robot
         self._about = results.about(run, settings or run.settings)
@@ -103,8 +102,10 @@ class Recorder:
             self._state, self._balls_of = self._of_step(run.start, 0), run.task.balls
         self._live = None
         if shown.viewer is not None:
-            self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, shown.lanes)
+            self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, lanes=shown.lanes)
         self._unseen, self._shown_at = [run.start], 0.0
+        self._last_written: StepRecord | None = None
+        self._last_seen: StepRecord | None = None
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
@@ -131,17 +132,13 @@ class Recorder:
                 for t, steps in enumerate(record.step[:, self._index]):
                     before, self._state = self._state, self._of_step(record, t)
                     balls = self._balls_of(self._state)
-                    tried = attempts_between(self._balls_of(before), balls)
-                    self._attempts.append(int(steps), tried, balls.position)
+                    self._attempts.append(int(steps), attempts_between(self._balls_of(before), balls), balls.position)
             if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
             if self._live is not None:
                 self._unseen.append(record)
                 if time.monotonic() - self._shown_at >= LIVE_SECONDS:
                     self._show(self._live)
-
-    def _frames_of(self, records: list[StepRecord]) -> Frames:
-        return frames_of(records, self._index, self._recorded, self._watched, task=self._task, robot=self._robot)
 
     def _of_step(self, record: StepRecord, t: int) -> Any:
         """State of the recorded world's task after the t-th step of a record."""
@@ -151,13 +148,19 @@ class Recorder:
         """Send what the viewer has not had."""
         if self._unseen:
             unseen, self._unseen = self._unseen, []
-            live.append(self._frames_of(unseen))
-            self._shown_at = time.monotonic()
+            live.append(self._frames_of(unseen, self._last_seen))
+            self._last_seen, self._shown_at = unseen[-1], time.monotonic()
+
+    def _frames_of(self, records: list[StepRecord], before: StepRecord | None) -> Frames:
+        period = self._scene.control_period
+        given = self._index, self._recorded, self._watched, before, period
+        return frames_of(records, *given, task=self._task, robot=self._robot)
 
     def _write(self) -> None:
         if self._pending:
             pending, self._pending = self._pending, []
-            block = self._frames_of(pending)
+            block = self._frames_of(pending, self._last_written)
+            self._last_written = pending[-1]
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())

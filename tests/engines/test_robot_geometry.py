@@ -6,7 +6,7 @@ The robot is 1 x 2 x 1 mm; the LED of its front sits 0.4 mm left of the middle. 
 import shutil
 import subprocess
 import sys
-from types import SimpleNamespace
+from collections import namedtuple
 
 import jax
 import jax.numpy as jnp
@@ -29,10 +29,10 @@ from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import led_positions, receive
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.state import StepRecord
+from iswarm_mj.simulation.state import StepRecord, SwarmState
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -206,11 +206,12 @@ def test_a_whole_run_of_such_robots(file):
 
 @pytest.fixture(scope="module")
 def scene(file):
-    memory, balls = SimpleNamespace(is_scout=np.zeros((1, 1, N), bool)), SimpleNamespace(radius=np.zeros((1, 1, 0)))
-    swarm = SimpleNamespace(memory=memory, balls=balls, is_alive=np.ones((1, 1, N), bool))
+    memory = namedtuple("Memory", "is_scout")(np.zeros((1, 1, N), bool))
+    balls, alive = jax.tree.map(lambda a: a[None, None], start_of(CONFIG, N, 0, 0).task), np.ones((1, 1, N), bool)
+    swarm = SwarmState(memory, balls, alive, ~alive)
     parts = {"swarm": swarm, "poses": np.zeros((1, 1, N, 3))}
     start = StepRecord(**dict.fromkeys(StepRecord._fields) | parts)
-    return scene_of(CONFIG, read_robot(file), start, 0, 0)
+    return scene_of(CONFIG, read_robot(file), start, 0, 0, task=CLEANING)
 
 
 class TestOutput:
@@ -246,7 +247,10 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.stage import Shot, Stage
 path = {str(robot_file or "")!r}
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
-frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
+size = 2e-3 * np.array({tuple(map(float, read_robot(robot_file).half_edges))})
+frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool), scene_robot_size=size)
+frames |= dict(scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
+frames |= {{f"scene_area_{{part}}": np.zeros(0) for part in ("names", "colours", "shapes")}}
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=Path(path) if path else None) as stage:
     pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)

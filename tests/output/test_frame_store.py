@@ -1,14 +1,14 @@
 """Frames on disk become the file that all at once would have become."""
 
 import io
-from dataclasses import fields
 
 import numpy as np
 import pytest
 from helpers_files import full_disk
+from helpers_swarm_recording import joined
 
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.trajectory import ARRAYS, Frames
+from iswarm_mj.output.schema import ARRAYS, Frames, dtype_of
 from iswarm_mj.utils.errors import UserError
 
 SIZES = {"N": 3, "K": 2, "S": 4}
@@ -20,9 +20,9 @@ def made(n_frames, seed):
 
     def values(kind, dtype):
         shape = [n_frames, *(SIZES.get(axis) or int(axis) for axis in kind.dim_str.split()[1:])]
-        return rng.integers(0, 2, shape).astype(dtype) if dtype is np.bool_ else (99 * rng.random(shape)).astype(dtype)
+        return rng.integers(0, 2, shape).astype(dtype) if dtype.kind == "b" else (99 * rng.random(shape)).astype(dtype)
 
-    arrays = {f.name: values(f.type, f.metadata["dtype"]) for f in fields(Frames) if f.name in ARRAYS}
+    arrays = {name: values(f.type, dtype_of(name)) for name, f in ARRAYS.items()}
     return Frames(**arrays, memory={"turned": rng.normal(size=(n_frames, 3)).T.copy().T})  # not in C's order
 
 
@@ -37,7 +37,7 @@ def test_the_file_is_that_of_numpy(tmp_path):
     blocks = [made(n, n) for n in (1, 64, 64, 7)]
     found, wanted = io.BytesIO(), io.BytesIO()
     stored(tmp_path, blocks).write(found, {"about": np.bytes_(b"{}"), "size": np.arange(3.0)})
-    together = {name: np.ascontiguousarray(values) for name, values in Frames.concatenate(blocks).arrays().items()}
+    together = {name: np.ascontiguousarray(values) for name, values in joined(blocks).arrays().items()}
     np.savez(wanted, **together, about=np.bytes_(b"{}"), size=np.arange(3.0))
     assert found.getvalue() == wanted.getvalue()
 
@@ -46,14 +46,6 @@ def test_nothing_is_seen_of_it(tmp_path):
     store = stored(tmp_path, [made(5, 0)])
     assert list(tmp_path.iterdir()) == []
     store.close()
-
-
-def test_long_arrays_are_copied_in_pieces(tmp_path, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.output.frame_store._PIECE", 100)
-    found, block = io.BytesIO(), made(300, 1)
-    stored(tmp_path, [block, block]).write(found, {})
-    found.seek(0)
-    np.testing.assert_array_equal(np.load(found)["pose"], np.concatenate([block.pose, block.pose]))
 
 
 def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):

@@ -1,12 +1,17 @@
 """Frames of a trajectory from the records of a run."""
 
+from dataclasses import replace
+
+import jax
 import numpy as np
 import pytest
 from helpers_runs import N, run_of
 
 from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
 
 
 @pytest.fixture(scope="module")
@@ -16,18 +21,29 @@ def run(small):
 
 
 def test_each_world_has_its_own_scene(run):
-    scenes = [scene_of(run.config, run.robot, run.start, world, world + 3) for world in (0, 1)]
+    scenes = [scene_of(run.config, run.robot, run.start, world, world + 3, task=run.task) for world in (0, 1)]
     assert [(scene.is_scout.sum(), scene.world) for scene in scenes] == [(2, 3), (8, 4)]
     for scene, start in zip(scenes, run.starts, strict=True):
         np.testing.assert_array_equal(scene.ball_radius, start.task.radius)
     assert (scenes[0].ball_radius != scenes[1].ball_radius).all()
 
 
-@pytest.mark.parametrize("held", [3, 7])
-def test_a_robot_is_loaded_whatever_it_held_before(run, held):
-    """Of two balls that robot 5 picked up, one lies on the floor again."""
-    swarm = run.start.swarm
-    holder, is_held = np.zeros_like(swarm.task.holder), np.zeros_like(swarm.task.is_held)
-    holder[0, 1, [3, 7]], is_held[0, 1, held] = 5, True
-    record = run.start._replace(swarm=swarm._replace(task=swarm.task._replace(holder=holder, is_held=is_held)))
-    assert [np.argwhere(frames_of([record], world).is_loaded).tolist() for world in (0, 1)] == [[], [[0, 5]]]
+def test_obstacles_are_in_metres_and_radians(run):
+    arena = replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),))
+    scene = scene_of(replace(run.config, arena=arena), run.robot, run.start, 0, 0, task=run.task)
+    np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
+
+
+def test_getters_see_where_robots_were_before_each_step_also_across_blocks(run, monkeypatch):
+    """Blocks of one and of two steps give the distances that the poses say."""
+    records = [run.start, *(run.advance() for _ in range(3))]
+    records = [records[0]] + [jax.tree.map(lambda a: a[:1], record) for record in records[1:]]
+    poses = np.concatenate([record.poses for record in records])[:, 1]
+    whole = np.concatenate([poses[:1], poses[:-1]])
+    seen, before, observed = [], None, Frames.observed
+    monkeypatch.setattr(Frames, "observed", staticmethod(lambda *given: (seen.append(given[0]), observed(*given))[1]))
+    for block in (records[:1], records[1:3], records[3:]):
+        frames_of(block, 1, before=before, control_period=0.5, task=run.task, robot=run.robot)
+        before = block[-1]
+    np.testing.assert_array_equal(np.concatenate([each.poses_before for each in seen]), whole)
+    assert {each.control_period for each in seen} == {0.5}

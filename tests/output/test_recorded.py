@@ -8,32 +8,33 @@ import pytest
 from helpers_recorded import arrays, write_run
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.recorded import load
+from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 
 SAID = r"/(result\.json|trajectory\.npz)\b[^\n]*; give the --out of a run of `iswarm clean`, or [^\n]*\.$"
+UNKNOWN = r"/(result\.json|trajectory\.npz) has settings that [^\n]*; read it with the one that wrote it\.$"
 
 
 def test_what_is_read(tmp_path):
-    config, frames = load(write_run(tmp_path))
-    assert config == SwarmConfig()
+    run = recorded(write_run(tmp_path))
+    assert run.config == SwarmConfig()
     for name, values in arrays().items():
-        np.testing.assert_array_equal(frames[name], values)
+        np.testing.assert_array_equal(run.arrays[name], values)
 
 
 def test_an_interrupted_run_is_shown_and_named(tmp_path, capsys):
     write_run(tmp_path)
     content = json.loads((tmp_path / RESULT).read_text())
     (tmp_path / RESULT).write_text(json.dumps(content | {"interrupted": True}))
-    assert len(load(tmp_path)[1]["step"]) == 3
+    assert len(recorded(tmp_path).arrays["step"]) == 3
     assert "was interrupted after step 2" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "changed",
     [
-        {name: values[:0] for name, values in arrays().items() if not name.startswith("scene")},
+        {"step": np.zeros(0, np.int32)},
         {"step": np.array([0, 2, 4])},
         {"pose": np.full((3, 4, 3), np.nan)},
         {"ball_position": np.full((3, 2, 3), np.inf)},
@@ -42,12 +43,13 @@ def test_an_interrupted_run_is_shown_and_named(tmp_path, capsys):
         {"is_loaded": np.zeros((3, 4), "U3")},
         {"delivered": np.array([{}, {}, {}], object)},
         {"scene_ball_radius": np.zeros((2, 2))},
+        {"scene_ball_radius": np.array([2e-5, 0.0])},
+        {"scene_memory_names": np.array(["link_valid", "about"])},
     ],
-    ids=lambda changed: "-".join(changed),
 )
 def test_arrays_that_make_no_run(tmp_path, changed):
     with pytest.raises(UserError, match=SAID):
-        load(write_run(tmp_path, **changed))
+        recorded(write_run(tmp_path, **changed))
 
 
 def test_truncated_anywhere(tmp_path):
@@ -55,7 +57,7 @@ def test_truncated_anywhere(tmp_path):
     for length in range(0, len(data), 97):
         (tmp_path / TRAJECTORY).write_bytes(data[:length])
         with pytest.raises(UserError, match=SAID):
-            load(tmp_path)
+            recorded(tmp_path)
 
 
 def test_flipped_bits_are_found_or_harmless(tmp_path):
@@ -68,7 +70,7 @@ def test_flipped_bits_are_found_or_harmless(tmp_path):
         changed[place] ^= 1 << bit
         (tmp_path / TRAJECTORY).write_bytes(changed)
         try:
-            found = load(tmp_path)[1]
+            found = recorded(tmp_path).arrays
         except UserError as error:
             n_refused += 1
             assert "\n" not in str(error)
@@ -84,12 +86,12 @@ def test_flipped_bits_are_found_or_harmless(tmp_path):
         (
             True,
             "clean.rrd",
-            r"this one goes on, or was killed; wait .* `iswarm clean --config .*/result.json`: .*/clean",
+            r"unfinished or was killed: wait .* `iswarm clean --config .*/result.json`\. .*/clean",
         ),
         (
             True,
             "run.rrd",
-            r"was killed; wait for its end, or repeat it by `iswarm run --config .*/result.json`: .*/run",
+            r"was killed: wait for its end, or repeat it by `iswarm run --config .*/result.json`\. .*/run",
         ),
         (False, "clean.rrd", r"although its run has ended; put it back, or repeat it by `iswarm clean --config"),
         (False, None, r"since no world was recorded; run it without --no-record\.$"),
@@ -103,7 +105,7 @@ def test_a_run_without_a_trajectory(tmp_path, interrupted, recording, said):
     if recording is not None:
         (tmp_path / recording).touch()
     with pytest.raises(UserError, match=rf"holds no trajectory\.npz, .*{said}"):
-        load(tmp_path)
+        recorded(tmp_path)
 
 
 @pytest.mark.parametrize("name", [RESULT, TRAJECTORY])
@@ -113,8 +115,8 @@ class TestWhatIsNoFile:
         return out / name
 
     def refused(self, out):
-        with pytest.raises(UserError, match=SAID):
-            load(out)
+        with pytest.raises(UserError, match=f"{SAID}|{UNKNOWN}"):
+            recorded(out)
 
     def test_a_pipe_is_not_waited_for(self, tmp_path, name):
         os.mkfifo(self.replace(tmp_path, name))

@@ -11,9 +11,8 @@ from helpers_opengl import needs_opengl
 from helpers_recorded import write_run
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.output.recorded import load
 from iswarm_mj.output.render import render
-from iswarm_mj.output.stage import Shot
+from iswarm_mj.output.stage import Shot, recorded
 from iswarm_mj.utils.errors import UserError
 
 N = 330
@@ -83,10 +82,8 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
 
 
 def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(
-        UserError, match=r"result\.json cannot be read \(No such file or directory\); give the --out of a run"
-    ):
-        load(tmp_path)
+    with pytest.raises(UserError, match=r"holds neither result\.json nor trajectory\.npz; give the --out of a run"):
+        recorded(tmp_path)
 
 
 def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):
@@ -121,7 +118,7 @@ class Blank:
     def __exit__(self, *_):
         pass
 
-    def frame(self, frames, step):
+    def show(self, *_):
         return self.pixels
 
 

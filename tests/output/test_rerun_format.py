@@ -6,6 +6,7 @@ import threading
 import numpy as np
 import pytest
 import rerun as rr
+from helpers_swarm_recording import make_scene
 
 from iswarm_mj.output import rerun_format
 from iswarm_mj.output.rerun_format import bounded
@@ -55,7 +56,7 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
             forgotten.append(self)
 
     recording._path, recording._stream, recording._result = "a.rrd", Stream(), {}
-    with pytest.raises(UserError, match=r"'a.rrd' could not be written to its end \(it is gone\)"):
+    with pytest.raises(UserError, match=r"'a.rrd' cannot be written \(it is gone\)"):
         recording.__exit__(None, None, None)
     recording.__exit__(ValueError, ValueError(), None)  # says more
     assert len(unregistered) == 2
@@ -65,10 +66,8 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
 
 
 def test_a_name_that_no_file_can_have(unregistered):
-    recording = object.__new__(Recording)
-    recording._path, recording._stream = "a\0b", object()
     with pytest.raises(UserError, match=r"cannot be written \(embedded null byte\)"):
-        recording._open()
+        Recording("a\0b", make_scene(3, 1), {}, {})
 
 
 def test_a_recording_without_its_end_is_told(tmp_path, unregistered):
@@ -80,7 +79,7 @@ def test_a_recording_without_its_end_is_told(tmp_path, unregistered):
 
     for name in ("cut.rrd", "empty.rrd"):
         (tmp_path / name).write_bytes(b"RRF2 and so on" if name == "cut.rrd" else b"")
-        told = pytest.raises(UserError, match=r"could not be written to its end \(No space left")
+        told = pytest.raises(UserError, match=r"cannot be written \(No space left")
         with told, rerun_format.written(name, Stream()):
             rerun_format.close(Stream(), tmp_path / name)
     rerun_format.close(Stream(), "/dev/null")  # has none

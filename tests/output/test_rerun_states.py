@@ -8,10 +8,14 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import make_frames, make_scene, write
 
-from iswarm_mj.output.remembered import hop_colours
-from iswarm_mj.output.rerun_states import names, shown_lanes, states_of
+from iswarm_mj.output.memory_colors import hop_colours
+from iswarm_mj.output.rerun_states import shown_lanes, states, states_of
 
 LANES = tuple(range(0, 40, 2))
+
+
+def names(scene):
+    return [state.name for state in states(scene)]
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
 
-from iswarm_mj.output import rerun_lines
+from iswarm_mj.output import rerun_lines, rerun_swarm_view
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_state_precedence_by_hand():
     is_loaded = np.array([[False, False, False, False, True, True, True]])
     is_scout = np.array([False, False, True, True, False, True, True])
     has_priority = np.array([[False, True, False, True, False, False, True]])
-    assert rerun_lines.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+    assert rerun_swarm_view.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
 
 
 def test_balls(run):

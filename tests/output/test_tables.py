@@ -1,10 +1,13 @@
 """Tables of trajectories made by hand: columns that strategies and tasks name as others are called."""
 
 import numpy as np
-from helpers_recorded import arrays
+from helpers_recorded import arrays, scene
 
+from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import METRIC
+from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.sensors.messages import Layout, Message, Payload
 
 
 def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
@@ -14,8 +17,8 @@ def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
     for number, (name, size) in enumerate(zip(names, sizes, strict=True)):
         each = [values + 100 * number + 50 * place for place in range(size)]
         made[name] = each[0] if size == 1 else np.stack(each, axis=-1)
-    about = {"scene_memory_names": names, "scene_memory_units": [""] * 5, "scene_memory_sizes": sizes}
-    table = table_of("robots", made | {name: np.array(content) for name, content in about.items()}, world=7)
+    about = scene()._replace(memory_names=names, memory_units=[""] * 5, memory_sizes=sizes, world=7)
+    table = table_of("robots", made, about)
     assert len(set(table.column_names)) == len(table.column_names)
     np.testing.assert_array_equal(table["x"].to_numpy(), made["pose"][..., 0].ravel())
     assert set(table["world"].to_pylist()) == {7}
@@ -24,10 +27,20 @@ def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
         np.testing.assert_array_equal(table[name].to_numpy(), values.ravel() + first)
 
 
+def test_what_a_strategy_records_and_says_under_one_name():
+    """Both are there; robots said 3 in the first step and remember 9."""
+    payload = Payload({"count": Integer(bits=4)})
+    word = np.asarray(Layout(payload, 4).pack(Message(np.int32(0), {"count": np.int32(3)})))
+    made = arrays() | {"message": np.full((3, 4), word, np.uint32), "said_count": np.full((3, 4), 9)}
+    own = {"memory_names": ["said_count"], "memory_units": [""], "memory_sizes": [1], "payload": stored(payload)}
+    table = table_of("robots", made, scene()._replace(**own))
+    assert table["said_count"].to_pylist() == [None] * 4 + [3] * 8
+    assert table["memory_said_count"].to_pylist() == [9] * 12
+
+
 def test_a_metric_as_a_column_is_called():
     made = arrays() | {METRIC + "delivered": np.array([5, 6, 7])}
     about = {"names": ["delivered"], "units": ["1/s"], "descriptions": ["own"]}
-    made |= {f"scene_metric_{part}": np.array(content) for part, content in about.items()}
-    table = table_of("steps", made, world=0)
+    table = table_of("steps", made, scene()._replace(**{f"metric_{part}": each for part, each in about.items()}))
     assert table["metric_delivered"].to_pylist() == [5, 6, 7] and table["delivered"].to_pylist() == [0, 0, 0]
     assert table.schema.field("metric_delivered").metadata[b"unit"] == b"1/s"

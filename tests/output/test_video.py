@@ -55,9 +55,7 @@ def test_robots_go_straight_between_two_steps():
 
 
 def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(
-        UserError, match=r"result\.json cannot be read \(No such file or directory\); give the --out of a run"
-    ):
+    with pytest.raises(UserError, match=r"holds neither result\.json nor trajectory\.npz; give the --out of a run"):
         write_video(tmp_path, tmp_path / "a.mp4", Film())
 
 

@@ -19,7 +19,7 @@ from iswarm_mj.experiments.runner import experiment, resumable, search
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output import recorded
+from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
@@ -95,7 +95,7 @@ def test_strategies(attack, tmp_path):
 def read_everything(out):
     """A run by all that reads runs; refused if one of them refuses it."""
     refusals = []
-    for read in (tables_of, recorded.load, recorded.robot_file_of):
+    for read in (tables_of, recorded):
         try:
             read(out)
         except UserError as error:

@@ -9,7 +9,7 @@ import pytest
 from helpers_rrd import read
 from helpers_signals import ENDLESS, SMALL, start
 
-from iswarm_mj.output.recorded import load
+from iswarm_mj.output.saved import load
 
 COMPILING = """
 import time, iswarm_mj.simulation.loop as loop
@@ -60,7 +60,7 @@ def ended(process, number=None):
 def check(out):
     """Result, trajectory and recording of the same interrupted run."""
     content = json.loads((out / "result.json").read_text())
-    frames = load(out)[1]
+    frames = load(out).arrays
     assert content["interrupted"] and frames["step"][-1] == content["steps"]
     assert frames["delivered"][-1] == content["delivered"] and frames["collisions"][-1] == content["collisions"]
     assert read(out / "clean.rrd")["/world/robots/body"]["step"] == frames["step"].tolist()

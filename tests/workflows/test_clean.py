@@ -10,7 +10,8 @@ from helpers_runs import engine_of, first_step, records, run_of, spoil
 from helpers_worlds import centres
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.trajectory import ABOUT, ARRAYS, Scene
+from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER

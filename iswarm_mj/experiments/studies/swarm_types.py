@@ -33,7 +33,7 @@ from iswarm_mj.experiments.analysis.verdicts import EQUAL, RARE, all_of, enough,
 from iswarm_mj.experiments.runner.experiment import Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.output.plot_swarm import draw_swarm
-from iswarm_mj.output.recorded import load
+from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
@@ -129,7 +129,7 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=plan.goal)
         with redirect_stdout(io.StringIO()):
             clean(Run(plan.config, PRESETS[row["type"]], settings), settings, directory)
-        frames = load(directory)[1]
+        frames = load(directory).arrays
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
             _show(row["type"], directory, frames, out, plan.quick)

@@ -1,0 +1,69 @@
+"""Each quantity of the schema is in trajectories, tables, recordings and the documentation, with its unit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_rrd import read
+from helpers_runs import run_of
+
+import iswarm_mj
+from iswarm_mj.output.rerun_names import LINKS, SERIES, SHOWN, UNITS
+from iswarm_mj.output.schema import ARRAYS, axes_of, dtype_of
+from iswarm_mj.output.tables import TABLES
+from iswarm_mj.output.trajectory import RECORDING, TRAJECTORY
+from iswarm_mj.workflows.clean import clean
+
+DOCS = Path(__file__).parents[2] / "docs" / "files.md"
+TABLE = {("T", "N"): "robots", ("T", "K"): "balls", ("T", "N", "S"): "links", ("T",): "steps"}
+
+
+@pytest.fixture(scope="module")
+def done(small, tmp_path_factory):
+    """Arrays, tables and recording of a run."""
+    out = tmp_path_factory.mktemp("run")
+    run = run_of(small, steps=12)
+    clean(run, run.settings, out)
+    return np.load(out / TRAJECTORY), iswarm_mj.load(out), read(out / RECORDING)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_a_quantity_is_everywhere(done, name):
+    arrays, saved, recorded = done
+    values, field, axes = arrays[name], ARRAYS[name], axes_of(name)
+    assert values.dtype == dtype_of(name) and values.ndim == len(field.type.dim_str.split())
+    table, page = getattr(saved, TABLE[axes]), DOCS.read_text()
+    section = page.split(f"<!-- made: {TABLE[axes]} -->")[1].split("<!-- made -->")[0]
+    for place, column in enumerate(field.metadata["columns"]):
+        metadata = table.schema.field(column.name).metadata
+        assert metadata == {b"unit": column.unit.encode(), b"description": column.description.encode()}
+        assert saved.units[TABLE[axes]][column.name] == column.unit
+        assert f"| `{column.name}` | {column.unit} | {column.description} |" in section
+        own = values if values.ndim == len(axes) else values[..., place]
+        own = own[arrays["link_valid"]] if axes == ("T", "N", "S") else own.ravel()
+        found = np.array(table[column.name].to_pylist(), object)
+        if not column.words:
+            known = found != None  # noqa: E711, element by element
+            assert known.any() or column.name == "holder"
+            np.testing.assert_array_equal(found[known].astype(own.dtype), own[known])
+        if column.shown:
+            unit, factor = UNITS.get(column.unit, (column.unit, 1))
+            entity = next((e for e, of in SHOWN.items() if of == axes), None)
+            if entity is None:
+                entity = next(e for e, of in SERIES.items() if of == column)
+                component = "Scalars:scalars"
+            else:
+                component = column.name + (f"_{unit.replace('/', '_per_')}" if unit != column.unit else "")
+            shown = np.array([x for row in recorded[f"/{entity}"][component] for x in row])
+            if column.name != "holder":
+                np.testing.assert_allclose(shown, own * factor, rtol=1e-6)
+            assert f"| `{entity}` | `{component}` | {unit} |" in page
+    assert field.metadata["columns"] or name in ("step", "has_priority", "link_valid")
+
+
+def test_what_nobody_needs_is_no_column(done):
+    """Each column of a table has a unit and a description."""
+    for name in TABLES:
+        for field in getattr(done[1], name).schema:
+            assert field.metadata.keys() == {b"unit", b"description"} and field.metadata[b"description"]
+    assert LINKS in SHOWN
