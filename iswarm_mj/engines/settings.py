@@ -24,6 +24,8 @@ class ModelSpec(NamedTuple):
     """Places for robots in arrays, at least `n_robots`."""
     robot_file: Path | None = None
     """MJCF file of the robots; None for `models/robot.xml`."""
+    is_masked: bool = False
+    """Some worlds have fewer robots than places."""
 
 
 @dataclass(frozen=True)

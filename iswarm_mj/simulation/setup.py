@@ -67,7 +67,8 @@ class Setup(NamedTuple):
     @property
     def model(self) -> ModelSpec:
         """What the engine simulates."""
-        return ModelSpec(self.config, self.settings.n_robots, self.capacity, self.robot_file)
+        is_masked = any(world.n_robots < self.capacity for world in self.worlds)
+        return ModelSpec(self.config, self.settings.n_robots, self.capacity, self.robot_file, is_masked)
 
     def host_engine(self) -> Callable[[int, int], Engine]:
         """Return what makes an engine on the host for a number of worlds and of threads."""

@@ -160,7 +160,7 @@ class TestWhatDoesNotFit:
 
     @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
     def test_engines(self, small, engine):
-        with pytest.raises(ConfigError, match="engine must be a EngineSettings"):
+        with pytest.raises(ConfigError, match=r"engine must be settings of an engine, as MujocoSettings"):
             Run(small, TYPE1, RunSettings(5, 3), engine)
 
     def test_more_deliveries_than_balls(self, small):

@@ -260,5 +260,5 @@ def test_numbers_that_do_not_fit(more):
 
 
 def test_the_name_of_an_engine_is_not_its_settings():
-    with pytest.raises(UserError, match=r"engine must be a MujocoSettings or PlanarSettings or .*got 'planar'"):
+    with pytest.raises(UserError, match=r"engine must be settings of an engine, as MujocoSettings\(\), .*got 'planar'"):
         rollout(TINY, Straight(jnp.float32(0.1)), KEYS, n_robots=2, steps=1, engine="planar")

@@ -63,4 +63,4 @@ class MjxSettings(EngineSettings):
         width = max(2 * read_robot(robot_file).circumradius / RD, 1.0)  # large robots cover more of the floor
         buffers = contact_capacity(config, capacity, self.contact_capacity * width**2)
         arena = compile_mjx_arena(config, capacity, self.impl, n_worlds, buffers, self.solver_iterations, robot_file)
-        return MjxEngine(arena, config, model.n_robots < capacity)
+        return MjxEngine(arena, config, model.is_masked)
