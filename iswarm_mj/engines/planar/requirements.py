@@ -29,7 +29,7 @@ def check_model(arena: ArenaModel) -> None:
 
 
 def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
-    model, option = arena.model, arena.model.opt
+    option = arena.model.opt
     disabled = {n for n in _NEEDED if option.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")}
     enabled = {n for n in _UNKNOWN if option.enableflags & getattr(mujoco.mjtEnableBit, f"mjENBL_{n}")}
     yield "the Euler integrator", option.integrator == mujoco.mjtIntegrator.mjINT_EULER
