@@ -1,8 +1,8 @@
 """The arena in MJX: capacities, model and template data, for `impl="jax"` and `impl="warp"`."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,9 +65,12 @@ class MjxArena:
     Attributes:
         model: MJX's.
         data: MJX's, of one world at rest, from which each control step begins.
+        sight: MJX model of the JAX implementation that `mjx.ray` looks at, without collisions.
+        view: its data.
         servo_gain: (3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
         boxes: (M, 6) obstacles, see `utils.obstacles.numbers` [mm].
         n_robots: N.
+        hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
         capacity: of the buffers for contacts.
         edge: half the arena's edge [mm].
@@ -76,9 +79,12 @@ class MjxArena:
 
     model: mjx.Model
     data: mjx.Data
+    sight: mjx.Model
+    view: mjx.Data
     servo_gain: Array
     boxes: Array
     n_robots: int = field(metadata={"static": True})
+    hull: int = field(metadata={"static": True})
     impl: str = field(metadata={"static": True})
     capacity: ContactCapacity = field(metadata={"static": True})
     edge: float = field(metadata={"static": True})
@@ -106,18 +112,24 @@ def compile_mjx_arena(
         robot_file: MJCF file of a robot, by default `models/robot.xml`.
     """
 
+    def compiled(tune: Callable[[mujoco.MjSpec], None]) -> ArenaModel:
+        return compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
+
     capacity = contact_capacity(config, n_robots) if capacity is None else capacity
-    tune = partial(_tune, impl=impl, capacity=capacity, iterations=iterations)
-    arena = compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
-    _check_order(arena)
+    arena = compiled(lambda spec: _tune(spec, impl, capacity, iterations))
+    sight = compiled(_only_to_be_seen)
+    _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
     sizes: Any = {} if impl == "jax" else {"naconmax": capacity.contacts * n_worlds, "njmax": capacity.contacts}
     return MjxArena(
         model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
+        sight=put_model(sight.model, "jax", own),
+        view=_at_rest(sight.model, own),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
         boxes=jnp.asarray(numbers(config.arena.obstacles, RD), jnp.float32),
         n_robots=n_robots,
+        hull=int(sight.hull[0]),
         impl=impl,
         capacity=capacity,
         edge=mm_from_rd(config.arena.size) / 2,
@@ -158,8 +170,22 @@ def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations:
         spec.add_numeric(name="max_contact_points", data=[capacity.contacts], size=1)
 
 
+def _only_to_be_seen(spec: mujoco.MjSpec) -> None:
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+
+
+def _at_rest(model: mujoco.MjModel, device: Any) -> mjx.Data:
+    """Data of MJX in which all geoms are where the model has them; MJX's own kinematics would have to be compiled."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    position, rotation = jax.device_put((np.float32(data.geom_xpos), np.float32(data.geom_xmat)), device)
+    return mjx.make_data(model, device, "jax").replace(geom_xpos=position, geom_xmat=rotation.reshape(-1, 3, 3))
+
+
 def _check_order(arena: ArenaModel) -> None:
-    """Positions of all robots are qpos as it stands, and robot i is body i + 1."""
-    n_robots = len(arena.body)
+    """Positions of all robots are qpos as it stands, and robot i is body i + 1 and geom `hull[0] + i`."""
+    n_robots = len(arena.hull)
     assert (arena.qpos.ravel() == np.arange(3 * n_robots)).all() and arena.model.nq == 3 * n_robots
     assert (arena.body == 1 + np.arange(n_robots)).all()
+    assert (arena.hull == arena.hull[0] + np.arange(n_robots)).all()

@@ -1,12 +1,25 @@
-"""Straight paths of light in one world in MJX: what stands in their way, in closed form."""
+"""Straight paths of light in one world in MJX: what stands in their way.
+
+The inner and outer circles of the robots between settle most paths, `mjx.ray` the rest.
+"""
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.engines.mjx.arena import MjxArena
+from iswarm_mj.sensors.occlusion import circles
 from iswarm_mj.utils.arrays import Array
+
+RAYS_AT_ONCE = 64
+"""Rays of one world that are cast together; more take further rounds."""
+
+_START = 1e-4  # how far outside its robot a ray starts, since `mjx.ray` cannot leave out a robot of a batch [mm]
+_HULLS_AND_WALLS = (0, 0, 0, 1, 0, 0)  # geom groups that rays meet
+_HIDDEN = -1e3  # height of robots that are absent [mm]
 
 
 class Crowd(NamedTuple):
@@ -23,8 +36,8 @@ class Paths(NamedTuple):
 
     origin: Float[Array, "P 2"]
     """On the side of the receiver [mm]."""
-    vector: Float[Array, "P 2"]
-    """To the side of the sender, or to a wall [mm]."""
+    target: Float[Array, "P 2"]
+    """On the side of the sender, or beyond a wall [mm]."""
     receiver: Int[Array, "P"]
     """Index of the robot."""
     sender: Int[Array, "P"]
@@ -33,8 +46,8 @@ class Paths(NamedTuple):
 
 def entries(
     origin: Float[Array, "*P 2"], vector: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
-) -> Float[Array, "*P M"]:
-    """Share of a straight way after which it enters each of some boxes; 0 inside, infinite if it does not.
+) -> Float[Array, "*P"]:
+    """Share of a straight way after which it enters the first of the boxes; 0 inside, infinite if it enters none.
 
     Args:
         origin: where the way begins [mm].
@@ -55,16 +68,66 @@ def entries(
     strips = [within(jnp.stack(axis, axis=-1), half) for axis, half in (((c, s), a), ((-s, c), b))]
     enters = jnp.maximum(jnp.maximum(strips[0][0], strips[1][0]), 0.0)
     leaves = jnp.minimum(jnp.minimum(strips[0][1], strips[1][1]), 1.0)
-    return jnp.where(enters <= leaves, enters, jnp.inf)
+    return jnp.where(enters <= leaves, enters, jnp.inf).min(axis=-1)
 
 
 def in_sight(arena: MjxArena, crowd: Crowd, paths: Paths, asked: Bool[Array, "P"]) -> Bool[Array, "P"]:
-    """Whether neither a third robot nor, between robots, an obstacle is in the way of light; False where not asked."""
-    x, y, yaw = crowd.poses.T
-    half_x, half_y = (jnp.full_like(x, half) for half in arena.robot.half_edges[:2])
-    robots = jnp.stack([x, y, jnp.cos(yaw), jnp.sin(yaw), half_x, half_y], axis=-1)
+    """Whether light gets from target to origin; False where not asked."""
+    x, y = crowd.poses[:, 0], crowd.poses[:, 1]
+    path = paths.target - paths.origin
+    length = jnp.maximum(jnp.sqrt((path**2).sum(axis=1)), 1e-9)
+    along = path / length[:, None]
     index = jnp.arange(len(x), dtype=jnp.int32)
+    dx, dy = x - paths.origin[:, :1], y - paths.origin[:, 1:]
+    ahead = dx * along[:, :1] + dy * along[:, 1:]
+    beyond = ahead - jnp.clip(ahead, 0.0, length[:, None])
     between = crowd.is_present & (index != paths.receiver[:, None]) & (index != paths.sender[:, None])
-    hidden = (between & jnp.isfinite(entries(paths.origin, paths.vector, robots))).any(axis=-1)
-    blocked = jnp.isfinite(entries(paths.origin, paths.vector, arena.boxes)).any(axis=-1)
-    return asked & ~hidden & ~(blocked & (paths.sender != arena.n_robots))
+    gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf).min(axis=1)
+    around = circles(arena.robot)
+    if len(arena.boxes):
+        asked &= (paths.sender == arena.n_robots) | jnp.isinf(entries(paths.origin, path, arena.boxes))
+    is_clear = asked & (gap > around.outer**2)
+    is_open = asked & ~is_clear & (gap > around.inner**2)
+    return _by_rays(arena, crowd, paths, is_clear, is_open)
+
+
+def _by_rays(arena: MjxArena, crowd: Crowd, paths: Paths, is_clear: Array, is_open: Array) -> Array:
+    """`is_clear` (P,), completed by rays where `is_open` (P,), some at a time."""
+    view = _view(arena, crowd)
+    n_paths = len(is_clear)
+    size = min(RAYS_AT_ONCE, n_paths)
+
+    def some(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        is_clear, is_open = carry
+        (path,) = jnp.nonzero(is_open, size=size, fill_value=n_paths)
+        used = jax.tree.map(lambda a: a[jnp.minimum(path, n_paths - 1)], paths)
+        found = jax.vmap(lambda path: _cast(arena, view, crowd, path))(used)
+        return is_clear.at[path].set(found, mode="drop"), is_open.at[path].set(False, mode="drop")
+
+    return jax.lax.while_loop(lambda carry: carry[1].any(), some, (is_clear, is_open))[0]
+
+
+def _cast(arena: MjxArena, view: mjx.Data, crowd: Crowd, path: Paths) -> Array:
+    """Whether a ray along one path meets its sender, its wall or nothing first."""
+    away = path.origin - crowd.poses[path.receiver, :2]
+    start = path.origin + away * (_START / arena.robot.inradius)
+    if not arena.robot.sides.is_regular:  # light may pass through the hull of its receiver, see `sensors.optics`
+        hidden = view.geom_xpos.at[arena.hull + path.receiver, 2].set(_HIDDEN)
+        view, start = view.replace(geom_xpos=hidden), path.origin
+    origin, vector = jnp.append(start, arena.robot.ray_height), jnp.append(path.target - start, 0.0)
+    share, geom = mjx.ray(arena.sight, view, origin, vector, _HULLS_AND_WALLS)
+    is_sender = geom == arena.hull + path.sender
+    is_wall = (geom < arena.hull) & (path.sender == arena.n_robots)
+    return (geom < 0) | is_sender | is_wall | (share >= 1.0)
+
+
+def _view(arena: MjxArena, crowd: Crowd) -> mjx.Data:
+    """Data with the robots' hulls at the crowd's poses; absent robots are far below the floor."""
+    robots = slice(arena.hull, arena.hull + arena.n_robots)
+    c, s = jnp.cos(crowd.poses[:, 2]), jnp.sin(crowd.poses[:, 2])
+    zero, one = jnp.zeros_like(c), jnp.ones_like(c)
+    mat = jnp.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
+    height = jnp.where(crowd.is_present, arena.robot.ray_height, _HIDDEN)
+    centre = jnp.column_stack([crowd.poses[:, :2], height])
+    data = arena.view
+    return data.replace(geom_xpos=data.geom_xpos.at[robots].set(centre), geom_xmat=data.geom_xmat.at[robots].set(mat))

@@ -26,6 +26,8 @@ from iswarm_mj.sensors.optics import (
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
+_INTO = 1e-3  # share of the way to an obstacle by which light is followed into it
+
 
 class Search(NamedTuple):
     """How far the sides of N robots are in looking for the nearest sender in sight."""
@@ -63,7 +65,7 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[A
         clear = is_searching
         if config.optics.line_of_sight:
             target = _facing_leds(arena, poses, candidate).reshape(-1, 2)
-            paths = Paths(origin, target - origin, jnp.repeat(index, len(arena.robot.sides)), candidate.ravel())
+            paths = Paths(origin, target, jnp.repeat(index, len(arena.robot.sides)), candidate.ravel())
             clear = in_sight(arena, crowd, paths, is_searching.ravel()).reshape(is_searching.shape)
         return Search(
             distance=jnp.where(is_searching, distance, search.distance),
@@ -141,14 +143,20 @@ def _heading(poses: Array) -> tuple[Array, Array]:
 
 
 def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array, "N S"]:
-    """Find out whether a wall or an obstacle is the first thing on the axis of each LED, within range, or around it."""
+    """Find out whether a wall or an obstacle is the first thing on the axis of each LED, within range."""
     leds = led_positions(crowd.poses, arena.robot)
     way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
-    to_walls = ((arena.edge - jnp.sign(way) * leds) / jnp.abs(way)).min(axis=-1)
-    to_walls = jnp.where(jnp.abs(leds).max(axis=-1) > arena.edge, 0.0, to_walls)
-    share = jnp.minimum(to_walls, entries(leds, way, arena.boxes).min(axis=-1, initial=jnp.inf))
+    ends, inside = leds + way, jnp.zeros(leds.shape[:-1], bool)
+    beyond = (jnp.abs(ends).max(axis=-1) > arena.edge) & crowd.is_present[:, None]
+    if len(arena.boxes):
+        share = entries(leds, way, arena.boxes)
+        inside = (share == 0) & crowd.is_present[:, None]
+        beyond |= (share <= 1) & crowd.is_present[:, None]
+        ends = leds + jnp.minimum(share * (1 + _INTO), 1.0)[..., None] * way
     robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), len(arena.robot.sides))
-    ends = (jnp.minimum(share, 1.0)[..., None] * way).reshape(-1, 2)
-    paths = Paths(leds.reshape(-1, 2), ends, robot, jnp.full_like(robot, len(leds)))
-    clear = in_sight(arena, crowd, paths, share.ravel() <= 1.0).reshape(share.shape)
-    return (clear | (share <= 0.0)) & crowd.is_present[:, None]
+    wall = jnp.full_like(robot, len(leds))
+    paths = Paths(leds.reshape(-1, 2), ends.reshape(-1, 2), robot, wall)
+    sees = inside | in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
+    if arena.robot.sides.is_regular:
+        return sees
+    return sees | ((jnp.abs(leds).max(axis=-1) > arena.edge) & crowd.is_present[:, None])  # in a wall, looking along it
