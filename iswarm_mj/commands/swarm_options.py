@@ -137,7 +137,7 @@ class Swarm(ConfigOptions):
 
     def _check_engine(self) -> None:
         known = ENGINES[self.engine].implementations
-        own = [f.name for f in fields(Swarm) if f.name != "impl" and engines_with(f.name)]
+        own = [f.name for f in fields(Swarm) if f.name not in ("impl", *_COMPILED_ONLY) and engines_with(f.name)]
         changed = {name for name in (*own, *_COMPILED_ONLY) if getattr(self, name) != getattr(Swarm, name)}
         constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
         check("impl", self.impl, constraint, self.impl in ("default", *known))

@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from helpers_cli import ARENA_FLAGS, CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, refused, result
+from helpers_small import FLAGS
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands.main import main
@@ -141,7 +142,7 @@ class TestRefusals:
     def test_warp_that_is_not_installed(self, capfd, here, monkeypatch, engine):
         found = importlib.util.find_spec
         monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "warp" else found(name, *a))
-        error = refused(capfd, here, "clean", *SMALL, "--engine", engine, "--impl", "warp")
+        error = refused(capfd, here, "clean", *FLAGS, "--robots=30", "--engine", engine, "--impl", "warp")
         assert error == "iswarm: --impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.\n"
 
     def test_the_flag_of_planar_without_it(self, capfd, here):
