@@ -112,7 +112,8 @@ def set_up(
     check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
     worlds = worlds_of_seed(worlds, settings) if isinstance(worlds, Genome) else worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
-    check("worlds", type(worlds).__name__, "a list of World", are_worlds)
+    found = f"a {type(worlds).__name__}" if not are_worlds else "none"
+    check("worlds", found, "a list of at least one World", are_worlds and len(worlds) > 0)
     largest = max(world.n_robots for world in worlds)
     check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
     check_object(task)

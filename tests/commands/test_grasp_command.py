@@ -230,7 +230,7 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
     "flags, message",
     [
         ("--what lunch", "--what must be swarm or grasp (got 'lunch')"),
-        ("--impl x", "--impl must be default or numba or jax or warp (got 'x')"),
+        ("--impl x", "--impl must be default or numba or warp or jax (got 'x')"),
         ("--impl numba", "--impl must be jax or warp (got 'numba')"),
         ("--robots 5", "--what must be swarm with --robots (got 'grasp')"),
         ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),

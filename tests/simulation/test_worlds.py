@@ -154,6 +154,11 @@ class TestWhatDoesNotFit:
         with pytest.raises(ConfigError, match=next(iter(values))):
             World(**{"genome": TYPE1, "n_robots": 5, **values})
 
+    @pytest.mark.parametrize(("worlds", "found"), [([], "none"), ("", "none"), ([3], "a list"), (3, "a int")])
+    def test_no_worlds(self, small, worlds, found):
+        with pytest.raises(ConfigError, match=rf"worlds must be a list of at least one World \(got '{found}'\)"):
+            Run(small, TYPE1, RunSettings(5, 3), worlds=worlds)
+
     def test_a_run_of_more_robots_than_its_worlds(self, small):
         with pytest.raises(ConfigError, match=r"n_robots must be that of the largest world, 5 \(got 6\)"):
             Run(small, TYPE1, RunSettings(6, 3), worlds=[World(TYPE1, 5)])
