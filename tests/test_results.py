@@ -31,6 +31,7 @@ OTHER_TABLES = (
     "kind | tried | broken when found |",
     "value | paper | initial | what the paper says",
     "package | contents",
+    "column | unit | what it holds",
     "part | CPUs: `engine.py`, compiled by numba",
     "directory | command",
     "setting `optics.` | default | meaning",

@@ -67,7 +67,7 @@ def busy_start(config, rng):
     balls["position"][:N_ROBOTS] = tips
     balls["holder"][ON_DUMP] = ON_DUMP
     balls["is_held"][ON_DUMP] = balls["was_picked"][ON_DUMP] = True
-    return start._replace(poses=poses, balls=start.task._replace(**balls))
+    return start._replace(poses=poses, task=start.task._replace(**balls))
 
 
 def drawn(rng, small):
