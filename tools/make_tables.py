@@ -8,12 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from iswarm_mj.strategy.recorded import array_name
-
 from iswarm_mj.commands.config_options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.rerun_names import NAMES
 from iswarm_mj.output.tables import TABLES, memory_columns
+from iswarm_mj.strategy.declared import array_name
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vector_strategy import VectorStrategy

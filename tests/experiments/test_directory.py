@@ -68,7 +68,7 @@ class TestDirectory:
     def test_runs_of_another_implementation_are_others(self, counted, tmp_path, monkeypatch):
         plan = replace(PLAN, quick=True)
         for impl, n_runs in (("jax", 8), ("warp", 16), ("jax", 16), ("warp", 16)):
-            monkeypatch.setattr("iswarm_mj.experiments.runner.batches.implementation", lambda impl=impl: impl)
+            monkeypatch.setattr("iswarm_mj.experiments.runner.batches.can_use_warp", lambda impl=impl: impl == "warp")
             run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution("mjx"))
             assert len(counted) == n_runs and read_table(tmp_path / "density.parquet")[1]["impl"] == impl
 
