@@ -55,7 +55,7 @@ def senses(file, config, poses, inside, emits):
     engines = {
         "mujoco": MujocoEngine(config, arena, n_worlds, 1, n_robots),
         "numba": PlanarEngine(config, arena, 1),
-        "warp": read_engine(arena, config, "cpu"),
+        "warp": read_engine(arena, config, jax.default_backend()),
     }
     sights = {name: e.sense(e.place(poses, inside), emits, running) for name, e in engines.items()}
     mjx = MjxEngine(compile_mjx_arena(config, n_robots, "jax", 1, robot_file=file), config, is_masked=True)

@@ -3,6 +3,7 @@
 from copy import copy
 from functools import cache
 
+import jax
 import numpy as np
 import pytest
 from helpers_sensing import crowd as bricks
@@ -35,7 +36,7 @@ ROUNDING = 1e-3
 def engines(n_worlds, n_robots, config=SMALL, impl="numba"):
     """MuJoCo in C and the planar engine."""
     arena = compile_arena(config, n_robots, np.zeros(0))
-    planar = PlanarEngine(config, arena, 1) if impl == "numba" else read_engine(arena, config, "cpu")
+    planar = PlanarEngine(config, arena, 1) if impl == "numba" else read_engine(arena, config, jax.default_backend())
     return MujocoEngine(config, arena, n_worlds, 1, n_robots), planar
 
 

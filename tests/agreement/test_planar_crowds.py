@@ -66,7 +66,7 @@ def moved(impl, poses, velocities, phases):
             physics.Bodies(poses, velocities, present, np.zeros(len(poses))),
         )
     else:
-        engine = batch_engine.read_engine(arena, CONFIG, "cpu")
+        engine = batch_engine.read_engine(arena, CONFIG, jax.default_backend())
         bodies = engine.place(poses, present)._replace(velocity=np.asarray(velocities, np.float32))
     return jax.tree.map(np.asarray, engine.move(bodies, phases, np.ones(len(poses), bool)))
 
