@@ -75,7 +75,8 @@ def starts_of(config: SwarmConfig, task: Task, robot: Robot, worlds: Sequence[Wo
     """
     for own in {world.config for world in worlds if world.config is not None}:
         check_common(config, own)
-    return [_start(config, task, robot, world) for world in worlds]
+    usual: dict[int, Start] = {}  # by the number of robots, on which the shapes of a task's state may depend
+    return [_start(config, task, robot, world, usual) for world in worlds]
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
@@ -189,16 +190,18 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
     return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
-def _start(config: SwarmConfig, task: Task, robot: Robot, world: World) -> Start:
+def _start(config: SwarmConfig, task: Task, robot: Robot, world: World, usual: dict[int, Start]) -> Start:
     own, given, n_robots = world.config or config, world.start, world.n_robots
-    drawn = draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)
-    if given is None:
-        return drawn
+    if given is None or n_robots not in usual:
+        drawn = draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)
+        usual.setdefault(n_robots, drawn)
+        if given is None:
+            return drawn
     check_kind("start", given, Start)
     check_array("start.poses", given.poses, (n_robots, 3), "f")
     check_array("start.is_alive", given.is_alive, (n_robots,), "b")
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
-    check_shapes("start.task", given.task, drawn.task)
+    check_shapes("start.task", given.task, usual[n_robots].task)
     if isinstance(task, BallTask):
         with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)
