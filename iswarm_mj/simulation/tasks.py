@@ -57,10 +57,10 @@ def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | Non
         most = task.goal(config, settings.n_robots)
     check_goal(task, most)
     if settings.stop_at is None or most is None:
-        return most if settings.stop_at is None else settings.stop_at
+        return most if settings.stop_at is None else int(settings.stop_at)
     constraint = f"between 1 and the goal of {type(task).__name__}, {most}"
     check("stop_at", settings.stop_at, constraint, settings.stop_at <= most)
-    return settings.stop_at
+    return int(settings.stop_at)
 
 
 def metrics_of(task: Task, state: Any) -> dict[str, np.ndarray]:

@@ -29,6 +29,7 @@ from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import led_positions, receive
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord, SwarmState
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS

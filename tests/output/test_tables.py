@@ -7,7 +7,7 @@ from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.sensors.fields import Integer
-from iswarm_mj.sensors.messages import Layout, Message, Payload
+from iswarm_mj.sensors.messages import Message, Payload
 
 
 def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
@@ -30,7 +30,7 @@ def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
 def test_what_a_strategy_records_and_says_under_one_name():
     """Both are there; robots said 3 in the first step and remember 9."""
     payload = Payload({"count": Integer(bits=4)})
-    word = np.asarray(Layout(payload, 4).pack(Message(np.int32(0), {"count": np.int32(3)})))
+    word = np.asarray(payload.pack(Message(np.int32(0), {"count": np.int32(3)}), 4))
     made = arrays() | {"message": np.full((3, 4), word, np.uint32), "said_count": np.full((3, 4), 9)}
     own = {"memory_names": ["said_count"], "memory_units": [""], "memory_sizes": [1], "payload": stored(payload)}
     table = table_of("robots", made, scene()._replace(**own))

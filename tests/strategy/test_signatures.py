@@ -49,7 +49,7 @@ def test_shapes_are_those_of_the_annotations():
     shapes = shapes_of(Observation, N=N, S=S)
     assert shapes["is_heard"] == jax.ShapeDtypeStruct((N, S), bool) and shapes["led"].dtype == jnp.int32
     assert shapes["ball_vector"] == jax.ShapeDtypeStruct((N, 2), jnp.float32)
-    assert "payload" not in shapes and "waits" not in shapes
+    assert "payload" not in shapes and "sensed" not in shapes
 
 
 def test_what_depends_on_the_arguments_alone_is_accepted():
