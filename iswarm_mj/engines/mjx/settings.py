@@ -24,9 +24,9 @@ class MjxSettings(EngineSettings):
     impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
     solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
-    """Iterations of the contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
+    """Iterations of MJX's contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
     contact_capacity: Annotated[float, Within(0.01, 100)] = 1.0
-    """Size of the contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
+    """Size of MJX's contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
     chunk: Annotated[int, Within(1, 10_000)] = 25
     """Control steps that one call of the compiled program takes; faults and progress are seen between calls."""
     devices: tuple[Any, ...] | None = None

@@ -27,8 +27,8 @@ class PlanarSettings(EngineSettings):
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads of `numba`, 0 for one per core; the results do not depend on it."""
     refinement: Annotated[int, Within(1, 100)] = 10
-    """Parts into which each physics step is divided, so that robots overlap less: 10 keeps 283 robots that clean within
-    0.1 mm, 1 is the time step of MuJoCo in C."""
+    """Parts into which planar divides each physics step, so that robots overlap less: 10 keeps 283 robots that clean
+    within 0.1 mm, 1 is the time step of MuJoCo in C."""
     impl: Literal["numba", "warp"] = "numba"
     """Implementation: numba (CPUs, 64-bit floats) or warp (NVIDIA GPUs, all worlds in one compiled program, 32-bit
     floats; on a CPU with one thread)."""
