@@ -50,11 +50,6 @@ def test_simulation_does_without_the_bench():
 MODULES = sorted(Path(iswarm_mj.__file__).parent.rglob("*.py"))
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: f"{path.parent.name}.{path.stem}")
-def test_files_are_short(path):
-    assert len(path.read_text().splitlines()) <= 300
-
-
 @pytest.mark.parametrize(
     "path", [path for path in MODULES if path.stem == "__init__"], ids=lambda path: path.parent.name
 )

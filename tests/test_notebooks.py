@@ -1,7 +1,6 @@
-"""The notebooks run, from top to bottom, and show what they came to."""
+"""The notebooks run, from top to bottom, and come to what they show."""
 
 import json
-import re
 from pathlib import Path
 
 import pyarrow.compute as pc
@@ -89,20 +88,6 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
     SHOWN[path.stem](names)
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_outputs_are_stored(path):
-    """As `python tools/run_notebooks.py` stores them: in order, without errors, pictures where something is drawn."""
-    code = [cell for cell in read(path) if cell["cell_type"] == "code"]
-    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
-    for cell in code:
-        source, outputs = "".join(cell["source"]), cell["outputs"]
-        assert all(output["output_type"] != "error" and output.get("name") != "stderr" for output in outputs)
-        kinds = {kind for output in outputs for kind in output.get("data", {})}
-        assert ("image/png" in kinds) == ("plt.show()" in source or "Image(" in source)
-        assert bool(outputs) >= bool(re.search(r"^(\s{0,4})print\(", source, re.MULTILINE))
-    assert path.stat().st_size < 1e6
 
 
 def test_there_are_notebooks():

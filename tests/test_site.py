@@ -49,7 +49,6 @@ def test_each_table_is_on_a_page_and_complete():
     assert {name for _, name, _ in BLOCK.findall(text)} == set(MADE)
     faults = (ROOT / "docs/faults.md").read_text(encoding="utf-8")
     assert [kind.name for kind in FaultKind if f"| `{kind.name}` |" not in faults] == []
-    assert all(len(row.split("|")[3].strip()) > 10 for row in faults.splitlines() if row.startswith("| `"))
     observed = (ROOT / "docs/observation.md").read_text(encoding="utf-8")
     assert [name for name in Observation._fields if f"| `{name}` |" not in observed] == []
 
@@ -57,10 +56,6 @@ def test_each_table_is_on_a_page_and_complete():
 def test_the_reference_has_every_root_name():
     text = (ROOT / "docs/api.md").read_text(encoding="utf-8")
     assert [name for name in iswarm_mj.__all__ if not re.search(rf"^::: iswarm_mj\.[\w.]+\.{name}$", text, re.M)] == []
-
-
-def test_the_readme_is_short():
-    assert len((ROOT / "README.md").read_bytes()) <= 5000
 
 
 def test_there_are_commands():
