@@ -14,7 +14,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
-from iswarm_mj.simulation.loop import Counts
+from iswarm_mj.simulation.loop import RunStatus
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
@@ -107,10 +107,10 @@ class CompiledLoop:
         device, index = rows // (self._n_rows // self.mesh.size), np.arange(len(rows))
         return taken, jax.tree.map(lambda a: np.moveaxis(np.asarray(a)[device, :, index], 0, 1)[:taken], records)
 
-    def counts(self) -> Counts:
-        """See `Loop.counts`."""
+    def status(self) -> RunStatus:
+        """See `Loop.status`."""
         s = self._state
-        found = Counts(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
+        found = RunStatus(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
         task = s.swarm.task
         task = task if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], task)
         return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(task=task)

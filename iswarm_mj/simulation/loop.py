@@ -19,7 +19,7 @@ from iswarm_mj.utils.profiling import Stopwatch
 Tree = TypeVar("Tree")
 
 
-class Counts(NamedTuple):
+class RunStatus(NamedTuple):
     """What a run looks at after each call, as NumPy arrays of B worlds."""
 
     task: Any
@@ -54,8 +54,8 @@ class Loop(Protocol):
         """
         ...
 
-    def counts(self) -> Counts:
-        """Return the counts so far."""
+    def status(self) -> RunStatus:
+        """Return the status of all worlds."""
         ...
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
@@ -119,9 +119,9 @@ class HostLoop:
         record = _joined([record for record in found if record is not None])
         return 1, jax.tree.map(lambda a: a[places][None], record)
 
-    def counts(self) -> Counts:
-        """See `Loop.counts`."""
-        return _joined([_counts(share.state) for share in self._shares])
+    def status(self) -> RunStatus:
+        """See `Loop.status`."""
+        return _joined([_status(share.state) for share in self._shares])
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
@@ -167,5 +167,5 @@ def _joined(parts: Sequence[Tree]) -> Tree:
     return jax.tree.map(join, *parts)
 
 
-def _counts(s: WorldState) -> Counts:
-    return Counts(s.swarm.task, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
+def _status(s: WorldState) -> RunStatus:
+    return RunStatus(s.swarm.task, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)

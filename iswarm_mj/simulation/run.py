@@ -16,7 +16,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
-from iswarm_mj.simulation.strategies import of_all_worlds, stated
+from iswarm_mj.simulation.strategies import of_all_worlds, to_json
 from iswarm_mj.simulation.tasks import metrics_of
 from iswarm_mj.simulation.worlds import World, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
@@ -126,13 +126,13 @@ class Run:
             self._loop, self.start = start_loop(setup, own, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
-        self._counts = self._loop.counts()
+        self._status = self._loop.status()
 
     @property
     def step(self) -> int:
         """Last control step that any world took."""
-        counts = self._counts
-        ends = np.where(counts.is_finished, counts.finished_at, counts.fault.step)
+        status = self._status
+        ends = np.where(status.is_finished, status.finished_at, status.fault.step)
         return int(ends.max()) if self._has_ended.all() else self._taken
 
     @property
@@ -143,8 +143,8 @@ class Run:
     @property
     def rules(self) -> dict[str, Any]:
         """What the robots are to do and how, as results state it: the task; the genome or another strategy."""
-        how = {"genome": asdict(self.genome)} if self.strategy is None else {"strategy": stated(self.strategy)}
-        return {"task": stated(self.task), **how}
+        how = {"genome": asdict(self.genome)} if self.strategy is None else {"strategy": to_json(self.strategy)}
+        return {"task": to_json(self.task), **how}
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -164,11 +164,11 @@ class Run:
     @property
     def fault_of_each(self) -> list[SimulationFault | None]:
         """The fault of each world, None for a world without one."""
-        return decode(self._counts.fault, self.worlds)
+        return decode(self._status.fault, self.worlds)
 
     @property
     def _has_ended(self) -> np.ndarray:
-        return self._counts.is_finished | (self._counts.fault.bits != 0)
+        return self._status.is_finished | (self._status.fault.bits != 0)
 
     def advance(self) -> StepRecord | None:
         """Take the next control steps: one on the host, a chunk in compiled programs.
@@ -185,7 +185,7 @@ class Run:
         with self.watch("advance"):
             taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
         self._taken += taken
-        self._counts = self._loop.counts()
+        self._status = self._loop.status()
         if first == 0:  # which compiles: of no stage
             self.first_call_s, self._first_steps = self.watch.laps["advance"][0], taken
             self.watch.laps.clear()
@@ -195,10 +195,10 @@ class Run:
     @property
     def task_state(self) -> Any:
         """State of the task in all worlds, as NumPy arrays with a first axis of B worlds."""
-        leaves = jax.tree.leaves(self._counts.task)
+        leaves = jax.tree.leaves(self._status.task)
         if not all(isinstance(leaf, np.ndarray) for leaf in leaves):  # they leave a device when they are asked for
-            self._counts = self._counts._replace(task=jax.tree.map(np.asarray, self._counts.task))
-        return self._counts.task
+            self._status = self._status._replace(task=jax.tree.map(np.asarray, self._status.task))
+        return self._status.task
 
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
@@ -212,7 +212,7 @@ class Run:
 
     def progress(self) -> np.ndarray:
         """Return the progress of the task in each world (B,)."""
-        return self._counts.progress
+        return self._status.progress
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""
@@ -226,10 +226,10 @@ class Run:
         """
         if not (is_whole(world) and 0 <= world < len(self.worlds)):
             raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
-        counts = self._counts
-        finished_at = int(counts.finished_at[world]) if counts.is_finished[world] else None
-        starved = 0 if counts.starved is None else int(np.asarray(counts.starved)[world].sum())
-        return measure(balls_of(self.task, self.task_state), world, int(counts.collisions[world]), finished_at, starved)
+        status = self._status
+        finished_at = int(status.finished_at[world]) if status.is_finished[world] else None
+        starved = 0 if status.starved is None else int(np.asarray(status.starved)[world].sum())
+        return measure(balls_of(self.task, self.task_state), world, int(status.collisions[world]), finished_at, starved)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

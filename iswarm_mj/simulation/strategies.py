@@ -59,7 +59,7 @@ def of_all_worlds(
     return jax.tree.map(lambda *arrays: jnp.stack(arrays), *each)
 
 
-def stated(given: Any) -> dict[str, Any]:
+def to_json(given: Any) -> dict[str, Any]:
     """Return a strategy's class and its parameters as results state them; of large arrays, their shapes."""
     values = {f.name: _plain(getattr(given, f.name)) for f in fields(given)} if is_dataclass(given) else {}
     return {"class": type(given).__name__, **values}

@@ -19,7 +19,7 @@ from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import after_motion, believed_motion
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.fusion import computed_once
+from iswarm_mj.utils.fusion import fusion_barrier
 from iswarm_mj.utils.robot import PAPER_SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -99,13 +99,13 @@ class VectorStrategy:
         """Advance the memories of N robots by one control step, and decide what they do, see `Strategy.act`."""
         config, rules = self.config, self.rules
         draws = controller.draw(*observation.is_heard.shape, key=key)
-        known = computed_once(lambda: self._remember(memory, observation, draws))
+        known = fusion_barrier(lambda: self._remember(memory, observation, draws))
         target = controller.choose(config, rules, known, observation, draws)
         push = controller.avoid(config, rules, observation, target.follows, self.sides)
         approaches = controller.approaching(self.picks(known), observation)
         target = controller.towards_ball(target, approaches & rules.avoids_at_dust, observation.ball_vector)
         wish, prefers_left = target.direction + push, draws.side < 0.5
-        steered = computed_once(lambda: controller.steer(config, wish, target.limit, prefers_left))
+        steered = fusion_barrier(lambda: controller.steer(config, wish, target.limit, prefers_left))
         approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))
         command = controller.approach(config, self.probe_tip, approaches, observation.ball_vector, steered)
         waits = is_blocked(rules, observation.is_heard, observation.distance, self.sides)

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.tasks.grasping import grip
+from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import draw_radii, lying, place_balls, place_robots
 from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED, Measures, fitness
 from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
@@ -50,7 +50,7 @@ class Cleaning:
 
     def advance(self, state: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
         """Carry, release and pick up balls."""
-        return grip(state, inputs, key)
+        return update_balls(state, inputs, key)
 
     def balls(self, state: Balls) -> Balls:
         """All there is."""

@@ -13,7 +13,7 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vectors import after_motion, learnt
-from iswarm_mj.tasks.grasping import grip
+from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
 from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
@@ -95,7 +95,7 @@ class Foraging:
         """Carry, release and pick up items; sources of which nothing is left move."""
         grip_key, place_key = jax.random.split(key)
         old = state.items
-        items, sensed = grip(old, inputs, grip_key)
+        items, sensed = update_balls(old, inputs, grip_key)
         source = np.arange(len(old.radius)) % self.sources
         moves = ~jnp.zeros(self.sources, bool).at[source].max(~items.is_delivered)
         places, spread = self._places(state.limits, len(source), place_key)

@@ -12,7 +12,7 @@ from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 
-def grip(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
+def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
     """Carry, release and pick up balls as the forces of the grippers decide; and what robots sense of dust and dump.
 
     Args:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 Tree = TypeVar("Tree")
 
 
-def computed_once(compute: Callable[[], Tree], default: Callable[[], Tree] | None = None) -> Tree:
+def fusion_barrier(compute: Callable[[], Tree], default: Callable[[], Tree] | None = None) -> Tree:
     """Return arrays that no loop of their consumers computes again.
 
     XLA for CPUs fuses a cheap operation with each of its consumers, and a chain of them grows to hundreds of operations

@@ -17,7 +17,7 @@ from iswarm_mj.simulation import power
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.grasping import grip
+from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
@@ -75,7 +75,7 @@ def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
     for has in (60.0, 30.0):
         voltage = jnp.array([45.0, has])
         inputs = TaskInputs(poses, here, here, here & picks, conditions_of(config), config, robot, decided, voltage)
-        _, sensed = grip(balls, inputs, jax.random.key(0))
+        _, sensed = update_balls(balls, inputs, jax.random.key(0))
         np.testing.assert_allclose(sensed.tool_voltage_squared, [0.0, min(volts, has) ** 2])
 
 

@@ -234,7 +234,7 @@ def primitives(jaxpr):
 
 def test_by_default_nothing_is_repeated(monkeypatch):
     """Updates at once are what they were: no loop in the program, no random number more."""
-    monkeypatch.setattr("iswarm_mj.strategy.vector_strategy.computed_once", lambda compute: compute())
+    monkeypatch.setattr("iswarm_mj.strategy.vector_strategy.fusion_barrier", lambda compute: compute())
     config = SwarmConfig()
     n, texts = 6, {}
     for order in ("synchronous", "sequential"):

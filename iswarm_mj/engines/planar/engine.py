@@ -14,7 +14,7 @@ from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
 from iswarm_mj.engines.planar.plane import read_plane
 from iswarm_mj.engines.planar.reception import points_of, read_light
-from iswarm_mj.engines.planar.sight import darkness, sense
+from iswarm_mj.engines.planar.sight import empty_sight, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
@@ -60,7 +60,7 @@ class PlanarEngine:
     def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
-        sight = darkness(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
+        sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
         self._spread(
             sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._points, self._boxes

@@ -12,7 +12,7 @@ from iswarm_mj.engines.planar.reception import Light
 from iswarm_mj.sensors.links import Links
 
 
-def darkness(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> Sight:
+def empty_sight(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> Sight:
     """Sight of robots that see nothing, to be filled by `sense`; links have the shape (B, N, S, K)."""
     shape = n_worlds, n_robots, n_sides, n_senders
     links = Links(

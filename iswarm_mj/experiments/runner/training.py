@@ -18,7 +18,7 @@ from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.analysis.learning_figure import draw_learning
 from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
-from iswarm_mj.simulation.strategies import stated
+from iswarm_mj.simulation.strategies import to_json
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
@@ -87,7 +87,7 @@ def train(
             be resumed, or a different one.
     """
     made = policy(strategy, training.config, training.robots)
-    settings = {**to_dict(training), "strategy": stated(strategy), "task": stated(task), **engine.identity}
+    settings = {**to_dict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
     del settings["generations"]  # a training may go on for longer
     search = SepCMA(
         np.asarray(made.weights, float), training.spread, seed=training.seed, population_size=training.population
