@@ -29,20 +29,12 @@ def test_laws_and_settings_are_light():
     assert done.stdout == "[]\n"
 
 
-def test_runs_on_the_host_do_without_mjx():
-    """Importing it takes longer than all else together."""
-    code = "import sys, iswarm_mj.workflows.rollout, iswarm_mj.experiments.runner.jobs\n"
-    code += "print('mujoco.mjx' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
-
-
-def test_simulation_does_without_the_bench():
-    """A large part of the package, which only runs that resolve attempts load."""
+def test_simulation_does_without_the_bench_and_mjx():
+    """Large parts, which take longer to import than all else together, and only some runs need."""
     modules = [f"iswarm_mj.simulation.{path.stem}" for path in MODULES if path.parent.name == "simulation"]
     assert "iswarm_mj.simulation.run" in modules
     code = f"import sys, {', '.join(modules)}\n"
-    code += "print([name for name in sys.modules if name.startswith('iswarm_mj.gripper.bench')])"
+    code += "print([name for name in sys.modules if name.startswith(('iswarm_mj.gripper.bench', 'mujoco.mjx'))])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 

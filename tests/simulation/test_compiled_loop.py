@@ -219,7 +219,8 @@ print(json.dumps([len(run.devices), [run.measures(w) for w in range(3)], sums]))
 """
 
 
-@pytest.mark.parametrize(("devices", "used"), [(2, 2), pytest.param(4, 3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("devices", "used"), [(2, 2), (4, 3)])
 def test_devices_rows_and_chunks_change_no_bit(batch, devices, used):
     """Of three worlds two devices take two each, one of them a filler; of four devices three take one each."""
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"

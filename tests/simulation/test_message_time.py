@@ -68,17 +68,16 @@ class Looking(Scripted):
 
 def test_walls_are_seen_by_photodiodes_that_are_on_while_the_robot_emits(small):
     seen = {}
-    for which in ("off", "all", "front", "none"):
+    for which in ("off", "front", "none"):
         optics = OpticsConfig() if which == "off" else replace(TIMED, photodiodes_while_emitting=which)
         config = replace(small, optics=optics)
         strategy = Looking(**vars(scripted(run_of(config), step=0, robot=0, turn=0, forward=0)))
         seen[which] = next(records(run_of(config, strategy=strategy))).swarm.memory.age
     assert len(np.unique(seen["off"])) > 3 and not seen["none"].any()
-    np.testing.assert_array_equal(seen["all"], seen["off"])
     np.testing.assert_array_equal(seen["front"], seen["off"] & 1)
 
 
-@pytest.mark.parametrize("engine", ["planar", "warp", "mjx"])
+@pytest.mark.parametrize("engine", ["planar", "warp", pytest.param("mjx", marks=pytest.mark.slow)])
 def test_the_first_steps_are_those_of_mujoco_in_c(engine):
     """The same random slots, so only rounding parts them."""
     config = replace(TINY, optics=TIMED)
