@@ -190,7 +190,8 @@ class Vector:
     def shapes(self, *shape: int) -> VectorMemory:
         """Shapes and types of vectors."""
         sizes, types = ((*shape, 2), shape, shape), (jnp.float32, jnp.int32, jnp.bool_)
-        return VectorMemory(*map(jax.ShapeDtypeStruct, sizes, types))
+        parts: list[Any] = [jax.ShapeDtypeStruct(*part) for part in zip(sizes, types, strict=True)]
+        return VectorMemory(*parts)
 
 
 Field = Flag | Integer | Real | Bearing | Vector

@@ -56,13 +56,13 @@ class Candidates(NamedTuple):
     They are sorted by the receiver's side, effective distance and index of the sender.
     """
 
-    receiver: Int[Array, "P"]
+    receiver: Int[np.ndarray, "P"]
     """Index among all B N robots."""
-    sender: Int[Array, "P"]
+    sender: Int[np.ndarray, "P"]
     """Likewise."""
-    slot: Int[Array, "P"]
+    slot: Int[np.ndarray, "P"]
     """Index of the receiver's side among all B N S sides."""
-    distance: Float[Array, "P"]
+    distance: Float[np.ndarray, "P"]
     """Between the centres [mm]."""
     reception: Reception
 
@@ -132,7 +132,7 @@ def find_links(
     pick, rank = _first(clear, found.slot, optics.n_senders)
     shape = (n_worlds, n_robots, len(robot.sides), optics.n_senders)
 
-    def scatter(values: np.ndarray, dtype: type) -> np.ndarray:
+    def scatter(values: Array, dtype: type) -> np.ndarray:
         out = np.zeros(shape, dtype)
         out.reshape(-1, optics.n_senders)[found.slot[pick], rank] = values[pick]
         return out if optics.n_senders > 1 else out[..., 0]
@@ -157,9 +157,9 @@ def _by_rays(
     boxes: np.ndarray,
 ) -> np.ndarray:
     """Whether nothing blocks the light (P,) bool; False, too, where enough nearer ones of the same side are clear."""
-    positions = receiver_positions(poses, robot)
+    positions = np.asarray(receiver_positions(poses, robot))
     origin = positions[found.receiver, found.reception.side]
-    leds = positions if robot.leds == robot.receivers else led_positions(poses, robot)
+    leds = positions if robot.leds == robot.receivers else np.asarray(led_positions(poses, robot))
     target = leds[found.sender, found.reception.led]
     paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)
     verdict = judge(paths, poses, around, circles(robot), n_senders, boxes)

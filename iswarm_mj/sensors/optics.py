@@ -8,7 +8,7 @@ robots do not shade their own LEDs and photodiodes.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxtyping import Float, Int
 
@@ -184,7 +184,7 @@ def _on_side(points: tuple[Point, ...], axes: Axes, side: Array, like: Array) ->
     return _look_up(along, side, like), _look_up(left, side, like)
 
 
-def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Array:
+def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Any:
     """The value of each of `side` (P,), as `like` in type, or one number if all sides have the same."""
     if len(set(values)) == 1:
         return values[0]

@@ -25,7 +25,7 @@ def decode(fault: Fault, worlds: Sequence[World]) -> list[SimulationFault | None
     found: list[SimulationFault | None] = [None] * len(worlds)
     for row in np.flatnonzero(fault.bits).tolist():
         kind = FaultKind(int(fault.bits[row]))
-        robots = [fault.robot[row]] if kind & _OF_ROBOTS else []
+        robots = [int(fault.robot[row])] if kind & _OF_ROBOTS else []
         found[row] = SimulationFault(step=int(fault.step[row]), world=worlds[row].index, robots=robots, kind=kind)
     return found
 

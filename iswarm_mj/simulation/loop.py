@@ -14,6 +14,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.share import Share, is_key, rows, shares_of
 from iswarm_mj.simulation.state import Fault, StepRecord, WorldParams, WorldState
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
@@ -24,11 +25,11 @@ class RunStatus(NamedTuple):
 
     task: Any
     """State of the task; arrays of JAX where they need not leave a device until someone looks."""
-    progress: np.ndarray
+    progress: Array
     """Of the task."""
-    collisions: np.ndarray
-    is_finished: np.ndarray
-    finished_at: np.ndarray
+    collisions: Array
+    is_finished: Array
+    finished_at: Array
     fault: Fault
     starved: Any = None
     """Control steps in which each robot waited for energy (B, N); None where they have no capacitors."""

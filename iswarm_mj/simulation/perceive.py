@@ -97,7 +97,7 @@ def perceive(
 
     received = transmit(payload)
     voltage, is_empty = None, jnp.zeros(len(poses), bool)
-    if swarm.energy is not None:
+    if swarm.energy is not None and swarm.starved is not None:
         energy = power.charged(config, swarm.energy)
         voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
         swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))

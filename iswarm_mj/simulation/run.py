@@ -168,7 +168,7 @@ class Run:
 
     @property
     def _has_ended(self) -> np.ndarray:
-        return self._status.is_finished | (self._status.fault.bits != 0)
+        return np.asarray(self._status.is_finished) | np.asarray(self._status.fault.bits != 0)
 
     def advance(self) -> StepRecord | None:
         """Take the next control steps: one on the host, a chunk in compiled programs.
@@ -212,7 +212,7 @@ class Run:
 
     def progress(self) -> np.ndarray:
         """Return the progress of the task in each world (B,)."""
-        return self._status.progress
+        return np.asarray(self._status.progress)
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""

@@ -55,7 +55,9 @@ class Share:
         """
         params = self.params._replace(goal=self._goal, is_present=self._is_present)
         stepper = Stepper(self.engine, self._config, self._decide, bool(recorded))
-        self.state, record = control_step(stepper, params, self.state, np.int32(step), np.int32(last))
+        self.state, record = control_step(
+            stepper, params, self.state, np.asarray(step, np.int32), np.asarray(last, np.int32)
+        )
         return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], record)
 
     def _decide(self, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:

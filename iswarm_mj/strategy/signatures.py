@@ -20,7 +20,7 @@ from iswarm_mj.utils.errors import UserError
 _TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32}
 
 
-def shapes_of(cls: Any, **sizes: int) -> dict[str, jax.ShapeDtypeStruct]:
+def shapes_of(cls: Any, **sizes: int) -> dict[str, Any]:
     """Return the shapes and types that the annotations of a named tuple declare, as `Float[Array, "N 2"]`.
 
     Args:

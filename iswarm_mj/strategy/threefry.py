@@ -41,8 +41,8 @@ def _count(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
     return threefry(key, jnp.zeros_like(low), low)
 
 
-def _random_bits(key: Array, bit_width: int, shape: tuple[int, ...]) -> Array:
-    def default() -> Array:
+def _random_bits(key: jax.Array, bit_width: int, shape: tuple[int, ...]) -> jax.Array:
+    def default() -> jax.Array:
         return threefry_prng_impl.random_bits(key, bit_width, shape)
 
     return fusion_barrier(lambda: jnp.bitwise_xor(*_count(key, shape)), default) if bit_width == 32 else default()

@@ -76,7 +76,7 @@ class Aggregation:
         if self.spot_offset + self.spot_radius > half:
             most = f"at most {half - self.spot_radius:g} rd with spots of {self.spot_radius:g} rd in this arena"
             raise ConfigError("spot_offset", self.spot_offset, most, remedy)
-        poses, east = place_robots(config.arena, n_robots, rng, cell), np.float32(rng.choice([-1.0, 1.0]))
+        poses, east = place_robots(config.arena, n_robots, rng, cell), np.asarray(rng.choice([-1.0, 1.0]), np.float32)
         inside = np.asarray(self.light(poses, east)) > 0
         return poses, Spots(east, inside.mean(axis=0, dtype=np.float32))
 

@@ -80,8 +80,8 @@ class Foraging:
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
         position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
         items = lying(config.gripper, position, draw_radii(arena, shared))
-        none = np.zeros(arena.n_dust, bool)
-        return poses, Sources(items, np.asarray(centres), limits, none, np.int32(0), np.int32(0), np.float32(0))
+        none, zero = np.zeros(arena.n_dust, bool), np.zeros((), np.int32)
+        return poses, Sources(items, np.asarray(centres), limits, none, zero, zero, zero.astype(np.float32))
 
     def _places(self, limits: Array, n_items: int, key: Array) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
         """New places of all sources, and of items relative to them [mm]."""

@@ -135,7 +135,8 @@ def _check_shapes(
     for key, found in own.items():
         if found.shape[:1] != here:
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
-    compare(f"{name}.advance", sensed, Sensed(flags, plane, flags, flags, flags, flags, floats, sensed.own), "sensed")
+    wanted: list[Any] = [flags, plane, flags, flags, flags, flags, floats, sensed.own]
+    compare(f"{name}.advance", sensed, Sensed(*wanted), "sensed")
     compare(f"{name}.progress", shapes("progress", before), whole)
     compare(f"{name}.reward", shapes("reward", before, after), floats)
     for key, found in _declared(f"{name}.metrics", "measured", task, shapes("metrics", before)).items():

@@ -13,7 +13,7 @@ Quantity: TypeAlias = float | Real[Array, "..."]
 """A number, or a NumPy or JAX array of any shape; the arguments of a law broadcast."""
 
 
-def array_module(*values: Array) -> Any:
+def array_module(*values: Quantity) -> Any:
     """`jax.numpy` if any value is a JAX array or tracer, otherwise `numpy`; never imports JAX."""
     jax = sys.modules.get("jax")
     if jax is not None and any(isinstance(value, jax.Array) for value in values):
@@ -21,7 +21,7 @@ def array_module(*values: Array) -> Any:
     return np
 
 
-def is_concrete(*values: Array) -> bool:
+def is_concrete(*values: Quantity) -> bool:
     """Whether no value is a JAX tracer, so that its numbers can be looked at."""
     jax = sys.modules.get("jax")
     return jax is None or not any(isinstance(value, jax.core.Tracer) for value in values)

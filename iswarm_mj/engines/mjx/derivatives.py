@@ -45,7 +45,7 @@ def _solve(search: Callable[[mjx.Model, mjx.Data], mjx.Data], model: mjx.Model, 
     """Accelerations and contact forces as `search` finds them, with the accelerations' derivatives."""
     rows = data._impl
 
-    def gradient(acceleration: Array) -> Array:
+    def gradient(acceleration: jax.Array) -> jax.Array:
         beyond = rows.efc_J @ acceleration - rows.efc_aref
         force = jnp.where(beyond < 0, -rows.efc_D * beyond, 0.0)
         return mul_m(model, data, acceleration) - data.qfrc_smooth - rows.efc_J.T @ force

@@ -61,7 +61,7 @@ class MujocoEngine:
         self._edge = mm_from_rd(config.arena.size) / 2
         self.robot = arena.robot
 
-    def place(self, poses: Float[np.ndarray, "B P 3"], is_present: Bool[np.ndarray, "B P"]) -> Bodies:
+    def place(self, poses: Float[Array, "B P 3"], is_present: Bool[Array, "B P"]) -> Bodies:
         """See `Engine.place`."""
         self._is_present = is_present[:, : self._n_robots]
         if not self._is_present.all():
@@ -89,17 +89,20 @@ class MujocoEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B P"], is_running: Bool[np.ndarray, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Bool[Array, "B P"], is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n = self._n_robots
         sight = sense(
-            self._scene, bodies.poses[:, :n], np.asarray(emits)[:, :n], self._is_present & is_running[:, None]
+            self._scene,
+            bodies.poses[:, :n],
+            np.asarray(emits)[:, :n],
+            self._is_present & np.asarray(is_running)[:, None],
         )
         if self._capacity == n:
             return sight
         return Sight(type(sight.links)(*map(self._padded, sight.links)), self._padded(sight.sees_wall))
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         motion = take_phases(bodies, phases, is_running, self._edge, self._take_steps)
         failed = np.flatnonzero(motion.fault)
@@ -110,14 +113,14 @@ class MujocoEngine:
         return motion
 
     def _take_steps(
-        self, bodies: Bodies, targets: Array, n_substeps: int, runs: np.ndarray, touching: np.ndarray
-    ) -> tuple[Bodies, np.ndarray, np.ndarray]:
+        self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+    ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
         self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, : self._n_robots]
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
-            self._read_contacts(world, touching, n_contacts)
+            self._read_contacts(world, np.asarray(touching), n_contacts)
         poses = self._padded(self._qpos[:, self._arena.qpos])
         return Bodies(poses, bodies.is_present, n_contacts), touching, fault
 
@@ -141,8 +144,9 @@ class MujocoEngine:
         first, second = first[robots], second[robots]
         touching[world, np.minimum(first, second), np.maximum(first, second)] = True
 
-    def _padded(self, values: Shaped[np.ndarray, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
+    def _padded(self, given: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
         """Values of robots with zeros, or false, for the places beyond them."""
+        values = np.asarray(given)
         if self._capacity == values.shape[1]:
             return values
         filled = np.zeros((len(values), self._capacity, *values.shape[2:]), values.dtype)

@@ -109,8 +109,8 @@ def find_walls(
     if len(scene.boxes):
         may_see |= distances(poses[..., :2].reshape(-1, 2), scene.boxes).reshape(may_see.shape) < reach
     world, robot = np.nonzero(may_see & is_present)
-    leds = led_positions(poses[world, robot], scene.robot)
-    outward = led_axes(poses[world, robot], scene.robot) * length
+    leds = np.asarray(led_positions(poses[world, robot], scene.robot))
+    outward = np.asarray(led_axes(poses[world, robot], scene.robot)) * length
     beyond = np.abs(leds + outward).max(axis=-1) > edge
     if len(scene.boxes):  # rays tell
         beyond[:] = True

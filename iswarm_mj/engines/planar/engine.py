@@ -48,7 +48,7 @@ class PlanarEngine:
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
-    def place(self, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]) -> Bodies:
+    def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> Bodies:
         """See `Engine.place`."""
         poses = np.array(poses, float)
         return Bodies(poses, np.zeros_like(poses), np.array(is_present, bool), np.zeros(len(poses)))
@@ -57,7 +57,7 @@ class PlanarEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[np.ndarray, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
@@ -69,14 +69,14 @@ class PlanarEngine:
             return sight
         return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[np.ndarray, "B"]) -> Motion:
+    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         bodies = bodies._replace(overlap=np.zeros(len(is_running)))
         return take_phases(bodies, phases, is_running, self.plane.edge, self._take_steps)
 
     def _take_steps(
-        self, bodies: Bodies, targets: Array, n_substeps: int, runs: np.ndarray, touching: np.ndarray
-    ) -> tuple[Bodies, np.ndarray, np.ndarray]:
+        self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+    ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
         new, is_solved = Bodies(*(part.copy() for part in bodies)), np.ones(len(runs), bool)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
