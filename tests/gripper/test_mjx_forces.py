@@ -1,6 +1,5 @@
 """The gripper's forces in MJX against the plugins, and batches of them."""
 
-import dataclasses
 from pathlib import Path
 
 import jax
@@ -33,6 +32,7 @@ FIELDS = (
     "body_invweight0",
     "dof_invweight0",
 )
+SURFACES = ("adhesion_plate", "adhesion_probe")
 
 
 def bench(radius=20.0):
@@ -82,10 +82,11 @@ def state(model, data, instance, field):
 
 def test_attributes_are_those_of_the_file(world):
     model, forces, _, _ = world
-    np.testing.assert_allclose(forces.work, [14.7, 1.41], rtol=1e-6)
-    np.testing.assert_allclose(forces.humidity, 10)
-    np.testing.assert_allclose([forces.contact_gap, forces.off_voltage], [0.2, 1], rtol=1e-6)
-    names = [[model.geom(i).name for i in pair] for pair in forces.pairs]
+    expected = {**dict(zip(SURFACES, (14.7, 1.41), strict=True)), "electrostatic": 0.2}
+    for instance, value in expected.items():
+        name = "contact_gap" if instance == "electrostatic" else "work"
+        assert forces.numbers[instance, name] == pytest.approx(value, rel=1e-6)
+    names = [[model.geom(i).name for i in pair[1:]] for pair in forces.pairs]
     assert names == [["ball", "plate"], ["ball", "probe"]]
 
 
@@ -129,17 +130,16 @@ def test_circuit_and_impacts_are_the_plugins(world):
     """A ball between plate and tool, thrown at either, at voltages below and above the breakdown."""
     model, forces, mx, dx = world
     data, random, evaluate = mujoco.MjData(model), np.random.default_rng(7), jax.jit(gripper_force)
-    changed = {name: jnp.float32(value) for name, value in CIRCUIT.items()}
-    changed |= {name: jnp.full(2, value, jnp.float32) for name, value in IMPACTS.items()}
-    mine, seen = dataclasses.replace(forces, **changed), set()
-    surfaces = ("adhesion_plate", "adhesion_probe")
+    changed = {("electrostatic", name): jnp.float32(value) for name, value in CIRCUIT.items()}
+    changed |= {(surface, name): jnp.float32(value) for surface in SURFACES for name, value in IMPACTS.items()}
+    mine, seen = forces.having(changed), set()
     for _ in range(150):
         random_state(random, model, data)
         for name, value in CIRCUIT.items():
             data.plugin_state[plugin.state_index(model, "electrostatic", name)] = value
         data.plugin_state[plugin.state_index(model, "electrostatic", "charge")] = charge = random.normal(0, 150)
         before, rebound = random.uniform(-0.1, 0.2, 2), random.integers(0, 2, 2)
-        for k, instance in enumerate(surfaces):
+        for k, instance in enumerate(SURFACES):
             for name, value in {**IMPACTS, "before": before[k], "rebound": rebound[k]}.items():
                 data.plugin_state[plugin.state_index(model, instance, name)] = value
         kept = ball(mine, 0.0)._replace(
@@ -157,7 +157,7 @@ def test_circuit_and_impacts_are_the_plugins(world):
         for name in ("charge", "broken", "potential"):
             theirs = state(model, data, "electrostatic", name)
             assert getattr(force.state, name) == pytest.approx(theirs, rel=1e-3, abs=0.05), name
-        rebounds = [float(state(model, data, instance, "rebound") > 0) for instance in surfaces]
+        rebounds = [float(state(model, data, instance, "rebound") > 0) for instance in SURFACES]
         np.testing.assert_array_equal(force.state.rebound, rebounds)
         seen |= {("broken", float(force.state.broken)), ("rebound", max(rebounds))}
     assert seen == {("broken", 0.0), ("broken", 1.0), ("rebound", 0.0), ("rebound", 1.0)}
@@ -172,7 +172,7 @@ def test_everything_can_be_batched(world):
         data = mujoco.MjData(model)
         random_state(random, model, data)
         humidity, works = random.uniform(0, 100), random.uniform(1, 20, 2)
-        for work, instance in zip(works, ("adhesion_plate", "adhesion_probe"), strict=True):
+        for work, instance in zip(works, SURFACES, strict=True):
             data.plugin_state[plugin.state_index(model, instance, "work")] = work
             data.plugin_state[plugin.state_index(model, instance, "humidity")] = humidity
         batch.append([radius, works, humidity, data.qpos, data.ctrl, state(model, data, "electrostatic", "potential")])
@@ -182,7 +182,8 @@ def test_everything_can_be_batched(world):
     @jax.jit
     @jax.vmap
     def evaluate(radius, work, humidity, qpos, ctrl, potential):
-        mine = dataclasses.replace(forces, work=work, humidity=jnp.full(2, humidity))
+        numbers = {(surface, "work"): work[k] for k, surface in enumerate(SURFACES)}
+        mine = forces.having(numbers | {(surface, "humidity"): humidity for surface in SURFACES})
         sized = resize(forces, mx, radius)
         return gripper_force(mine, sized, dx.replace(qpos=qpos, ctrl=ctrl), ball(mine, potential)).generalized
 

@@ -41,10 +41,19 @@ def skip_hanging(
         limit: longest time [ms].
     """
     above, below = _gaps(where, forces, model, data)
-    tool, plate = (force.adhesion[k] for k in tool_and_plate(forces))
+    tool, plate = (force.adhesion[k] for k in forces.tool_and_plate)
     hold = tool - plate + model.body_mass[forces.joints[forces.ball][0].body] * model.opt.gravity[2]
     voltage, charge = data.ctrl[where.voltage], force.state.charge
-    ball = Hanging(voltage, force.ball_voltage, charge, *force.capacitances, forces.leak, *force.pulls, tool, hold)
+    ball = Hanging(
+        voltage,
+        force.ball_voltage,
+        charge,
+        *force.capacitances,
+        forces.numbers[forces.circuit, "leak"],
+        *force.pulls,
+        tool,
+        hold,
+    )
     rests = (above <= 0) & (below > CLEARANCE) & (jnp.abs(data.qvel[where.ball : where.ball + 3]).max() < REST)
     time = jnp.where(rests, jnp.maximum(_laws.hanging_time(ball, limit, 1.1), 0.0), 0.0)
     later, share = _laws.after_hanging(ball, time)
@@ -79,7 +88,7 @@ def skip_flight(where: Layout, forces: GripperForces, model: mjx.Model, leap: Le
 def sync_contacts(where: Layout, forces: GripperForces, model: mjx.Model, leap: Leap) -> Leap:
     """Give the contacts the gaps after a leap, so that they take it for no impact."""
     both = _gaps(where, forces, model, leap)
-    own = jnp.stack([both[int(surface != forces.probe)] for _, surface in forces.pairs])
+    own = jnp.stack([both[int(pair.surface != forces.probe)] for pair in forces.pairs])
     before = jnp.where(leap.time > 0, own, leap.ball.before)
     rebound = jnp.where(leap.time > 0, 0.0, leap.ball.rebound)
     return leap._replace(ball=leap.ball._replace(before=before, rebound=rebound))
@@ -89,9 +98,3 @@ def _gaps(where: Layout, forces: GripperForces, model: mjx.Model, state: mjx.Dat
     """Gaps between the tool's face and a ball below it, and between ball and plate, see `leaps` [um]."""
     height, radius = state.qpos[where.ball + 2], model.geom_size[forces.ball, 0]
     return state.qpos[where.slide] + where.tip_height - height - radius, height - radius
-
-
-def tool_and_plate(forces: GripperForces) -> tuple[int, int]:
-    """Which of the pairs of surfaces are those of the tool and of the plate."""
-    surfaces = [surface for _, surface in forces.pairs]
-    return surfaces.index(forces.probe), surfaces.index(forces.plate)

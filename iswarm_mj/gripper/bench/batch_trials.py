@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.batch_leaps import skip_flight, skip_hanging, sync_contacts, tool_and_plate
+from iswarm_mj.gripper.bench.batch_leaps import skip_flight, skip_hanging, sync_contacts
 from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared
 from iswarm_mj.gripper.bench.model import SINK
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
@@ -139,7 +139,7 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     ctrl = slot.data.ctrl.at[where.tip].set(target).at[where.voltage].set(volts)
     before = slot.data.replace(ctrl=ctrl)
     data, force = stepped(mine, model, before, slot.ball)
-    gap_tool, gap_plate = (force.gaps[k] * UM for k in tool_and_plate(mine))
+    gap_tool, gap_plate = (force.gaps[k] * UM for k in mine.tool_and_plate)
     leaves = attempt.releases & jnp.isinf(slot.left) & (gap_tool > PROTOCOL.away)
     left = jnp.where(leaves, time, slot.left)
     down = slot.down | (jnp.isfinite(left) & (gap_plate <= 0))
@@ -186,12 +186,10 @@ def _set(script: Script, attempt: Attempts, gap: float, left: Array, time: Array
 
 def _parameters(bench: MjxBench, attempt: Attempts) -> Parameters:
     """Numbers of a trial with an attempt's ball, whose works are those at the air's humidity."""
-    forces = bench.physics.forces
-    works = {forces.probe: attempt.work_tool_object, forces.plate: attempt.work_object_substrate}
-    pairs = [works[surface] for _, surface in forces.pairs]
     usual = jax.tree.map(lambda a: a[0], bench.parameters)
-    forces = usual.forces | {"work": jnp.stack(pairs) * (UM / NN)}
-    return usual._replace(radius=attempt.radius / UM, forces=forces)
+    works = {"adhesion_probe": attempt.work_tool_object, "adhesion_plate": attempt.work_object_substrate}
+    works = {(surface, "work"): work * (UM / NN) for surface, work in works.items()}
+    return usual._replace(radius=attempt.radius / UM, numbers=usual.numbers | works)
 
 
 def _start(bench: MjxBench, attempt: Attempts, gap: float) -> Array:
