@@ -7,12 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_maugis import maugis_pull_off
+from helpers_maugis import maugis_pull_off, tabor_parameter
 
 from iswarm_mj.gripper.laws.adhesion import (
     dmt_pull_off,
     jkr_pull_off,
-    tabor_parameter,
     van_der_waals_force,
 )
 from iswarm_mj.gripper.laws.humidity import (

@@ -205,9 +205,3 @@ def test_traced_numbers_outside_the_table_are_clamped(task):
     low, high = 2.0 ** GAP_EXPONENTS[0], 2.0 ** PROBE_EXPONENTS[-1]
     assert float(clamped(0.0, 100.0)) == pytest.approx(float(probe_factor(task, low, high)), rel=1e-5)
     assert np.isfinite(jax.grad(clamped)(0.0, 1.0))
-
-
-def test_models_by_name():
-    assert pick_force(30.0, 5e-6, R, 13e-6, model="asymptotic") == asymptotic_force(30.0, 5e-6, R)
-    with pytest.raises(UserError, match="'exact' is unknown; give"):
-        pick_force(30.0, 5e-6, R, 13e-6, model="exact")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from landing_map import landing_map
+from landing_map import capture_restitution, landing_map
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
@@ -20,7 +20,6 @@ from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRAT
 from iswarm_mj.gripper.laws.restitution import (
     MODULUS_PLATE,
     YIELD_PRESSURE,
-    capture_restitution,
     sticking_speed,
     yield_speed,
 )
@@ -99,7 +98,7 @@ def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitu
 
 def test_adhesion_takes_its_energy_off_the_rebound():
     assert rebound(4 * STICKS, 0.5, pressure=0.0) == pytest.approx((0.25 - 1 / 16) ** 0.5)
-    edge = float(capture_restitution(0.1, STICKS))
+    edge = capture_restitution(0.1, STICKS)
     assert rebound(0.1, 0.99 * edge, pressure=0.0) == 0.0 < rebound(0.1, 1.01 * edge, pressure=0.0) < edge
 
 
@@ -142,7 +141,7 @@ def escapes(speed, restitution):
 
 @pytest.mark.parametrize("speed", [5.0, 30.0, 140.0])
 def test_what_sticks_is_what_the_capture_criterion_says(speed):
-    edge = float(capture_restitution(speed * 1e-3, STICKS))
+    edge = capture_restitution(speed * 1e-3, STICKS)
     assert [escapes(speed, share * edge) for share in (0.5, 0.9, 1.1, 2.0)] == [False, False, True, True]
 
 
