@@ -4,7 +4,7 @@
     forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
     mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl)
     state = first_state(forces)
-    dx, state = step(forces, mx, dx, state)      # in jit, scan, vmap
+    dx, force = step(forces, mx, dx, state)      # in jit, scan, vmap; next with force.state
 
 MJX has no plugins and drops their forces, so here they enter as `qfrc_applied`. `GripperForces` is a pytree whose
 arrays can be replaced and batched by `vmap`, and so can the radii in the model (`mjx_model.resize`), and the voltages
@@ -227,23 +227,20 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, (up, down), capacitances, new)
 
 
-def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, State]:
+def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
     """One physics step with the gripper's forces; arguments as for `gripper_force`.
 
     Returns:
-        The data, and the state for the next step.
+        The data, and the force that acted, with the state for the next step.
     """
     force = gripper_force(forces, model, mjx.kinematics(model, data), state)
-    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.state
+    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force
 
 
 def stepped(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
-    """One physics step of a bench in the JAX implementation, whose bodies are placed once; arguments as for `step`.
+    """`step` of a bench in the JAX implementation, whose bodies are placed once.
 
     The stages are those of `mjx.step` with Euler's integrator and without sensors, which a bench has.
-
-    Returns:
-        The data, and the force that acted, with the state for the next step.
     """
     data = mjx.fwd_position(model, data)
     force = gripper_force(forces, model, data, state)

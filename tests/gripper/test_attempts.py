@@ -12,7 +12,7 @@ from helpers_sensing import lay
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import by_balance
 from iswarm_mj.gripper.bench.deciders import by_host
-from iswarm_mj.gripper.handling import Rules, working
+from iswarm_mj.gripper.handling import working
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 
 
@@ -74,7 +74,7 @@ def test_each_attempt_draws_its_own_adhesion_with_the_calibrated_spread():
 
     gripper, balls = GripperConfig(grasp_voltage=5.0), lay(*[(40.9, 0)] * 4000)
     for key in jax.random.split(jax.random.key(2), 2):
-        balls, _ = step(gripper, balls, [(40, 0, 0)], key=key, rules=Rules(decider=noted))
+        balls, _ = step(gripper, balls, [(40, 0, 0)], key=key, decider=noted)
     tool, floor = (
         np.array([getattr(tried, f"work_{of}") for tried in found]) for of in ("tool_object", "object_substrate")
     )
@@ -156,10 +156,10 @@ def test_no_trial_is_made_of_an_attempt_that_is_broken_off():
         assert not (attempts.lifts | attempts.releases).any()
         return by_balance(gripper, attempts)
 
-    gripper, rules = replace(GRIPPER, grasp_time=1.0, release_time=1.0), Rules(decider=by_none)
+    gripper = replace(GRIPPER, grasp_time=1.0, release_time=1.0)
     for balls, places in ((lay((40.9, 0)), (40, 60)), (lay((1.0, 0.0), holders=[0]), (0, 30))):
         for x in places:
-            balls, _ = step(gripper, balls, [(x, 0, 0)], rules=rules)
+            balls, _ = step(gripper, balls, [(x, 0, 0)], decider=by_none)
         assert (balls.failed_grasps + balls.failed_releases).tolist() == balls.broken_off.tolist() == [1]
 
 
@@ -207,19 +207,19 @@ def once_full(calls):
 
 @pytest.mark.parametrize(("time", "steps"), [(0.0, 2), (3.0, 5)])
 def test_a_robot_is_not_told_of_a_lack_of_room_and_tries_again_in_the_next_step(time, steps):
-    gripper, rules, balls = replace(GRIPPER, grasp_time=time), Rules(decider=once_full([])), lay((40.9, 0))
+    gripper, decider, balls = replace(GRIPPER, grasp_time=time), once_full([]), lay((40.9, 0))
     for k in range(steps):
-        balls, failed = step(gripper, balls, [(40, 0, 0)], rules=rules)
+        balls, failed = step(gripper, balls, [(40, 0, 0)], decider=decider)
         assert not failed.any() and bool(balls.is_held[0]) is (k == steps - 1)
         assert bool(working(balls, 1)[0]) is (k < steps - 1)
     assert balls.postponed.tolist() == balls.attempts.tolist() == [1] and balls.lost_time.tolist() == [1.0]
 
 
 def test_a_release_without_room_is_made_in_the_next_step():
-    rules, balls = Rules(decider=once_full([])), lay((1.0, 0.0), holders=[0])
-    balls, _ = step(GRIPPER, balls, [(0, 0, 0)], rules=rules)
+    decider, balls = once_full([]), lay((1.0, 0.0), holders=[0])
+    balls, _ = step(GRIPPER, balls, [(0, 0, 0)], decider=decider)
     assert balls.is_held.all() and balls.postponed.tolist() == [1] and balls.releases.tolist() == [0]
-    balls, _ = step(GRIPPER, balls, [(0, 0, 0)], rules=rules)
+    balls, _ = step(GRIPPER, balls, [(0, 0, 0)], decider=decider)
     assert balls.is_delivered.all() and balls.releases.tolist() == [1] and balls.failed_releases.tolist() == [0]
 
 
@@ -227,6 +227,6 @@ def test_time_lost_contains_what_trials_in_vain_took():
     gripper = replace(GRIPPER, grasp_time=1.0, grasp_voltage=5.0)
     balls = lay((40.9, 0))
     for _ in range(2):
-        balls, _ = step(gripper, balls, [(40, 0, 0)], rules=Rules(decider=by_host))
+        balls, _ = step(gripper, balls, [(40, 0, 0)], decider=by_host)
     assert balls.failed_grasps.tolist() == [1] and 0 < float(balls.work_time[0]) < 2e-3
     assert float(balls.lost_time[0]) == pytest.approx(1.0 + float(balls.work_time[0]), rel=1e-6)

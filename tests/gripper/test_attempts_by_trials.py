@@ -16,7 +16,6 @@ from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.handling import Rules
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 
 BAND = 0.06
@@ -105,11 +104,10 @@ def test_a_ball_that_rests_as_soon_as_it_is_looked_at_needs_no_film():
 
 
 def test_a_trial_tells_how_long_it_took_and_how_fast_the_ball_landed():
-    rules = Rules(decider=by_host)
-    balls, _ = step(GRIPPER, lay((40.9, 0)), [(40, 0, 0)], rules=rules)
+    balls, _ = step(GRIPPER, lay((40.9, 0)), [(40, 0, 0)], decider=by_host)
     assert balls.is_held.all() and 0.5e-3 < float(balls.work_time[0]) < 2e-3
     lifting = float(balls.work_time[0])
-    balls, _ = step(GRIPPER, balls._replace(position=jnp.array([[0.9, 0.0]])), [(0, 0, 0)], rules=rules)
+    balls, _ = step(GRIPPER, balls._replace(position=jnp.array([[0.9, 0.0]])), [(0, 0, 0)], decider=by_host)
     assert balls.is_delivered.all() and float(balls.work_time[0]) > lifting
     assert 0.02 < float(balls.impact[0]) < 0.5
 
@@ -192,11 +190,10 @@ def test_a_batch_that_is_full_postpones():
     from iswarm_mj.gripper.bench.batch_trials import by_batch
 
     gripper = replace(GRIPPER, bench_capacity=2)
-    rules = Rules(decider=by_batch)
     balls = lay((40.9, 0), (60.9, 0), (80.9, 0))
     where = [(40, 0, 0), (60, 0, 0), (80, 0, 0)]
     held = []
-    go = jax.jit(lambda balls: step(gripper, balls, where, rules=rules)[0])
+    go = jax.jit(lambda balls: step(gripper, balls, where, decider=by_batch)[0])
     for _ in range(2):
         balls = go(balls)
         held.append((int(balls.is_held.sum()), int(balls.attempts.sum()), int(balls.postponed.sum())))

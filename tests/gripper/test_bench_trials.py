@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from iswarm_mj.gripper.bench.base import speed_at_zero
-from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
@@ -29,6 +29,8 @@ from iswarm_mj.gripper.laws.detachment import (
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humid_work
 
+IDEAL = Contacts(leak=0.0, restitution=0.0)
+"""A potential that switches, and impacts without rebound."""
 QUICK = Protocol(ramp_rate=40e3, hold_time=0.05e-3)
 """Of trials with `IDEAL` contacts, which have no charge that must relax."""
 FINE = replace(QUICK, step_voltage=0.05, grasp_limit=51.2)

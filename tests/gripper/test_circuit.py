@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_energy import energy_balance
 
-from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
@@ -120,7 +120,7 @@ def test_another_leak_in_the_books_than_in_the_trial_is_noticed():
 def test_books_need_a_circuit():
     trace, trial = traced(Contacts())
     with pytest.raises(ValueError, match="books need a circuit"):
-        energy_balance(trace, trial._replace(contacts=IDEAL))
+        energy_balance(trace, trial._replace(contacts=Contacts(leak=0.0)))
 
 
 def test_the_energys_error_is_of_the_order_of_the_time_step():

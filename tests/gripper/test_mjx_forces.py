@@ -244,8 +244,12 @@ def fall(forces, mx, dx, voltage, n_steps):
 
     def run(volt):
         start = dx.replace(qpos=dx.qpos.at[2].set(25 + 2e-4), ctrl=dx.ctrl.at[2].set(volt))
-        hang = jax.lax.fori_loop(0, n_steps, lambda _, c: step(forces, mx, *c), (start, ball(forces, ON_PROBE)))
-        return hang[0].qpos[2] - 20
+
+        def advance(_, carry):
+            data, force = step(forces, mx, *carry)
+            return data, force.state
+
+        return jax.lax.fori_loop(0, n_steps, advance, (start, ball(forces, ON_PROBE)))[0].qpos[2] - 20
 
     return jax.jit(jax.vmap(run))(voltage)
 

@@ -70,7 +70,3 @@ class Contacts(NamedTuple):
             "yield_pressure": self.yield_pressure / PRESSURE if self.restitution is None else 0.0,
             "modulus": modulus / PRESSURE,
         }
-
-
-IDEAL = Contacts(leak=0.0, restitution=0.0)
-"""A potential that switches, and impacts without rebound."""

@@ -16,7 +16,7 @@ from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
 from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.mjx_forces import GripperForces, first_state, gripper_force, gripper_forces
+from iswarm_mj.gripper.mjx_forces import GripperForces, first_state, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, UM
 from iswarm_mj.utils.arrays import Array
@@ -169,15 +169,13 @@ def _advance(
         def step(
             k: Array, carry: tuple[mjx.Data, mjx_forces.State, _Contacts]
         ) -> tuple[mjx.Data, mjx_forces.State, _Contacts]:
-            now, ball, contacts = carry
+            before, ball, contacts = carry
             share = (k + 1) / n_steps
             tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]
             ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
             ctrl = ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
-            now = now.replace(ctrl=ctrl)
-            force = gripper_force(mine, sized, mjx.kinematics(sized, now), ball)
-            contacts = _updated(contacts, k, force.gaps[order], -now.qvel[where.ball + 2])
-            return mjx.step(sized, now.replace(qfrc_applied=force.generalized)), force.state, contacts
+            now, force = mjx_forces.step(mine, sized, before.replace(ctrl=ctrl), ball)
+            return now, force.state, _updated(contacts, k, force.gaps[order], -before.qvel[where.ball + 2])
 
         nothing = jnp.full(2, jnp.nan)
         contacts = _Contacts(jnp.full(2, -1), jnp.array(-1), jnp.array(jnp.nan), nothing, nothing)

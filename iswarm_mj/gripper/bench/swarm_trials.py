@@ -8,8 +8,8 @@ import numpy as np
 
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench.base import Move
+from iswarm_mj.gripper.bench.contact_log import joined
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.film import joined
 from iswarm_mj.gripper.bench.leaps import fly, hang, is_below
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
@@ -139,12 +139,13 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
     found = Outcomes(*(np.zeros(shape, kind) for kind in (bool, bool, bool, np.float32, np.float32)))
     numbers = [np.broadcast_to(values, shape) for values in attempts[2:]]
     known: dict[tuple[float, ...], tuple[bool, float, float]] = {}  # worlds that only fill up a batch are copies
-    for place in zip(*np.nonzero(attempts.lifts | attempts.releases), strict=True):
-        is_lift, row = bool(attempts.lifts[place]), tuple(float(values[place]) for values in numbers)
-        if (is_lift, *row) not in known:
-            voltage, *works, miss = row
-            trial = Trial(*works, 10.0, misalignment=miss)  # whose factor of humidity is 1
-            known[is_lift, *row] = attempted(trial, voltage, None if is_lift else gap)
-        succeeded, found.duration[place], found.impact[place] = known[is_lift, *row]
+    for place in zip(*np.nonzero(np.asarray(attempts.lifts | attempts.releases)), strict=True):
+        is_lift = bool(attempts.lifts[place])
+        row = is_lift, *(float(values[place]) for values in numbers)
+        if row not in known:
+            _, voltage, radius, tool, floor, miss = row
+            trial = Trial(radius, tool, floor, 10.0, misalignment=miss)  # whose factor of humidity is 1
+            known[row] = attempted(trial, voltage, None if is_lift else gap)
+        succeeded, found.duration[place], found.impact[place] = known[row]
         (found.lifted if is_lift else found.released)[place] = succeeded
     return found
