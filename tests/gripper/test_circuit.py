@@ -115,3 +115,9 @@ def test_another_leak_in_the_books_than_in_the_trial_is_noticed():
     for leak in (0.1, 0.9, 1.1, 10.0):
         wrong = trial._replace(contacts=Contacts(leak=leak * 60e9))
         assert abs(energy_balance(trace, wrong).electrical) > 0.02
+
+
+def test_the_energys_error_is_of_the_order_of_the_time_step():
+    errors = [abs(energy_balance(*traced(Contacts(), step)).error) for step in (1e-6, 0.25e-6)]
+    print(errors)
+    assert errors[1] < 0.4 * errors[0]

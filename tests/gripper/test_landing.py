@@ -139,34 +139,16 @@ def test_an_impact_follows_the_law_and_conserves_momentum(speed):
     assert impulse == pytest.approx(model.body("ball").mass[0] * (before + after), rel=1e-9)
 
 
-def escapes(speed, restitution):
-    """Whether a ball thrown at the plate leaves it again."""
-    model, data, _, _ = thrown(speed, restitution)
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-    return data.plugin_state[state_index(model, "adhesion_plate", "gap")] > 0.1
-
-
-@pytest.mark.parametrize("speed", [5.0, 30.0, 140.0])
-def test_what_sticks_is_what_the_capture_criterion_says(speed):
-    edge = capture_restitution(speed * 1e-3, STICKS)
-    assert [escapes(speed, share * edge) for share in (0.5, 0.9, 1.1, 2.0)] == [False, False, True, True]
-
-
-def released(protocol, count=4):
+def released(protocol, count=3):
     trials = [draw(0, radius, 10.0, 0) for radius in np.linspace(15e-6, 25e-6, count)]
     return run_trials(trials, replace(protocol, step_voltage=2.0)).release[5e-6]
 
 
-def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held():
+def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late():
     cut, held = released(Protocol()), released(Protocol(after_release="held", flight_limit=3e-3))
-    assert cut.landed.all() and not held.landed.any()
+    late = released(Protocol(cut_delay=2.9e-3, flight_limit=3e-3))
+    assert cut.landed.all() and not held.landed.any() and not late.landed.any()
     assert (held.landing_speed > cut.landing_speed).all()
-
-
-def test_a_cut_that_comes_late_is_a_held_voltage():
-    late = released(Protocol(cut_delay=2.9e-3, flight_limit=3e-3), 3)
-    assert not late.landed.any()
 
 
 def measured(timestep, trials, protocol):
