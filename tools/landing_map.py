@@ -15,7 +15,7 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, capture_restitution, sticking_speed
+from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, sticking_speed
 
 RADIUS = 20e-6
 """Of the ball of a map [m]."""
@@ -36,6 +36,14 @@ class Landing(NamedTuple):
     """Restitution up to which a ball stays, by energy (`capture_restitution`)."""
 
 
+def capture_restitution(speed: float, sticks_at: float) -> float:
+    """Greatest restitution with which a ball stays at its first impact, v_s / v, under a field that pulls it away.
+
+    Source: `contact.rebound_ratio`.
+    """
+    return sticks_at / speed
+
+
 def landing_map(speeds: Sequence[float], restitutions: Sequence[float], voltage: float = 42.0) -> list[Landing]:
     """Throw balls at the plate beneath a live tool.
 
@@ -54,7 +62,7 @@ def landing_map(speeds: Sequence[float], restitutions: Sequence[float], voltage:
     watch = bench.move("fall", HEIGHT / min(speeds) + 0.5e-3, 5e-6, voltage)
     sticks_at = float(sticking_speed(WORK_OBJECT_SUBSTRATE, RADIUS, MODULUS_PLATE, BALL_DENSITY))
     return [
-        Landing(float(speed), ratio, bool(gap <= 0), float(capture_restitution(speed, sticks_at)))
+        Landing(float(speed), ratio, bool(gap <= 0), capture_restitution(float(speed), sticks_at))
         for speed, (_, ratio), gap in zip(watch.landing_speed, places, watch.gap_plate, strict=True)
     ]
 

@@ -76,19 +76,6 @@ def carry(balls: Balls, tips: Float[Array, "N 2"]) -> Balls:
     return balls._replace(position=jnp.where(balls.is_held[:, None], tips[balls.holder], balls.position))
 
 
-class Rules(NamedTuple):
-    """How attempts are made, in addition to the configuration."""
-
-    control_period: float = 1.0
-    """Of the robots [s]."""
-    decider: Decider = by_balance
-    """Decides their outcomes."""
-
-
-RULES = Rules()
-"""Of the balance of the forces, and a control step of a second."""
-
-
 def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
     """Whether each robot stays at an attempt that has not ended."""
     return jnp.zeros(n_robots, bool).at[balls.worker].max(balls.wait > 0)
@@ -103,7 +90,8 @@ def handle(
     picks: Bool[Array, "N"],
     falls: Bool[Array, "K"],
     *,
-    rules: Rules = RULES,
+    decider: Decider = by_balance,
+    control_period: float = 1.0,
     key: Array,
     voltage: Float[Array, "N"] | None = None,
 ) -> tuple[Balls, Bool[Array, "N"]]:
@@ -123,7 +111,8 @@ def handle(
         view: the floor as the N robots sense it.
         picks: robots that pick up dust.
         falls: balls that fall if they are held.
-        rules: of attempts.
+        decider: decides the outcomes of attempts.
+        control_period: of the robots [s].
         key: draws the works of adhesion and the tool's place of each attempt.
         voltage: that the robots' capacitors have [V]; None: as much as is asked for.
 
@@ -137,7 +126,7 @@ def handle(
     new_releases = balls.is_held & (view.on_dump & view.tip_on_dump)[balls.holder] & (balls.wait == 0)
     begins = new_lifts | new_releases
     worker = jnp.where(new_lifts, winner, jnp.where(new_releases, balls.holder, balls.worker)).astype(jnp.int32)
-    steps = [math.ceil(time / rules.control_period - 1e-9) for time in (gripper.grasp_time, gripper.release_time)]
+    steps = [math.ceil(time / control_period - 1e-9) for time in (gripper.grasp_time, gripper.release_time)]
     lasts = jnp.where(balls.is_held, steps[1], steps[0])
     wait = jnp.where(begins, lasts, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
     ends = (begins & (lasts == 0)) | (~begins & (balls.wait == 1))
@@ -145,7 +134,7 @@ def handle(
     away = jnp.linalg.norm(balls.position - tips[worker], axis=-1)
     broken = ends & ~begins & jnp.where(balls.is_held, ~over_dump, away > gripper.tool_reach * 1e3)
     attempts = _attempts(gripper, conditions, balls, worker, ends & ~broken, key, voltage)
-    found = rules.decider(gripper, attempts)
+    found = decider(gripper, attempts)
     lifts = found.lifted
     dropped = balls.is_held & falls & ~found.released
     is_held = (balls.is_held & ~found.released & ~dropped) | lifts
@@ -154,7 +143,7 @@ def handle(
     works = attempts.work_tool_object, attempts.work_object_substrate
     numbers = jnp.stack([attempts.voltage, *works, attempts.misalignment], axis=-1)
     not_lifted = failed & balls.is_lying
-    lost = jnp.where(failed, lasts * rules.control_period + found.duration, found.postponed * rules.control_period)
+    lost = jnp.where(failed, lasts * control_period + found.duration, found.postponed * control_period)
     balls = balls._replace(
         is_held=is_held,
         is_delivered=balls.is_delivered | found.released | (dropped & over_dump),

@@ -4,7 +4,7 @@
     forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
     mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl)
     state = first_state(forces)
-    dx, state = step(forces, mx, dx, state)      # in jit, scan, vmap
+    dx, force = step(forces, mx, dx, state)      # in jit, scan, vmap; next with force.state
 
 MJX has no plugins and drops their forces, so here they enter as `qfrc_applied`. `GripperForces` is a pytree whose
 arrays can be replaced and batched by `vmap`, and so can the radii in the model (`mjx_model.resize`), and the voltages
@@ -12,7 +12,7 @@ and the probe's path in `Data.ctrl`. The docstring of `plugin` describes the for
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import jax
@@ -21,14 +21,14 @@ import mujoco
 from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx, solver
-from iswarm_mj.gripper import contact
+from iswarm_mj.gripper import contact, plugin
 from iswarm_mj.gripper.laws import spline
 from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.numbers import in_arrays
-from iswarm_mj.gripper.native.state import ADHESION, ELECTROSTATIC, state_fields
-from iswarm_mj.gripper.plugin import SLOTS
+from iswarm_mj.gripper.native.attributes import NUMBER
+from iswarm_mj.gripper.native.state import ATTRIBUTES, ELECTROSTATIC
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -60,41 +60,35 @@ class Joint(NamedTuple):
     body: int
 
 
+class Pair(NamedTuple):
+    """A ball and a surface that adhere."""
+
+    instance: str
+    """Of the adhesion plugin."""
+    ball: int
+    """Its geom."""
+    surface: int
+    """Its geom."""
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class GripperForces:
     """Attributes of a model's plugins: arrays, and static ids.
 
     Attributes:
-        work: work of adhesion at 10 % RH of each pair of surfaces [nN/um].
-        humidity: relative humidity [%].
-        hamaker: Hamaker constant [nN um].
-        restitution, yield_pressure, modulus: of impacts between each pair [1, nN/um^2, nN/um^2].
-        contact_gap: effective gap of a touching tool [um].
-        off_voltage: voltage up to which the supply counts as off [V].
-        leak, contact, plate_contact: resistances of the tool's contact, whole and broken, and of the plate's [TOhm].
-        oxide, breakdown: thickness [um], and field that breaks it [V/um].
-        pairs: P pairs of geoms, ball and surface, in the order of the plugin instances.
+        numbers: attributes that are numbers, by instance and name, see `native.state.ATTRIBUTES`.
+        pairs: P pairs of geoms, in the order of the plugin instances.
+        circuit: instance of the electrostatic plugin.
         ball, probe, plate: geoms.
         voltage: actuator.
         plane: whether each geom is a plane.
         joints: the joints that move each geom.
     """
 
-    work: Float[Array, "P"]
-    humidity: Float[Array, "P"]
-    hamaker: Float[Array, "P"]
-    restitution: Float[Array, "P"]
-    yield_pressure: Float[Array, "P"]
-    modulus: Float[Array, "P"]
-    contact_gap: Float[Array, ""]
-    off_voltage: Float[Array, ""]
-    leak: Float[Array, ""]
-    contact: Float[Array, ""]
-    plate_contact: Float[Array, ""]
-    oxide: Float[Array, ""]
-    breakdown: Float[Array, ""]
-    pairs: tuple[tuple[int, int], ...] = field(metadata={"static": True})
+    numbers: dict[tuple[str, str], Array]
+    pairs: tuple[Pair, ...] = field(metadata={"static": True})
+    circuit: str = field(metadata={"static": True})
     ball: int = field(metadata={"static": True})
     probe: int = field(metadata={"static": True})
     plate: int = field(metadata={"static": True})
@@ -102,11 +96,15 @@ class GripperForces:
     plane: tuple[bool, ...] = field(metadata={"static": True})
     joints: tuple[tuple[Joint, ...], ...] = field(metadata={"static": True})
 
+    def having(self, numbers: dict[tuple[str, str], Array]) -> "GripperForces":
+        """The same forces with other values of these numbers."""
+        return replace(self, numbers=self.numbers | numbers)
 
-OF_PAIRS = ("work", "humidity", "hamaker", "restitution", "yield_pressure", "modulus")
-"""Numbers of `GripperForces` that each pair of surfaces has, attributes of the adhesion plugin."""
-OF_BALL = ("contact_gap", "off_voltage", "leak", "contact", "plate_contact", "oxide", "breakdown")
-"""Those that the ball has, attributes of the electrostatic plugin."""
+    @property
+    def tool_and_plate(self) -> tuple[int, int]:
+        """Which of the pairs are the ball's with the tool and with the plate."""
+        surfaces = [pair.surface for pair in self.pairs]
+        return surfaces.index(self.probe), surfaces.index(self.plate)
 
 
 def gripper_forces(model: mujoco.MjModel) -> GripperForces:
@@ -116,20 +114,19 @@ def gripper_forces(model: mujoco.MjModel) -> GripperForces:
         model: compiled, with its plugins.
     """
     state = mujoco.MjData(model).plugin_state
-    found: dict[str, list[dict[str, float]]] = {ADHESION: [], ELECTROSTATIC: []}
-    for slot, start in zip(model.plugin, model.plugin_stateadr, strict=True):
-        for name, instances in found.items():
-            if slot == SLOTS[name]:
-                instances.append(dict(zip(state_fields(name), state[start:], strict=False)))
-    adhesion, electrostatic = found[ADHESION], found[ELECTROSTATIC]
-    if len(electrostatic) != 1:
-        raise UserError(f"The model has {len(electrostatic)} plugin instances of {ELECTROSTATIC}; give it exactly one.")
-    one = electrostatic[0]
+    values = {key: state[index] for key, index in plugin.state_indices(model).items()}
+    circuits = [instance for instance, name in values if name == "probe"]
+    if len(circuits) != 1:
+        raise UserError(f"The model has {len(circuits)} plugin instances of {ELECTROSTATIC}; give it exactly one.")
+    ids = {name: int(values[circuits[0], name]) for name in ("ball", "probe", "plate", "voltage")}
+    known = {attribute.name for table in ATTRIBUTES.values() for attribute in table if attribute.kind == NUMBER}
     return GripperForces(
-        *(jnp.array([pair[name] for pair in adhesion]) for name in OF_PAIRS),
-        *(jnp.asarray(one[name]) for name in OF_BALL),
-        pairs=tuple((int(pair["ball"]), int(pair["surface"])) for pair in adhesion),
-        **{name: int(one[name]) for name in ("ball", "probe", "plate", "voltage")},
+        {key: jnp.asarray(value) for key, value in values.items() if key[1] in known},
+        tuple(
+            Pair(it, int(values[it, "ball"]), int(values[it, "surface"])) for it, name in values if name == "surface"
+        ),
+        circuits[0],
+        **ids,
         plane=tuple(bool(kind == mujoco.mjtGeom.mjGEOM_PLANE) for kind in model.geom_type),
         joints=tuple(_joints(model, body) for body in model.geom_bodyid),
     )
@@ -148,8 +145,8 @@ def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
 
 def first_state(forces: GripperForces) -> State:
     """State of a ball after a reset."""
-    zeros = jnp.zeros_like(forces.work)
-    return State(jnp.asarray(contact.ON_PROBE), jnp.zeros_like(zeros[0]), jnp.zeros_like(zeros[0]), zeros, zeros)
+    zero, zeros = jnp.zeros(()), jnp.zeros(len(forces.pairs))
+    return State(jnp.asarray(contact.ON_PROBE), zero, zero, zeros, zeros)
 
 
 class Force(NamedTuple):
@@ -185,26 +182,28 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     total = jnp.zeros_like(data.qvel)
     mass = model.body_mass[forces.joints[forces.ball][0].body]
     adhesion, gaps, rebounds = [], [], []
-    for i, (ball, surface) in enumerate(forces.pairs):
+    for i, (instance, ball, surface) in enumerate(forces.pairs):
+        own = {name: value for (it, name), value in forces.numbers.items() if it == instance}
         gap, normal = _gap(forces, model, data, ball, surface)
         radius, before = model.geom_size[ball, 0], state.before[i]
-        work = forces.work[i] * humidity_factor(forces.humidity[i]) * (NN / UM)
+        work = own["work"] * humidity_factor(own["humidity"]) * (NN / UM)
         hits = (gap <= 0) & (before > 0)
         speed = jnp.where(hits, (before - gap) / model.opt.timestep, 1.0)
         density = mass / (4 / 3 * math.pi * radius**3) * 1e9
-        numbers = forces.restitution[i], forces.yield_pressure[i] * PRESSURE, forces.modulus[i] * PRESSURE
+        numbers = own["restitution"], own["yield_pressure"] * PRESSURE, own["modulus"] * PRESSURE
         ratio = _contact.rebound_ratio(speed * (UM / MS), density, radius * UM, work, *numbers)
         begins = hits & (ratio > 0)
         push = jnp.where(begins, mass * (1 + ratio) * speed / model.opt.timestep, 0.0)
-        force = _contact.adhesion_force(work, forces.hamaker[i] * (NN * UM), radius * UM, gap * UM) / NN
+        force = _contact.adhesion_force(work, own["hamaker"] * (NN * UM), radius * UM, gap * UM) / NN
         force = jnp.where(begins | (state.rebound[i] > 0), 0.0, force)
         total += _attraction(forces, model, data, (ball, surface), gap, (force - push) * normal)
         rebound = _contact.rebounds_on(begins, state.rebound[i], gap, before)
         adhesion, gaps, rebounds = [*adhesion, force], [*gaps, gap], [*rebounds, rebound]
     probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
     plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
-    voltage, has_circuit = data.ctrl[forces.voltage], forces.leak > 0
-    radius, probe_radius, least = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0], forces.contact_gap
+    own = {name: value for (it, name), value in forces.numbers.items() if it == forces.circuit}
+    voltage, has_circuit, least = data.ctrl[forces.voltage], own["leak"] > 0, own["contact_gap"]
+    radius, probe_radius = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0]
     splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
     pick, above = _spline.shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
     release, below = _spline.shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
@@ -215,37 +214,33 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     down = release * asymptotic_force(mine, jnp.maximum(plate_gap, least) * UM, radius * UM) / NN
     total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
     total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
-    strength = forces.oxide * forces.breakdown
-    broken = _contact.is_broken(across, probe_gap, state.broken, least, strength)
-    leak = jnp.where(has_circuit, forces.leak, 1.0)
+    broken = _contact.is_broken(across, probe_gap, state.broken, least, own["oxide"] * own["breakdown"])
+    leak = jnp.where(has_circuit, own["leak"], 1.0)
     conducts = has_circuit & (probe_gap <= 0), has_circuit & (plate_gap <= 0)
-    through = 1 / jnp.where(broken > 0, forces.contact, leak), 1 / forces.plate_contact
+    through = 1 / jnp.where(broken > 0, own["contact"], leak), 1 / own["plate_contact"]
     flows = [jnp.where(touches, each, 0.0) for touches, each in zip(conducts, through, strict=True)]
     charge = _contact.relaxed_charge(state.charge, mine, voltage, capacitances, *flows, model.opt.timestep)
-    limits = least, forces.off_voltage
+    limits = least, own["off_voltage"]
     potential = _contact.next_potential(has_circuit, state.potential, mine, voltage, (probe_gap, plate_gap), *limits)
     broken = jnp.where(has_circuit, broken, state.broken)
     new = State(potential, charge, broken, jnp.stack(gaps), jnp.stack(rebounds))
     return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, (up, down), capacitances, new)
 
 
-def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, State]:
+def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
     """One physics step with the gripper's forces; arguments as for `gripper_force`.
 
     Returns:
-        The data, and the state for the next step.
+        The data, and the force that acted, with the state for the next step.
     """
     force = gripper_force(forces, model, mjx.kinematics(model, data), state)
-    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force.state
+    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force
 
 
 def stepped(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
-    """One physics step of a bench in the JAX implementation, whose bodies are placed once; arguments as for `step`.
+    """`step` of a bench in the JAX implementation, whose bodies are placed once.
 
     The stages are those of `mjx.step` with Euler's integrator and without sensors, which a bench has.
-
-    Returns:
-        The data, and the force that acted, with the state for the next step.
     """
     data = mjx.fwd_position(model, data)
     force = gripper_force(forces, model, data, state)

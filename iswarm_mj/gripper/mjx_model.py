@@ -29,20 +29,22 @@ def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return spec.compile()
 
 
-def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
+def resize(forces: GripperForces, model: mjx.Model, radius: Array, probe_radius: Array | None = None) -> mjx.Model:
     """MJX model whose ball, the only geom of a body with a free joint, has another radius, mass and inertia.
 
     Args:
         forces: of the model.
-        model: of MJX.
+        model: of `mjx_compatible`.
         radius: [um]; for a batch use `vmap`.
+        probe_radius: another one of the probe [um].
     """
     joint = forces.joints[forces.ball][0]
     ratio = radius / model.geom_size[forces.ball, 0]
     mass, inertia = ratio**3, ratio**5
     loose = jnp.repeat(jnp.stack([1 / mass, 1 / inertia]), 3)
+    sizes = model.geom_size.at[forces.ball, 0].set(radius)
     return model.replace(
-        geom_size=model.geom_size.at[forces.ball, 0].set(radius),
+        geom_size=sizes if probe_radius is None else sizes.at[forces.probe, :2].set(probe_radius),
         geom_rbound=model.geom_rbound.at[forces.ball].set(radius),
         geom_aabb=model.geom_aabb.at[forces.ball].multiply(ratio),
         body_mass=model.body_mass.at[joint.body].multiply(mass),
@@ -51,8 +53,3 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
         body_invweight0=model.body_invweight0.at[joint.body].multiply(loose[2:4]),
         dof_invweight0=model.dof_invweight0.at[joint.dof : joint.dof + 6].multiply(loose),
     )
-
-
-def set_probe_radius(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
-    """MJX model of `mjx_compatible` whose probe has another radius [um]."""
-    return model.replace(geom_size=model.geom_size.at[forces.probe, :2].set(radius))

@@ -6,6 +6,8 @@ MS = 1e-3
 """Time unit [s]."""
 NN = 1e-9
 """Force unit [N]; the work of adhesion is in nN/um = mJ/m^2, the Hamaker constant in nN um = 1e-15 J."""
+PER_OHM = 1e-12
+"""Resistances of the bench, in ms / fF, over those in SI [1/Ohm]."""
 CLEARANCE = 0.02
 """Gap at which a ball that rebounds has left a surface: there van der Waals attraction is a thousandth of the pull-off
 [um]."""

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from iswarm_mj.gripper.handling import Balls, Rules, carry, handle, loaded, working
+from iswarm_mj.gripper.handling import Balls, carry, handle, loaded, working
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
@@ -35,7 +35,8 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
         floor,
         inputs.picks,
         falls,
-        rules=Rules(inputs.config.drive.control_period, inputs.decide_attempts),
+        decider=inputs.decide_attempts,
+        control_period=inputs.config.drive.control_period,
         key=jax.random.fold_in(key, 1),
         voltage=inputs.voltage,
     )

@@ -10,7 +10,6 @@ from helpers_sensing import lay
 
 from iswarm_mj.gripper.bench.attempt_trace import PHASES, attempts_between, trace_attempt
 from iswarm_mj.gripper.bench.deciders import by_host
-from iswarm_mj.gripper.handling import Rules
 
 PLACES = [(40, 0, 0), (60, 0, 0), (0, 0, 0), (80, 0, 0)]
 
@@ -24,7 +23,7 @@ def made():
     gripper = replace(GRIPPER, tool_error=4e-6)
     before = lay((40.9, 0), (60.9, 0), (0.9, 0), (90.0, 0), holders=[None, None, 2, None])
     volts = np.array([60.0, 10.0, 60.0, 60.0], np.float32)
-    after, _ = step(gripper, before, PLACES, rules=Rules(decider=by_host), voltage=volts)
+    after, _ = step(gripper, before, PLACES, decider=by_host, voltage=volts)
     return jax.device_get((before, after))
 
 

@@ -16,7 +16,6 @@ from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.handling import Rules
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 
 BAND = 0.06
@@ -76,7 +75,8 @@ def test_strong_fields_drop_light_balls_that_charge_while_they_are_lifted():
     for leak, least, most in ((Contacts().leak, 0.2, 0.8), (10 * Contacts().leak, 1.0, 1.0)):
         contacts = Contacts(leak=leak)
         trials = [Trial(r, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts) for r in radius]
-        assert least <= swarm_trials.lift(trials, volts).succeeded.mean() <= most
+        found = [swarm_trials.attempted(trial, v, None)[0] for trial, v in zip(trials, volts.tolist(), strict=True)]
+        assert least <= np.mean(found) <= most
 
 
 def lifts_of(radius, volts):
@@ -91,26 +91,16 @@ def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool(
     radius = np.linspace(15e-6, 25e-6, 30)
     for share, least, most in ((0.1, 0.4, 0.9), (0.7, 1.0, 1.0)):
         trials = [Trial(r, share * WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE) for r in radius]
-        found = swarm_trials.drop(trials, np.full(30, 55.0), GRIPPER.release_gap)
-        assert least <= found.succeeded.mean() <= most
-        assert not found.impact[~found.succeeded].any()  # never down
+        found = np.array([swarm_trials.attempted(trial, 55.0, GRIPPER.release_gap) for trial in trials])
+        assert least <= found[:, 0].mean() <= most
+        assert not found[found[:, 0] == 0, 2].any()  # never down
         assert np.asarray(is_released(55.0, radius, share * WORK_TOOL_OBJECT)).all()
 
 
 def test_a_ball_that_rests_as_soon_as_it_is_looked_at_needs_no_film():
     """Whose flight ended before what was filmed last."""
-    found = swarm_trials.drop([Trial(21.9e-6, 0.41e-3, 14.7e-3)], np.array([62.0]), GRIPPER.release_gap)
-    assert 0 < found.duration[0] < swarm_trials.RELEASE_LIMIT + swarm_trials.PROTOCOL.flight_limit
-
-
-def test_a_trial_tells_how_long_it_took_and_how_fast_the_ball_landed():
-    rules = Rules(decider=by_host)
-    balls, _ = step(GRIPPER, lay((40.9, 0)), [(40, 0, 0)], rules=rules)
-    assert balls.is_held.all() and 0.5e-3 < float(balls.work_time[0]) < 2e-3
-    lifting = float(balls.work_time[0])
-    balls, _ = step(GRIPPER, balls._replace(position=jnp.array([[0.9, 0.0]])), [(0, 0, 0)], rules=rules)
-    assert balls.is_delivered.all() and float(balls.work_time[0]) > lifting
-    assert 0.02 < float(balls.impact[0]) < 0.5
+    _, duration, _ = swarm_trials.attempted(Trial(21.9e-6, 0.41e-3, 14.7e-3), 62.0, GRIPPER.release_gap)
+    assert 0 < duration < swarm_trials.RELEASE_LIMIT + swarm_trials.PROTOCOL.flight_limit
 
 
 @pytest.mark.slow
@@ -191,11 +181,10 @@ def test_a_batch_that_is_full_postpones():
     from iswarm_mj.gripper.bench.batch_trials import by_batch
 
     gripper = replace(GRIPPER, bench_capacity=2)
-    rules = Rules(decider=by_batch)
     balls = lay((40.9, 0), (60.9, 0), (80.9, 0))
     where = [(40, 0, 0), (60, 0, 0), (80, 0, 0)]
     held = []
-    go = jax.jit(lambda balls: step(gripper, balls, where, rules=rules)[0])
+    go = jax.jit(lambda balls: step(gripper, balls, where, decider=by_batch)[0])
     for _ in range(2):
         balls = go(balls)
         held.append((int(balls.is_held.sum()), int(balls.attempts.sum()), int(balls.postponed.sum())))
@@ -205,10 +194,9 @@ def test_a_batch_that_is_full_postpones():
 def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
     """To the last bit, whatever was tried before: a lift and a release of another ball."""
     trial, gap = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6), GRIPPER.release_gap
-    swarm_trials.lift([Trial(24e-6, 1.2e-3, 16e-3)], np.array([20.0]))
-    swarm_trials.drop([Trial(22e-6, 1.4e-3, 14e-3)], np.array([60.0]), gap)
-    lifted, dropped = swarm_trials.lift([trial], np.array([35.0])), swarm_trials.drop([trial], np.array([55.0]), gap)
+    swarm_trials.attempted(Trial(24e-6, 1.2e-3, 16e-3), 20.0, None)
+    swarm_trials.attempted(Trial(22e-6, 1.4e-3, 14e-3), 60.0, gap)
+    lifted, dropped = swarm_trials.attempted(trial, 35.0, None), swarm_trials.attempted(trial, 55.0, gap)
     start = swarm_trials.PROTOCOL.start_gap
     new = [MujocoBench([trial], start, 1, hanging=h, timestep=swarm_trials.TIMESTEP) for h in (None, gap)]
-    assert (lifted.succeeded[0], lifted.duration[0]) == swarm_trials.lift_on(new[0], 35.0)
-    assert tuple(values[0] for values in dropped) == swarm_trials.drop_on(new[1], 55.0, gap)
+    assert lifted == swarm_trials.lift_on(new[0], 35.0) and dropped == swarm_trials.drop_on(new[1], 55.0, gap)

@@ -1,16 +1,14 @@
 """Trials on the bench: engines, laws, time step, speeds, draws, energy, and that nothing breaks them."""
 
-import math
 from dataclasses import fields, replace
 
-import boundary_elements as bem
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from iswarm_mj.gripper.bench.base import speed_at_zero
-from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
@@ -26,9 +24,10 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     release_voltage,
 )
-from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
 from iswarm_mj.gripper.laws.humidity import humid_work
 
+IDEAL = Contacts(leak=0.0, restitution=0.0)
+"""A potential that switches, and impacts without rebound."""
 QUICK = Protocol(ramp_rate=40e3, hold_time=0.05e-3)
 """Of trials with `IDEAL` contacts, which have no charge that must relax."""
 FINE = replace(QUICK, step_voltage=0.05, grasp_limit=51.2)
@@ -69,16 +68,6 @@ def test_a_thousand_trials_decide_as_the_laws():
     shares = agree_with_the_laws(1000)
     print("agree", shares)
     assert min(shares) >= 0.99
-
-
-def test_half_the_time_step_leaves_the_voltages():
-    trials = random_trials(4)
-    results = []
-    for timestep in (1e-3, 0.5e-3):
-        bench = MujocoBench(trials, FINE.start_gap, timestep=timestep * 1e-3)
-        assert bench.timestep == pytest.approx(timestep * 1e-3)
-        results.append(measured(bench, len(trials)))
-    np.testing.assert_allclose(*results, rtol=0.01)
 
 
 def slowed(protocol, factor):
@@ -168,40 +157,6 @@ def test_a_trace_is_the_trial():
     assert trace.on_plate_potential[trace.phase == trace.phases.index("retract")][0]
     relaxed = trace.phase == trace.phases.index("ramp")
     assert not trace.on_plate_potential[relaxed][np.flatnonzero(trace.voltage[relaxed] > 10)].any()
-
-
-def test_a_trace_of_a_ball_that_stays():
-    trace = trace_trial(Trial(20e-6, WORK_TOOL_OBJECT, 20 * WORK_OBJECT_SUBSTRATE), Protocol(), None, GAP)
-    assert trace.phases[-1] == "off" and trace.gap_plate[-1] < 0
-
-
-@pytest.mark.parametrize(("task", "law"), [("pick", pick_force), ("release", release_force)])
-@pytest.mark.parametrize("gap", [0.02, 0.25, 1.0])
-def test_work_of_the_force_is_the_change_of_capacitance(task, law, gap):
-    """The ball is shifted by a little while probe and plate stay: force times way is V^2 / 2 times the change of C."""
-    shift, radius = 0.002 * min(1.0, 5 * gap), 20e-6
-    probe_radius = 0.65
-    energies = [charge(gap, probe_radius, task, side * shift) / 2 for side in (-1, 1)]
-    slope = (energies[1] - energies[0]) / (2 * shift) * (1 if task == "pick" else -1)
-    force = law(1.0, gap * radius, radius, probe_radius * radius)
-    assert slope * gap / math.pi == pytest.approx(force / asymptotic_force(1.0, gap * radius, radius), rel=0.01)
-
-
-def charge(gap, probe_radius, task, shift):
-    """Charge on what has the probe's potential, 1, with the ball moved up by a shift; radius and eps0 are 1."""
-    sphere, face, wall, top = bem.gripper_parts(gap, probe_radius, task, halvings=2)
-    centre = 1 + gap if task == "release" else 1.0
-    sphere = replace(sphere, curve=bem.sphere_curve(centre + shift))
-    potentials = [1.0 if task == "release" else 0.0, 1.0, 1.0, 1.0]
-    density = bem.charge_densities([sphere, face, wall, top], potentials)
-    areas = [
-        2 * np.pi * (np.cos(sphere.start) - np.cos(sphere.end)),
-        np.pi * (face.end**2 - face.start**2),
-        2 * np.pi * probe_radius * (wall.end - wall.start),
-        np.pi * ((probe_radius - top.start) ** 2 - (probe_radius - top.end) ** 2),
-    ]
-    charges = [float(np.sum(d * a)) for d, a in zip(density, areas, strict=True)]
-    return sum(charges if task == "release" else charges[1:])
 
 
 SHARE = st.floats(0.7, 1.3)

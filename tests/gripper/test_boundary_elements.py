@@ -74,11 +74,6 @@ def test_gripper_against_another_solver(row):
     assert bem.extrapolated_factor(gap, probe, "pick") == pytest.approx(pick, rel=3e-3)
 
 
-def test_wide_probe_makes_release_equal_pick():
-    release, pick = (bem.extrapolated_factor(0.25, 12.0, task) for task in ("release", "pick"))
-    assert release == pytest.approx(pick, rel=5e-5)
-
-
 def test_probe_length_matters_little_at_small_gaps():
     def change(gap):
         lengths = [bem.shape_factor(gap, 0.65, "release", 1, probe_length=length) for length in (10.0, 20.0)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_energy import energy_balance
 
-from iswarm_mj.gripper.bench.contacts import IDEAL, Contacts
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
@@ -117,28 +117,7 @@ def test_another_leak_in_the_books_than_in_the_trial_is_noticed():
         assert abs(energy_balance(trace, wrong).electrical) > 0.02
 
 
-def test_books_need_a_circuit():
-    trace, trial = traced(Contacts())
-    with pytest.raises(ValueError, match="books need a circuit"):
-        energy_balance(trace, trial._replace(contacts=IDEAL))
-
-
 def test_the_energys_error_is_of_the_order_of_the_time_step():
     errors = [abs(energy_balance(*traced(Contacts(), step)).error) for step in (1e-6, 0.25e-6)]
     print(errors)
     assert errors[1] < 0.4 * errors[0]
-
-
-def test_a_falling_ball_gains_the_work_of_all_forces():
-    trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
-    trace = trace_trial(trial, Protocol(), 28.0, GAP)
-    flies = (trace.gap_tool > 1e-7) & (trace.gap_plate > 2e-7) & (trace.phase > trace.phases.index("hold"))
-    first = np.flatnonzero(flies)[0]
-    last = first + np.flatnonzero(~flies[first:])[0] - 1
-    part = slice(first, last + 1)
-    height, step = trace.ball[part, 2], trace.time[1] - trace.time[0]
-    speed = np.gradient(height, step)
-    force = (trace.electrostatic + trace.adhesion_tool - trace.adhesion_plate - trace.weight)[part]
-    work = ((force[1:] + force[:-1]) / 2 * np.diff(height))[1:-1].sum()
-    mass = trace.weight / 9.81
-    assert mass / 2 * (speed[-2] ** 2 - speed[1] ** 2) == pytest.approx(work, rel=0.01)

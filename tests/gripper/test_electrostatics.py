@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sphere_plane import SWITCH, force_series, sphere_plane_capacitance, sphere_plane_force
+from helpers_sphere_plane import force_series, sphere_plane_capacitance, sphere_plane_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,22 +34,19 @@ def test_sphere_plane_table():
     np.testing.assert_allclose(sphere_plane_capacitance(gap_ratio * R, R) / (4 * unit * R), capacitance, rtol=1e-10)
 
 
-def test_sphere_plane_table_in_float32():
-    gap_ratio, capacitance, force = SPHERE_PLANE.T
-    gap = jnp.asarray(gap_ratio * R, jnp.float32)
-    unit = math.pi * VACUUM_PERMITTIVITY
-    single = jax.jit(sphere_plane_force)(jnp.float32(1.0), gap, jnp.float32(R))
-    assert single.dtype == jnp.float32
-    np.testing.assert_allclose(np.asarray(single, float) / unit, force, rtol=2e-6)
-    single = jax.jit(sphere_plane_capacitance)(gap, jnp.float32(R))
-    np.testing.assert_allclose(np.asarray(single, float) / (4 * unit * R), capacitance, rtol=2e-6)
-
-
-def test_sphere_plane_regimes_meet():
-    switch = math.cosh(SWITCH) - 1
-    below, above = switch * (1 - 1e-13), switch * (1 + 1e-13)
-    assert force_series(below) == pytest.approx(force_series(above), rel=3e-12)
-    assert sphere_plane_capacitance(below, 1.0) == pytest.approx(sphere_plane_capacitance(above, 1.0), rel=3e-12)
+@pytest.mark.parametrize("gap", [1e-6, 5e-6, 20e-6])
+def test_a_charged_sphere_and_its_images(gap):
+    """Sphere at 40 V above a plane: charges in the sphere, each with its mirror image below the plane."""
+    height = gap + R
+    charges, places = [4 * math.pi * VACUUM_PERMITTIVITY * R * 40.0], [height]
+    for _ in range(400):
+        beyond = height + places[-1]
+        charges.append(charges[-1] * R / beyond)
+        places.append(height - R**2 / beyond)
+    q, z = np.array(charges), np.array(places)
+    force = (q[:, None] * q / (4 * math.pi * VACUUM_PERMITTIVITY * (z[:, None] + z) ** 2)).sum()
+    assert sphere_plane_capacitance(gap, R) == pytest.approx(q.sum() / 40, rel=1e-9)
+    assert sphere_plane_force(40.0, gap, R) == pytest.approx(force, rel=1e-9)
 
 
 def test_sphere_plane_limits():
@@ -86,11 +83,6 @@ def test_probe_table_against_another_solver(task, column):
     force = FORCES[task](30.0, gap_ratio * R, R, probe_ratio * R)
     factor = force / asymptotic_force(30.0, gap_ratio * R, R)
     np.testing.assert_allclose(factor, CYLINDER[:, column], rtol=3e-3)
-
-
-@pytest.mark.parametrize(("radius", "factor"), [(15, 0.9035), (17.5, 0.8976), (20, 0.8945), (23, 0.8934), (25, 0.8938)])
-def test_release_factor_of_the_bench(radius, factor):
-    assert probe_factor("release", 5 / radius, 13 / radius) == pytest.approx(factor, abs=5e-4)
 
 
 def test_release_and_pick_are_not_symmetric():
@@ -136,13 +128,6 @@ def test_forces_go_with_voltage_squared_and_not_with_size(task, gap, probe, volt
     assert other == pytest.approx(force, rel=1e-12)
 
 
-@settings(deadline=None)
-@given(gap=st.floats(1e-3, 1e3), scale=st.floats(1e-3, 1e3))
-def test_sphere_plane_scale_invariance(gap, scale):
-    force = sphere_plane_force(1.0, gap * R, R)
-    assert sphere_plane_force(1.0, gap * R * scale, R * scale) == pytest.approx(force, rel=1e-12)
-
-
 @pytest.mark.parametrize("task", FORCES)
 def test_interpolation_has_a_continuous_slope_and_curvature_at_the_rows(task):
     # A jump of slope or curvature would show as a second or third difference that grows at the rows.
@@ -164,13 +149,6 @@ def test_gradients(task, argument):
     assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
 
 
-def test_sphere_plane_gradient_on_both_sides_of_the_switch():
-    x = np.array([1e-3, 0.1, 0.127, 0.128, 1.0, 50.0])
-    slope = jax.jit(jax.vmap(jax.grad(force_series)))(jnp.asarray(x, jnp.float32))
-    step = 1e-4 * x
-    np.testing.assert_allclose(slope, (force_series(x + step) - force_series(x - step)) / (2 * step), rtol=1e-4)
-
-
 @pytest.mark.parametrize("task", FORCES)
 def test_float32_in_jit_agrees_with_float64(task):
     gap_ratio, probe_ratio = CYLINDER[:, 0], CYLINDER[:, 1]
@@ -180,12 +158,6 @@ def test_float32_in_jit_agrees_with_float64(task):
     )
     assert single.dtype == jnp.float32
     np.testing.assert_allclose(single, double, rtol=2e-5)
-
-
-def test_forces_broadcast():
-    force = release_force(np.ones((3, 1, 1)), np.full((4, 1), 5e-6), np.full(2, 20e-6), 13e-6)
-    assert force.shape == (3, 4, 2)
-    assert np.ptp(force) == 0
 
 
 @pytest.mark.parametrize("task", FORCES)
@@ -205,9 +177,3 @@ def test_traced_numbers_outside_the_table_are_clamped(task):
     low, high = 2.0 ** GAP_EXPONENTS[0], 2.0 ** PROBE_EXPONENTS[-1]
     assert float(clamped(0.0, 100.0)) == pytest.approx(float(probe_factor(task, low, high)), rel=1e-5)
     assert np.isfinite(jax.grad(clamped)(0.0, 1.0))
-
-
-def test_models_by_name():
-    assert pick_force(30.0, 5e-6, R, 13e-6, model="asymptotic") == asymptotic_force(30.0, 5e-6, R)
-    with pytest.raises(UserError, match="'exact' is unknown; give"):
-        pick_force(30.0, 5e-6, R, 13e-6, model="exact")

@@ -9,9 +9,9 @@ from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import Attempts
 from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.base import Move
+from iswarm_mj.gripper.bench.contact_log import joined
 from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.film import joined
 from iswarm_mj.gripper.bench.trial import Trial
 
 TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3, misalignment=2e-6), 5e-6

@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from landing_map import landing_map
+from landing_map import capture_restitution, landing_map
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
@@ -20,7 +20,7 @@ from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRAT
 from iswarm_mj.gripper.laws.restitution import (
     MODULUS_PLATE,
     YIELD_PRESSURE,
-    capture_restitution,
+    plastic_ratio,
     sticking_speed,
     yield_speed,
 )
@@ -37,31 +37,11 @@ def rebound(speed, restitution=0.0, work=WORK_OBJECT_SUBSTRATE, pressure=YIELD_P
 
 
 def test_slow_impacts_are_elastic_and_fast_ones_lose_by_the_fourth_root():
-    slow = [rebound(speed * YIELDS, work=0.0) for speed in (0.5, 1.0)]
-    assert slow == pytest.approx([1.0, 1.0])
+    assert [rebound(speed * YIELDS, work=0.0) for speed in (0.5, 1.0)] == pytest.approx([1.0, 1.0])
     fast = [rebound(speed * YIELDS, work=0.0) for speed in (1e3, 16e3)]
     assert fast[0] / fast[1] == pytest.approx(2.0, rel=1e-3)
     # For v >> v_y the law is 1.18 (v_y / v)^(1/4) (Johnson 1985, section 11.5, in the form of Thornton and Ning).
     assert fast[0] == pytest.approx(1.185 * 1e3**-0.25, rel=2e-3)
-
-
-def brach_dunn_speed(speed, work, radius, moduli, density):
-    """Speed whose energy adhesion keeps at an impact speed, by the work of separating the largest Hertzian contact.
-
-    Source: Brach and Dunn 1992, W_A = (5/4 pi^(9/2) (k_1 + k_2) rho)^(2/5) gamma r^2 |v|^(4/5), k = 1 / (pi E').
-    """
-    compliance = sum(1 / (np.pi * modulus) for modulus in moduli)
-    energy = (1.25 * np.pi**4.5 * compliance * density) ** 0.4 * work * radius**2 * speed**0.8
-    return (2 * energy / (4 / 3 * np.pi * radius**3 * density)) ** 0.5
-
-
-def test_the_sticking_speed_keeps_the_energy_of_a_jkr_contact():
-    energy = 7.09 * (WORK_OBJECT_SUBSTRATE**5 * RADIUS**4 / MODULUS_PLATE**2) ** (1 / 3)
-    mass = 4 / 3 * np.pi * RADIUS**3 * BALL_DENSITY
-    assert pytest.approx((2 * energy / mass) ** 0.5, rel=2e-3) == STICKS
-    # Another law, of the same order at the speed at which a ball sticks by the first.
-    other = brach_dunn_speed(STICKS, WORK_OBJECT_SUBSTRATE, RADIUS, (56e9, 215e9), BALL_DENSITY)
-    assert 0.3 < other / STICKS < 3
 
 
 def separation_energy(work, radius, modulus):
@@ -75,13 +55,40 @@ def separation_energy(work, radius, modulus):
     a = np.linspace(cube ** (1 / 3), (cube / 16) ** (1 / 3), 100_001)
     force = 4 * modulus * a**3 / (3 * radius) - np.sqrt(8 * np.pi * work * modulus * a**3)
     way = a**2 / radius - np.sqrt(2 * np.pi * work * a / modulus)
-    assert way[0] == pytest.approx(0.0, abs=1e-15) and way[-1] == way.min()
     return float(((force[1:] + force[:-1]) / 2 * np.diff(way)).sum())
 
 
-WORK, MODULUS, MASS = 14.7e-3, 45.5e9, 7400 * 4 / 3 * np.pi * 20e-6**3
-"""Of a ball of SnAg solder of 20 um on steel."""
-TORN = separation_energy(WORK, 20e-6, MODULUS)
+MASS = BALL_DENSITY * 4 / 3 * np.pi * RADIUS**3
+TORN = separation_energy(WORK_OBJECT_SUBSTRATE, RADIUS, MODULUS_PLATE)
+
+
+def elastic(spot):
+    """Force and approach of a Hertzian contact of this radius."""
+    return 4 * MODULUS_PLATE * spot**3 / (3 * RADIUS), spot**2 / RADIUS
+
+
+YIELDED = np.pi * RADIUS * YIELD_PRESSURE / (2 * MODULUS_PLATE)
+"""Radius of the contact in whose centre the pressure is that of yield."""
+
+
+def test_a_ball_yields_where_the_pressure_in_the_centre_does():
+    force, approach = elastic(YIELDED)
+    speed = (2 * 0.4 * force * approach / MASS) ** 0.5
+    assert yield_speed(YIELD_PRESSURE, MODULUS_PLATE, BALL_DENSITY) == pytest.approx(speed, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.1, 0.003])
+def test_what_a_ball_that_yielded_gives_back(share):
+    """Beyond yield the force rises by pi p_y R per way; it falls along a Hertzian line of the flattened radius."""
+    force, approach = elastic(YIELDED)
+    total = 0.4 * force * approach / share**2
+    slope = np.pi * YIELD_PRESSURE * RADIUS
+    more = total - 0.4 * force * approach
+    way = 2 * more / (force + (force**2 + 2 * slope * more) ** 0.5)
+    greatest, spot = force + slope * way, (RADIUS * (approach + way)) ** 0.5
+    flattened = 4 * MODULUS_PLATE * spot**3 / (3 * greatest)
+    given_back = 0.4 * greatest * spot**2 / flattened
+    assert plastic_ratio(share) == pytest.approx((given_back / total) ** 0.5, rel=1e-6)
 
 
 def test_the_law_is_a_jkr_contact_that_is_torn_apart():
@@ -99,7 +106,7 @@ def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitu
 
 def test_adhesion_takes_its_energy_off_the_rebound():
     assert rebound(4 * STICKS, 0.5, pressure=0.0) == pytest.approx((0.25 - 1 / 16) ** 0.5)
-    edge = float(capture_restitution(0.1, STICKS))
+    edge = capture_restitution(0.1, STICKS)
     assert rebound(0.1, 0.99 * edge, pressure=0.0) == 0.0 < rebound(0.1, 1.01 * edge, pressure=0.0) < edge
 
 
@@ -132,34 +139,16 @@ def test_an_impact_follows_the_law_and_conserves_momentum(speed):
     assert impulse == pytest.approx(model.body("ball").mass[0] * (before + after), rel=1e-9)
 
 
-def escapes(speed, restitution):
-    """Whether a ball thrown at the plate leaves it again."""
-    model, data, _, _ = thrown(speed, restitution)
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-    return data.plugin_state[state_index(model, "adhesion_plate", "gap")] > 0.1
-
-
-@pytest.mark.parametrize("speed", [5.0, 30.0, 140.0])
-def test_what_sticks_is_what_the_capture_criterion_says(speed):
-    edge = float(capture_restitution(speed * 1e-3, STICKS))
-    assert [escapes(speed, share * edge) for share in (0.5, 0.9, 1.1, 2.0)] == [False, False, True, True]
-
-
-def released(protocol, count=4):
+def released(protocol, count=3):
     trials = [draw(0, radius, 10.0, 0) for radius in np.linspace(15e-6, 25e-6, count)]
     return run_trials(trials, replace(protocol, step_voltage=2.0)).release[5e-6]
 
 
-def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held():
+def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late():
     cut, held = released(Protocol()), released(Protocol(after_release="held", flight_limit=3e-3))
-    assert cut.landed.all() and not held.landed.any()
+    late = released(Protocol(cut_delay=2.9e-3, flight_limit=3e-3))
+    assert cut.landed.all() and not held.landed.any() and not late.landed.any()
     assert (held.landing_speed > cut.landing_speed).all()
-
-
-def test_a_cut_that_comes_late_is_a_held_voltage():
-    late = released(Protocol(cut_delay=2.9e-3, flight_limit=3e-3), 3)
-    assert not late.landed.any()
 
 
 def measured(timestep, trials, protocol):

@@ -6,8 +6,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from helpers_sphere_plane import sphere_plane_capacitance, sphere_plane_force
-from scipy.integrate import quad
 
 import iswarm_mj.gripper.plugin as plugin
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
@@ -144,19 +142,6 @@ def test_electrostatic_force_is_the_laws(model, on_probe):
         assert data.joint("probe_z").qfrc_passive == pytest.approx(0 if on_probe else -expected, rel=1e-6)
 
 
-def test_force_goes_with_the_square_of_the_voltage(model):
-    data = mujoco.MjData(model)
-    place(model, data, 2, -0.001, 0)
-    forces = []
-    for voltage in (7, -7, 14, 0):
-        data.actuator("voltage").ctrl = voltage
-        mujoco.mj_forward(model, data)
-        forces.append(data.plugin_state[at(model, "electrostatic", "force")])
-    assert forces[1] == forces[0]
-    assert forces[2] == pytest.approx(4 * forces[0], rel=1e-12)
-    assert forces[3] == 0
-
-
 def test_a_touching_tool_counts_as_the_effective_gap(model):
     data = mujoco.MjData(model)
     data.actuator("voltage").ctrl = 25
@@ -220,27 +205,3 @@ def test_a_closed_path_takes_no_work(model):
         forces.append([data.joint(name).qfrc_passive[0] for name in ("probe_x", "probe_z")])
     power = (np.array(forces)[1:] + forces[:-1]) / 2 * np.diff(path, axis=0)
     assert abs(power.sum()) < 1e-4 * np.abs(power).sum()
-
-
-def test_work_is_the_change_of_capacitance():
-    """Of the law, at constant voltage: force over a path against V^2 / 2 times the change of C."""
-    for start, end in ((0.2e-6, 5e-6), (5e-6, 50e-6)):
-        work, _ = quad(lambda gap: sphere_plane_force(40.0, gap, 20e-6) * 1e6, start, end, epsrel=1e-10)
-        change = sphere_plane_capacitance(start, 20e-6) - sphere_plane_capacitance(end, 20e-6)
-        assert work * 1e-6 == pytest.approx(40.0**2 / 2 * change, rel=1e-8)
-
-
-def test_a_released_ball_gains_the_forces_work(model):
-    data = mujoco.MjData(model)
-    for instance in ("adhesion_probe", "adhesion_plate"):
-        data.plugin_state[at(model, instance, "work")] = 0
-    place(model, data, 0.01, 5, 1)
-    data.actuator("probe_z").ctrl = data.joint("probe_z").qpos[0]
-    data.actuator("voltage").ctrl = 42
-    model.opt.timestep = 1e-4
-    while data.joint("ball").qpos[2] > 20.5:
-        mujoco.mj_step(model, data)
-    end = data.joint("ball").qpos[2] - 20
-    work, _ = quad(lambda gap: release_force(42.0, gap * 1e-6, 20e-6, 13e-6) * 1e9, end, 5)
-    energy = MASS * (data.joint("ball").qvel[2] ** 2 / 2 - 9.81 * (5 - end))
-    assert energy == pytest.approx(work, rel=0.01)

@@ -63,7 +63,7 @@ def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
     trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
     hanging = None if tried.is_lift else gap
     bench = MujocoBench([trial], PROTOCOL.start_gap, 1, hanging=hanging, timestep=TIMESTEP, is_recorded=True)
-    succeeded = lift_on(bench, tried.voltage)[0] if tried.is_lift else drop_on(bench, tried.voltage, gap)[0]
+    succeeded, *_ = lift_on(bench, tried.voltage) if tried.is_lift else drop_on(bench, tried.voltage, gap)
     trace = trace_of(bench)
     places = np.array([PHASES.index(name) for name in trace.phases])
     return trace._replace(phase=places[trace.phase], phases=PHASES), succeeded

@@ -12,17 +12,21 @@ from jaxtyping import Float, Int
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.batch_leaps import skip_flight, skip_hanging, sync_contacts, tool_and_plate
+from iswarm_mj.gripper.bench import leap_laws
 from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared
-from iswarm_mj.gripper.bench.model import SINK
+from iswarm_mj.gripper.bench.leap_laws import REST, Hanging
+from iswarm_mj.gripper.bench.model import SINK, Layout
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.staircase import TOUCH, lifting, touching
 from iswarm_mj.gripper.bench.swarm_trials import PRESSED, PROTOCOL, RELEASE_LIMIT, TIMESTEP
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import GRAVITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.mjx_forces import State, first_state, stepped
-from iswarm_mj.gripper.units import MS, NN, UM
+from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State, first_state, stepped
+from iswarm_mj.gripper.units import CLEARANCE, MS, NN, UM
 from iswarm_mj.utils.arrays import Array
+
+_laws = in_arrays(leap_laws, jnp)
 
 
 class Script(NamedTuple):
@@ -139,7 +143,7 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     ctrl = slot.data.ctrl.at[where.tip].set(target).at[where.voltage].set(volts)
     before = slot.data.replace(ctrl=ctrl)
     data, force = stepped(mine, model, before, slot.ball)
-    gap_tool, gap_plate = (force.gaps[k] * UM for k in tool_and_plate(mine))
+    gap_tool, gap_plate = (force.gaps[k] * UM for k in mine.tool_and_plate)
     leaves = attempt.releases & jnp.isinf(slot.left) & (gap_tool > PROTOCOL.away)
     left = jnp.where(leaves, time, slot.left)
     down = slot.down | (jnp.isfinite(left) & (gap_plate <= 0))
@@ -150,20 +154,66 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     hangs = (gap_plate > PROTOCOL.away) & (gap_tool < TOUCH)
     is_over = jnp.where(attempt.releases, stays | is_late, time >= script.end[-1])
     waits, falls = attempt.releases & jnp.isinf(left) & (time > PROTOCOL.rise_time), down & ~is_over
-    leap = skip_hanging(where, mine, model, data, force, jnp.where(waits, (RELEASE_LIMIT - time) / MS, 0.0))
-    leap = skip_flight(where, mine, model, leap, volts, jnp.where(falls, PROTOCOL.flight_limit / MS, 0.0))
-    leap = sync_contacts(where, mine, model, leap)
-    data = data.replace(qpos=leap.qpos, qvel=leap.qvel)
+    limits = jnp.where(waits, (RELEASE_LIMIT - time) / MS, 0.0), jnp.where(falls, PROTOCOL.flight_limit / MS, 0.0)
+    data, ball, hung = _skip_hanging(where, mine, model, data, force, limits[0])
+    data, flown = _skip_flight(where, mine, model, data, ball, limits[1])
+    ball = _synced(where, mine, model, data, ball, hung + flown)
     new = slot._replace(
         left=left,
         down=down,
         impact=impact,
         is_over=is_over,
         succeeded=jnp.where(attempt.releases, stays, hangs),
-        time=time + leap.time * MS,
+        time=time + (hung + flown) * MS,
     )
     kept = jax.tree.map(partial(jnp.where, slot.is_over), slot[2:], new[2:])
-    return Slot(data, leap.ball, *kept)
+    return Slot(data, ball, *kept)
+
+
+def _skip_hanging(
+    where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data, force: Force, limit: Array
+) -> tuple[mjx.Data, State, Array]:
+    """Charge flows while a ball hangs at rest after a step, see `leaps.hang`: data, ball, and the time [ms]."""
+    above, below = _gaps(where, forces, model, data)
+    tool, plate = (force.adhesion[k] for k in forces.tool_and_plate)
+    hold = tool - plate + model.body_mass[forces.joints[forces.ball][0].body] * model.opt.gravity[2]
+    electric = data.ctrl[where.voltage], force.ball_voltage, force.state.charge, *force.capacitances
+    ball = Hanging(*electric, forces.numbers[forces.circuit, "leak"], *force.pulls, tool, hold)
+    rests = (above <= 0) & (below > CLEARANCE) & (jnp.abs(data.qvel[where.ball : where.ball + 3]).max() < REST)
+    time = jnp.where(rests, jnp.maximum(_laws.hanging_time(ball, limit, 1.1), 0.0), 0.0)
+    later, share = _laws.after_hanging(ball, time)
+    leapt = time > 0
+    qpos = data.qpos.at[where.ball + 2].add(jnp.where(leapt, above * (1 - share), 0.0))
+    state = force.state._replace(charge=jnp.where(leapt, later, ball.charge))
+    return data.replace(qpos=qpos, qvel=jnp.where(leapt, 0.0, data.qvel)), state, time
+
+
+def _skip_flight(
+    where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: State, limit: Array
+) -> tuple[mjx.Data, Array]:
+    """An uncharged ball flies freely, see `leaps.fly`: data, and the time [ms]; turning does not matter of a sphere."""
+    gravity, rise = -model.opt.gravity[2], data.qvel[where.ball + 2]
+    above, below = (gap - CLEARANCE for gap in _gaps(where, forces, model, data))
+    can = (data.ctrl[where.voltage] == 0) & (ball.charge == 0) & (above > 0) & (below > 0)
+    time = _laws.flight_time(rise, above, below, gravity)
+    time = jnp.where(can & (time > 2 * model.opt.timestep), jnp.clip(time, 0.0, limit), 0.0)
+    path = (data.qvel[where.ball : where.ball + 3] * time).at[2].add(-gravity * time**2 / 2)
+    qpos = data.qpos.at[where.ball : where.ball + 3].add(path)
+    return data.replace(qpos=qpos, qvel=data.qvel.at[where.ball + 2].add(-gravity * time)), time
+
+
+def _synced(where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: State, time: Array) -> State:
+    """The ball whose contacts know the gaps after a leap, so that they take it for no impact."""
+    both = _gaps(where, forces, model, data)
+    own = jnp.stack([both[int(pair.surface != forces.probe)] for pair in forces.pairs])
+    leapt = time > 0
+    return ball._replace(before=jnp.where(leapt, own, ball.before), rebound=jnp.where(leapt, 0.0, ball.rebound))
+
+
+def _gaps(where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data) -> tuple[Array, Array]:
+    """Gaps between the tool's face and a ball below it, and between ball and plate, see `leaps` [um]."""
+    height, radius = data.qpos[where.ball + 2], model.geom_size[forces.ball, 0]
+    return data.qpos[where.slide] + where.tip_height - height - radius, height - radius
 
 
 def _set(script: Script, attempt: Attempts, gap: float, left: Array, time: Array) -> tuple[Array, Array]:
@@ -186,12 +236,10 @@ def _set(script: Script, attempt: Attempts, gap: float, left: Array, time: Array
 
 def _parameters(bench: MjxBench, attempt: Attempts) -> Parameters:
     """Numbers of a trial with an attempt's ball, whose works are those at the air's humidity."""
-    forces = bench.physics.forces
-    works = {forces.probe: attempt.work_tool_object, forces.plate: attempt.work_object_substrate}
-    pairs = [works[surface] for _, surface in forces.pairs]
     usual = jax.tree.map(lambda a: a[0], bench.parameters)
-    forces = usual.forces | {"work": jnp.stack(pairs) * (UM / NN)}
-    return usual._replace(radius=attempt.radius / UM, forces=forces)
+    works = {"adhesion_probe": attempt.work_tool_object, "adhesion_plate": attempt.work_object_substrate}
+    works = {(surface, "work"): work * (UM / NN) for surface, work in works.items()}
+    return usual._replace(radius=attempt.radius / UM, numbers=usual.numbers | works)
 
 
 def _start(bench: MjxBench, attempt: Attempts, gap: float) -> Array:

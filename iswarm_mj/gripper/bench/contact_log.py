@@ -1,6 +1,10 @@
-"""Contacts of balls with tool and plate during a move of many benches."""
+"""What balls do during a move, physics step by step: contacts of many, and the film of one."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench.base import speed_at_zero
 
@@ -44,3 +48,32 @@ def scattered(value: np.ndarray, ids: np.ndarray, count: int) -> np.ndarray:
     full = np.full(count, np.nan) if value.dtype != bool else np.ones(count, bool)
     full[ids] = value
     return full
+
+
+class Film(NamedTuple):
+    """T physics steps of a bench with one ball, while neither the tool nor its voltage changed. SI units."""
+
+    gap_tool: Float[np.ndarray, "T"]
+    """As each step began [m]."""
+    gap_plate: Float[np.ndarray, "T"]
+    """As each step began [m]."""
+    fall: Float[np.ndarray, "T"]
+    """Downward speed as each step began [m/s]."""
+    speed: Float[np.ndarray, "T"]
+    """As each step ended [m/s]."""
+    finite: Bool[np.ndarray, "T"]
+    """Whether the whole state was finite as each step ended."""
+    states: Sequence[Any]
+    """Of the bench, as each step ended."""
+
+    def landing_speed(self, last: int) -> float:
+        """Downward speed at the first contact with the plate up to a step, nan: there was none [m/s]."""
+        log, part = ContactLog(1), slice(last + 1)
+        log.add(np.stack([self.gap_tool[part], self.gap_plate[part]], axis=1)[None], self.fall[None, part], 0)
+        return float(log.landing_speed[0])
+
+
+def joined(film: Film, more: Film) -> Film:
+    """A film and the one that followed it."""
+    numbers = [np.concatenate(pair) for pair in zip(film[:-1], more[:-1], strict=True)]
+    return Film(*numbers, states=[*film.states, *more.states])

@@ -5,11 +5,7 @@ from typing import Annotated, NamedTuple
 
 from iswarm_mj.gripper.laws.melting import Supply
 from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, MODULUS_PROBE, YIELD_PRESSURE
-from iswarm_mj.gripper.units import PRESSURE, UM
 from iswarm_mj.utils.constraints import Above, Within
-
-OHM = 1e-12
-"""Unit of resistance of the bench, ms / fF [1/Ohm]."""
 
 
 class Contacts(NamedTuple):
@@ -52,25 +48,3 @@ class Contacts(NamedTuple):
         """What heats a ball on the plate through a broken oxide; the plate's contact is in series, like the supply."""
         usual = Supply()
         return usual._replace(resistance=usual.resistance + self.plate_contact, contact=self.contact)
-
-    def electrostatic(self) -> dict[str, float]:
-        """Attributes of the electrostatic plugin, in the units of the bench."""
-        return {
-            "leak": self.leak * OHM,
-            "contact": self.contact * OHM,
-            "plate_contact": self.plate_contact * OHM,
-            "oxide": self.oxide / UM,
-            "breakdown": self.breakdown * UM,
-        }
-
-    def adhesion(self, modulus: float) -> dict[str, float]:
-        """Attributes of the adhesion plugin for a surface of this modulus, in the units of the bench."""
-        return {
-            "restitution": 0.0 if self.restitution is None else self.restitution,
-            "yield_pressure": self.yield_pressure / PRESSURE if self.restitution is None else 0.0,
-            "modulus": modulus / PRESSURE,
-        }
-
-
-IDEAL = Contacts(leak=0.0, restitution=0.0)
-"""A potential that switches, and impacts without rebound."""

@@ -1,4 +1,4 @@
-"""Deciders of attempts in the swarm: the balance of the forces, or trials on the bench."""
+"""Deciders of attempts in the swarm by trials on the bench."""
 
 import jax
 import jax.numpy as jnp
@@ -6,14 +6,12 @@ import numpy as np
 from jax.custom_batching import custom_vmap
 
 from iswarm_mj.config import GripperConfig
-from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
+from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes
 from iswarm_mj.utils.arrays import Array
 
 
 def decider_for(gripper: GripperConfig) -> Decider:
-    """The decider that these settings name."""
-    if gripper.resolution == "quasi-static":
-        return by_balance
+    """The decider by trials that these settings name."""
     if gripper.bench == "mjx":
         from iswarm_mj.gripper.bench.batch_trials import by_batch
 

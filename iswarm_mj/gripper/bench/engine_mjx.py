@@ -1,6 +1,5 @@
 """Benches in MJX: one compiled program moves all of them; between moves only their states are kept."""
 
-import dataclasses
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -14,18 +13,12 @@ from jaxtyping import Float
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
 from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
-from iswarm_mj.gripper.bench.batch_leaps import tool_and_plate
-from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, start
+from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.mjx_forces import (
-    GripperForces,
-    first_state,
-    gripper_force,
-    gripper_forces,
-)
-from iswarm_mj.gripper.mjx_model import mjx_compatible, resize, set_probe_radius
-from iswarm_mj.gripper.units import MS, NN, UM
+from iswarm_mj.gripper.mjx_forces import GripperForces, first_state, gripper_forces
+from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
+from iswarm_mj.gripper.units import MS, UM
 from iswarm_mj.utils.arrays import Array
 
 N_CONTACTS, N_ROWS = 4, 24
@@ -63,8 +56,8 @@ class Parameters(NamedTuple):
 
     radius: Array
     probe_radius: Array
-    forces: dict[str, Array]
-    """Attributes of `GripperForces`, by name."""
+    numbers: dict[tuple[str, str], Array]
+    """Of `GripperForces`."""
 
 
 class _Contacts(NamedTuple):
@@ -107,9 +100,8 @@ class MjxBench:
         self.where, forces = layout(model), gripper_forces(model)
         capacity: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self.physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
-        column = {name: np.array([getattr(trial, name) for trial in trials]) for name in ("radius", "probe_radius")}
-        numbers = _attributes(forces, trials)
-        self.parameters = _single(Parameters(column["radius"] / UM, column["probe_radius"] / UM, numbers))
+        rows = [Parameters(trial.radius / UM, trial.probe_radius / UM, plugin_numbers(trial)) for trial in trials]
+        self.parameters = _single(jax.tree.map(lambda *values: np.array(values), *rows))
         starts = [start(model, trial, start_gap) for trial in trials]
         qpos, self._touch = np.array([qpos for qpos, _ in starts]), np.array([touch for _, touch in starts])
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
@@ -151,30 +143,14 @@ class MjxBench:
         self._state = state
 
 
-def _attributes(forces: GripperForces, trials: Sequence[Trial]) -> dict[str, np.ndarray]:
-    """Numbers of `GripperForces` in which trials differ, (B, P) or (B,), by their names."""
-    of_tool, of_plate = ("work_tool_object", "probe_modulus"), ("work_object_substrate", "plate_modulus")
-    rows: list[dict[str, Any]] = []
-    for trial in trials:
-        pairs = []
-        for _, surface in forces.pairs:
-            work, modulus = of_tool if surface == forces.probe else of_plate
-            own = {"work": getattr(trial, work) * UM / NN, "humidity": trial.relative_humidity}
-            pairs.append(own | trial.contacts.adhesion(getattr(trial.contacts, modulus)))
-        one = {name: [pair[name] for pair in pairs] for name in pairs[0]}
-        rows.append(one | {"contact_gap": trial.contact_gap / UM} | trial.contacts.electrostatic())
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
-
-
 def _single(arrays):
     return jax.tree.map(lambda array: jnp.asarray(array, jnp.float32), arrays)
 
 
 def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, mjx.Model]:
     """Forces and MJX's model of one bench."""
-    mine = dataclasses.replace(physics.forces, **parameters.forces)
-    model = resize(mine, physics.model, parameters.radius)
-    return mine, set_probe_radius(mine, model, parameters.probe_radius)
+    mine = physics.forces.having(parameters.numbers)
+    return mine, resize(mine, physics.model, parameters.radius, parameters.probe_radius)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -185,7 +161,7 @@ def _advance(
 
     def move(parameters: Parameters, state: State, end: Array) -> tuple[State, _Contacts]:
         mine, sized = prepared(physics, parameters)
-        order = jnp.array(tool_and_plate(mine))
+        order = jnp.array(mine.tool_and_plate)
         begin = physics.data.replace(
             qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.qacc_warmstart, ctrl=state.ctrl
         )
@@ -193,15 +169,13 @@ def _advance(
         def step(
             k: Array, carry: tuple[mjx.Data, mjx_forces.State, _Contacts]
         ) -> tuple[mjx.Data, mjx_forces.State, _Contacts]:
-            now, ball, contacts = carry
+            before, ball, contacts = carry
             share = (k + 1) / n_steps
             tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]
             ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
             ctrl = ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
-            now = now.replace(ctrl=ctrl)
-            force = gripper_force(mine, sized, mjx.kinematics(sized, now), ball)
-            contacts = _updated(contacts, k, force.gaps[order], -now.qvel[where.ball + 2])
-            return mjx.step(sized, now.replace(qfrc_applied=force.generalized)), force.state, contacts
+            now, force = mjx_forces.step(mine, sized, before.replace(ctrl=ctrl), ball)
+            return now, force.state, _updated(contacts, k, force.gaps[order], -before.qvel[where.ball + 2])
 
         nothing = jnp.full(2, jnp.nan)
         contacts = _Contacts(jnp.full(2, -1), jnp.array(-1), jnp.array(jnp.nan), nothing, nothing)

@@ -13,8 +13,7 @@ from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch
-from iswarm_mj.gripper.bench.contact_log import ContactLog, scattered
-from iswarm_mj.gripper.bench.film import Film
+from iswarm_mj.gripper.bench.contact_log import ContactLog, Film, scattered
 from iswarm_mj.gripper.bench.leaps import Row, press
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk

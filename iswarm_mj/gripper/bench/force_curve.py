@@ -57,10 +57,6 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
         "contact": trace.contact_tool,
         "total": adhesion + electrostatic + trace.contact_tool,
     }
-    rows = (
-        dict(zip(columns, values, strict=True)) for values in zip(*(c.tolist() for c in columns.values()), strict=True)
-    )
-    phases = (trace.phases[k] for k in trace.phase)
-    return [
-        {"direction": directions[phase], **row} for phase, row in zip(phases, rows, strict=True) if phase in directions
-    ]
+    names = "direction", *columns
+    values = [directions.get(trace.phases[k]) for k in trace.phase], *(column.tolist() for column in columns.values())
+    return [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True) if row[0]]

@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.units import NN, UM
+from iswarm_mj.gripper.units import NN, PER_OHM, PRESSURE, UM
 
 
 def bench_spec() -> mujoco.MjSpec:
@@ -100,11 +100,26 @@ def resized(model: mujoco.MjModel, radius: float, into: mujoco.MjModel | None = 
 def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
     """Numbers of a trial by instance and field of the plugins' states."""
     contacts = trial.contacts
-    plate = {"work": trial.work_object_substrate, **contacts.adhesion(contacts.plate_modulus)}
-    probe = {"work": trial.work_tool_object, **contacts.adhesion(contacts.probe_modulus)}
-    numbers = {"electrostatic": {"contact_gap": trial.contact_gap / UM, **contacts.electrostatic()}}
-    for name, values in (("adhesion_plate", plate), ("adhesion_probe", probe)):
-        numbers[name] = {**values, "work": values["work"] * UM / NN, "humidity": trial.relative_humidity}
+    yields = contacts.restitution is None
+    impacts = {
+        "restitution": contacts.restitution or 0.0,
+        "yield_pressure": contacts.yield_pressure / PRESSURE if yields else 0.0,
+        "humidity": trial.relative_humidity,
+    }
+    works = trial.work_object_substrate * UM / NN, trial.work_tool_object * UM / NN
+    moduli = contacts.plate_modulus / PRESSURE, contacts.probe_modulus / PRESSURE
+    numbers = {
+        instance: {"work": work, "modulus": modulus, **impacts}
+        for instance, work, modulus in zip(("adhesion_plate", "adhesion_probe"), works, moduli, strict=True)
+    }
+    numbers["electrostatic"] = {
+        "contact_gap": trial.contact_gap / UM,
+        "leak": contacts.leak * PER_OHM,
+        "contact": contacts.contact * PER_OHM,
+        "plate_contact": contacts.plate_contact * PER_OHM,
+        "oxide": contacts.oxide / UM,
+        "breakdown": contacts.breakdown * UM,
+    }
     return {(instance, name): value for instance, values in numbers.items() for name, value in values.items()}
 
 

@@ -32,8 +32,6 @@ class Release(NamedTuple):
     """Whether the state became infinite or nan."""
     hung: Bool[np.ndarray, "B"]
     """Whether it hung at the tool as the ramp began; otherwise it had fallen."""
-    duration: Float[np.ndarray, "B"]
-    """Time until nothing more was to happen [s]."""
 
 
 class Attempt(NamedTuple):
@@ -58,7 +56,6 @@ def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, to_the_end
         to_the_end: follow also those that bounce until they lie still.
     """
     ramp = _Ramp(bench, protocol, held, protocol.ramp_rate, protocol.release_limit, gap)
-    duration = np.zeros(len(held))
     left_at, landed_at = np.full(len(held), np.inf), np.full(len(held), np.inf)
     voltage, speed = np.full(len(held), np.nan), np.full(len(held), np.nan)
     stays, moved_at, freed_at = np.zeros(len(held), bool), np.zeros(len(held)), np.full(len(held), np.inf)
@@ -82,12 +79,11 @@ def release(bench: Bench, protocol: Protocol, held: Mask, gap: float, to_the_end
         bounces = np.isfinite(landed_at) & ramp.is_off(freed_at) & (reach < gap / 2)
         stays |= bounces & ramp.active
         over = is_still | (bounces & (not to_the_end)) | (ramp.now > left_at + protocol.flight_limit)
-        duration = np.where(ramp.active, ramp.now, duration)
         ramp.finish(over | (np.isinf(left_at) & ramp.at_limit))
     landed = np.isfinite(landed_at)
     flight = np.full(len(held), np.nan)
     np.subtract(landed_at, left_at, out=flight, where=landed)
-    return Release(voltage, flight, speed, stays & landed, ramp.faulty, held, duration)
+    return Release(voltage, flight, speed, stays & landed, ramp.faulty, held)
 
 
 def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:

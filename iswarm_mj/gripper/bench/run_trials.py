@@ -54,12 +54,6 @@ class Outcomes(NamedTuple):
     """By the gap to the tool [m]."""
     timestep: float
     """[s]"""
-    steps: int
-    """Physics steps, summed over the trials."""
-
-
-BenchMaker = Callable[[Sequence[Trial], float], Bench]
-"""Trials and the initial gap between tool and ball [m] -> benches."""
 
 
 def run_trials(
@@ -93,12 +87,11 @@ def run_trials(
         {gap: _joined([part.release[gap] for part in parts]) for gap in gaps.release},
         {gap: _joined([part.no_contact[gap] for part in parts]) for gap in gaps.no_contact},
         parts[0].timestep,
-        sum(part.steps for part in parts),
     )
 
 
-def bench_maker(engine: EngineChoice) -> BenchMaker:
-    """Constructor of benches in an engine.
+def bench_maker(engine: EngineChoice) -> Callable[[Sequence[Trial], float], Bench]:
+    """Constructor of benches in an engine, from trials and the initial gap between tool and ball [m].
 
     Raises:
         ConfigError: unknown engine.
@@ -114,7 +107,9 @@ def bench_maker(engine: EngineChoice) -> BenchMaker:
     raise ConfigError("engine", engine.name, "mujoco or mjx")
 
 
-def _run(make: BenchMaker, trials: Sequence[Trial], protocol: Protocol, gaps: Gaps) -> Outcomes:
+def _run(
+    make: Callable[[Sequence[Trial], float], Bench], trials: Sequence[Trial], protocol: Protocol, gaps: Gaps
+) -> Outcomes:
     bench, count = make(trials, protocol.start_gap), len(trials)
     start = bench.save()
     attempts = {}
@@ -129,7 +124,7 @@ def _run(make: BenchMaker, trials: Sequence[Trial], protocol: Protocol, gaps: Ga
         bench.restore(lifted)
         hung = hang(bench, protocol, gap, held)
         releases[gap] = release(bench, protocol, held & hung, gap)
-    return Outcomes(grasp, releases, attempts, bench.timestep, bench.steps)
+    return Outcomes(grasp, releases, attempts, bench.timestep)
 
 
 def _joined(parts):

@@ -1,18 +1,15 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
 import math
-from collections.abc import Callable
 from functools import cache
 from threading import Lock
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench.base import Move
+from iswarm_mj.gripper.bench.contact_log import joined
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.film import joined
 from iswarm_mj.gripper.bench.leaps import fly, hang, is_below
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
@@ -36,14 +33,8 @@ _LEAVES, _FALLS, _HITS = 0.08e-3, 0.08e-3, 0.03e-3
 """Physics that is filmed at once: of a ball about to leave, one that falls, one about to touch plate or tool [s]."""
 
 
-class Found(NamedTuple):
-    """Outcomes of n trials."""
-
-    succeeded: Bool[np.ndarray, "n"]
-    duration: Float[np.ndarray, "n"]
-    """[s]"""
-    impact: Float[np.ndarray, "n"]
-    """[m/s]; 0 where nothing lands."""
+_IN_USE = Lock()
+"""Trials are made one after the other."""
 
 
 @cache
@@ -52,44 +43,30 @@ def _bench() -> MujocoBench:
     return MujocoBench([Trial(20e-6, 0.0, 0.0)], PROTOCOL.start_gap, threads=1, timestep=TIMESTEP)
 
 
-_IN_USE = Lock()
-"""Trials are made one after the other."""
-
-
-def lift(trials: list[Trial], voltage: Float[np.ndarray, "n"]) -> Found:
-    """Touch, raise the voltage, retract, switch off: whether balls hang then, whose charge may leave them."""
-    return _each(trials, voltage, None, lambda bench, volts: (*lift_on(bench, volts), 0.0))
-
-
-def drop(trials: list[Trial], voltage: Float[np.ndarray, "n"], gap: float) -> Found:
-    """Raise the voltage on hanging, uncharged balls and cut it when they have left: whether they stay on the plate."""
-    return _each(trials, voltage, gap, lambda bench, volts: drop_on(bench, volts, gap))
-
-
-def _each(
-    trials: list[Trial],
-    voltage: Float[np.ndarray, "n"],
-    hanging: float | None,
-    run: Callable[[MujocoBench, float], tuple[bool, float, float]],
-) -> Found:
-    """Outcomes of a run of each trial at its voltage."""
-    rows = []
+def attempted(trial: Trial, voltage: float, gap: float | None) -> tuple[bool, float, float]:
+    """Outcome of one attempt, see `lift_on` for a gap of None and `drop_on` for that of a release."""
     with _IN_USE:
-        for trial, volts in zip(trials, voltage.tolist(), strict=True):
-            _bench().place(trial, PROTOCOL.start_gap, hanging)
-            rows.append(run(_bench(), volts))
-    return Found(*map(np.array, zip(*rows, strict=True)))
+        _bench().place(trial, PROTOCOL.start_gap, gap)
+        return lift_on(_bench(), voltage) if gap is None else drop_on(_bench(), voltage, gap)
 
 
-def lift_on(bench: MujocoBench, voltage: float) -> tuple[bool, float]:
-    """Whether a ball on a new bench hangs in the end, and how long that took [s]."""
+def lift_on(bench: MujocoBench, voltage: float) -> tuple[bool, float, float]:
+    """Touch, raise the voltage, retract, switch off: whether a ball on a new bench hangs then.
+
+    Returns:
+        Whether it does, how long that took [s], and 0, since nothing landed.
+    """
     p = PROTOCOL
     watch = bench.moves([*touching(p), *lifting(p, voltage)], round(PRESSED / bench.timestep) if is_below(bench) else 0)
-    return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep
+    return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep, 0.0
 
 
 def drop_on(bench: MujocoBench, voltage: float, gap: float) -> tuple[bool, float, float]:
-    """Whether a ball that hangs on a new bench stays, how long that took [s], and the speed of its landing [m/s]."""
+    """Raise the voltage on a hanging, uncharged ball and cut it when it has left: whether it stays on the plate.
+
+    Returns:
+        Whether it does, how long that took [s], and the speed of its landing [m/s], 0 if there is none.
+    """
     p = PROTOCOL
     bench.moves([Move("rise", p.rise_time, gap, voltage)])
     time = p.rise_time + hang(bench, "wait", voltage, RELEASE_LIMIT - p.rise_time)
@@ -159,26 +136,16 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
         attempts: what is tried; the works of adhesion are those at the air's humidity.
     """
     shape = attempts.lifts.shape
-    succeeded, numbers = np.zeros((2, *shape), bool), np.zeros((2, *shape), np.float32)
-    for k, chosen in enumerate((attempts.lifts, attempts.releases)):
-        where = np.nonzero(chosen)
-        if not len(where[0]):
-            continue
-        columns = np.stack([np.broadcast_to(values, shape)[where].astype(float) for values in attempts[2:]], axis=1)
-        rows, same = _unique(columns)  # worlds that only fill up a batch are copies
-        trials = [
-            Trial(radius, tool, floor, 10.0, misalignment=miss)  # whose factor of humidity is 1
-            for _, radius, tool, floor, miss in rows.tolist()
-        ]
-        found = lift(trials, rows[:, 0]) if k == 0 else drop(trials, rows[:, 0], gap)
-        succeeded[k][where] = found.succeeded[same]
-        numbers[0][where], numbers[1][where] = found.duration[same], found.impact[same]
-    return Outcomes(succeeded[0], succeeded[1], np.zeros(shape, bool), numbers[0], numbers[1])
-
-
-def _unique(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Different rows, and which of them each row is."""
-    if len(rows) == 1:
-        return rows, np.zeros(1, int)
-    found, which = np.unique(rows, axis=0, return_inverse=True)
-    return found, which.ravel()
+    found = Outcomes(*(np.zeros(shape, kind) for kind in (bool, bool, bool, np.float32, np.float32)))
+    numbers = [np.broadcast_to(values, shape) for values in attempts[2:]]
+    known: dict[tuple[float, ...], tuple[bool, float, float]] = {}  # worlds that only fill up a batch are copies
+    for place in zip(*np.nonzero(np.asarray(attempts.lifts | attempts.releases)), strict=True):
+        is_lift = bool(attempts.lifts[place])
+        row = is_lift, *(float(values[place]) for values in numbers)
+        if row not in known:
+            _, voltage, radius, tool, floor, miss = row
+            trial = Trial(radius, tool, floor, 10.0, misalignment=miss)  # whose factor of humidity is 1
+            known[row] = attempted(trial, voltage, None if is_lift else gap)
+        succeeded, found.duration[place], found.impact[place] = known[row]
+        (found.lifted if is_lift else found.released)[place] = succeeded
+    return found

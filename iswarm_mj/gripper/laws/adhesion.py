@@ -2,7 +2,7 @@
 
 import math
 
-from iswarm_mj.utils.arrays import Quantity, array_module
+from iswarm_mj.utils.arrays import Quantity
 
 
 def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
@@ -35,28 +35,6 @@ def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
         Force to separate them, positive [N].
     """
     return 2 * math.pi * radius * work
-
-
-def tabor_parameter(
-    radius: Quantity, work: Quantity, reduced_modulus: Quantity, equilibrium_separation: Quantity
-) -> Quantity:
-    """Tabor parameter mu = (R W^2 / (E*^2 z0^3))^(1/3), elastic stretch over the range of adhesion.
-
-    Source: Tabor 1977. Small: DMT; large: JKR. The Maugis parameter is lambda = 1.157 mu.
-
-    Args:
-        radius: radius of the sphere [m].
-        work: work of adhesion [J/m^2].
-        reduced_modulus: E*, with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 [Pa].
-        equilibrium_separation: z0, distance of the surfaces in equilibrium, 0.16-0.4 nm [m].
-
-    Returns:
-        mu, a pure number.
-    """
-    xp = array_module(radius, work, reduced_modulus, equilibrium_separation)
-    # Grouped so that no factor leaves the range of float32.
-    stretch = work / (reduced_modulus * equilibrium_separation)
-    return xp.cbrt(radius / equilibrium_separation * stretch**2)
 
 
 def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Quantity:

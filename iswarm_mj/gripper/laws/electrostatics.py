@@ -1,14 +1,10 @@
 """Electrostatic force on a conducting sphere: alone above a plane, and between a plane and a probe."""
 
 import math
-from typing import Literal
 
 from iswarm_mj.gripper.laws.probe_table import probe_factor
 from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Quantity
-from iswarm_mj.utils.errors import UserError
-
-Model = Literal["boundary_elements", "asymptotic"]
 
 
 def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quantity:
@@ -27,51 +23,37 @@ def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quan
     return math.pi * VACUUM_PERMITTIVITY * voltage**2 * (radius / gap)
 
 
-def release_force(
-    voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model = "boundary_elements"
-) -> Quantity:
+def release_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
     """Force towards the plane on a sphere that touches a probe, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
 
     Source: f from boundary elements (sphere and probe at V, plane at 0, probe 20 R long), through
-    `probe_table`, whose range is the validity; "asymptotic" takes f = 1, Eq. 2.
+    `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
 
     Args:
         voltage: between probe and plane [V].
         gap: sphere to plane, D [m].
         radius: radius of the sphere, R [m].
         probe_radius: radius of the cylindrical probe, R_m [m].
-        model: "boundary_elements" or "asymptotic".
 
     Returns:
         Force towards the plane, positive [N].
     """
-    return _shape("release", gap, radius, probe_radius, model) * asymptotic_force(voltage, gap, radius)
+    return probe_factor("release", gap / radius, probe_radius / radius) * asymptotic_force(voltage, gap, radius)
 
 
-def pick_force(
-    voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model = "boundary_elements"
-) -> Quantity:
+def pick_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
     """Force towards a probe on a sphere that lies on the plane, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
 
     Source: f from boundary elements (probe at V, sphere and plane at 0, probe 20 R long), through
-    `probe_table`, whose range is the validity; "asymptotic" takes f = 1, Eq. 2.
+    `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
 
     Args:
         voltage: between probe and plane [V].
         gap: probe to sphere, D [m].
         radius: radius of the sphere, R [m].
         probe_radius: radius of the cylindrical probe, R_m [m].
-        model: "boundary_elements" or "asymptotic".
 
     Returns:
         Force towards the probe, positive [N].
     """
-    return _shape("pick", gap, radius, probe_radius, model) * asymptotic_force(voltage, gap, radius)
-
-
-def _shape(task: str, gap: Quantity, radius: Quantity, probe_radius: Quantity, model: Model) -> Quantity:
-    if model == "asymptotic":
-        return 1.0
-    if model == "boundary_elements":
-        return probe_factor(task, gap / radius, probe_radius / radius)
-    raise UserError(f'The force model {model!r} is unknown; give "boundary_elements" or "asymptotic".')
+    return probe_factor("pick", gap / radius, probe_radius / radius) * asymptotic_force(voltage, gap, radius)

@@ -61,7 +61,7 @@ def _check(name: str, ratio: Quantity, exponents: np.ndarray) -> None:
     if bad.size:
         raise UserError(
             f"The {name} is {bad.flat[0]:.4g}, outside the table's {low:.4g} to {high:.4g}; "
-            'change the gap or the radii, or use model="asymptotic" for gaps far below the radii.'
+            "change the gap or the radii, or use `asymptotic_force` for gaps far below the radii."
         )
 
 

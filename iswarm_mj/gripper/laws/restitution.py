@@ -55,11 +55,3 @@ def plastic_ratio(share: Quantity) -> Quantity:
     square = share * share
     ratio = share / (share + 2 * ((6 - square) / 5) ** 0.5)
     return (6 * 3**0.5 / 5) ** 0.5 * (1 - square / 6) ** 0.5 * ratio**0.25
-
-
-def capture_restitution(speed: Quantity, sticks_at: Quantity) -> Quantity:
-    """Greatest restitution e_p with which a ball stays at its first impact, v_s / v, under a field that pulls it away.
-
-    Source: `contact.rebound_ratio`.
-    """
-    return sticks_at / speed

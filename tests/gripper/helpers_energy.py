@@ -64,13 +64,8 @@ def energy_balance(trace: Trace, trial: Trial) -> EnergyBalance:
 
     Args:
         trace: every physics step of the trial.
-        trial: its conduction and its effective gap.
-
-    Raises:
-        ValueError: the ball is no part of a circuit, `leak` is zero; then charge appears where it is needed.
+        trial: its conduction, a circuit, and its effective gap.
     """
-    if trial.contacts.leak == 0:
-        raise ValueError(f"`leak` was {trial.contacts.leak:g} Ohm; books need a circuit: give more than 0.")
     least = trial.contact_gap
     sizes = trial.radius, trial.probe_radius
     above = np.asarray(capacitance("pick", trace.gap_tool, *sizes, least))

@@ -22,7 +22,7 @@ from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
 
-PROBE = jnp.array([0.9, 0.0])
+PROBE, DUMP = jnp.array([0.9, 0.0]), 5 * RD
 GRIPPER = GripperConfig(spread_tool_object=0.0, spread_object_substrate=0.0)
 """Whose attempts are alike."""
 KEY = jax.random.key(0)
@@ -66,10 +66,14 @@ def _attempts(random, lifts, voltage, radius, works):
 
 def step(gripper, balls, poses, falls=False, key=KEY, **kwargs):
     """One step of the hands of robots at rows of x, y, heading [deg]; whether all balls that are held fall."""
-    poses = jnp.asarray(place(*poses), jnp.float32)
+    poses, falls = jnp.asarray(place(*poses), jnp.float32), jnp.full(len(balls.radius), falls)
+    return handled(gripper, balls, poses, jnp.ones(len(poses), bool), falls, key, **kwargs)
+
+
+def handled(gripper, balls, poses, picks, falls, key, **kwargs):
+    """One step of the hands: the balls, and who lifted in vain."""
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
-    view = sense(poses, tips, balls.position, balls.is_lying, 5 * RD, 0.75 * RD)
-    picks, falls = jnp.ones(len(poses), bool), jnp.full(len(balls.radius), falls)
+    view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
     conditions = conditions_of(SwarmConfig(gripper=gripper))
     return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, **kwargs)
