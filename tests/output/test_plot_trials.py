@@ -8,7 +8,7 @@ import pytest
 from helpers_trace import SCRIPT, bench_trace
 
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
-from iswarm_mj.output import plot_trials, plot_voltages
+from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.output.plot_trials import draw_figures, draw_trace
 
@@ -26,8 +26,7 @@ def shown(monkeypatch):
             _, axes[path.name] = blank(**more)
             yield axes[path.name]
 
-    for module in (plot_trials, plot_voltages):
-        monkeypatch.setattr(module, "figure", unwritten)
+    monkeypatch.setattr(plot_trials, "figure", unwritten)
     return axes
 
 
