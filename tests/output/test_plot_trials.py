@@ -101,16 +101,6 @@ def test_grasp_at_10_percent(tmp_path, shown):
     assert 0 <= low < 20 and high > 30
 
 
-def test_what_was_fitted_is_told(tmp_path, shown):
-    rows = make_rows("grasp") + make_rows("release") + [make_row("no_contact")]
-    draw_figures(rows, {}, tmp_path)
-    told = {name: caption(axes[0]) for name, axes in shown.items()}
-    assert told.keys() == {"grasp_voltage", "release_voltage", "no_contact"}
-    assert all("Fitted: " in text for text in told.values())
-    assert "n = 2 trials at each radius and humidity" in told["grasp_voltage"]
-    assert "Not fitted: that the radius" in told["grasp_voltage"] and "radius" in told["release_voltage"]
-
-
 def test_force_laws(tmp_path, shown):
     """Of the calibration, and of another one that the settings tell."""
     rows = make_rows("grasp") + make_rows("release")

@@ -13,7 +13,7 @@ from helpers_recorded import write_run
 from iswarm_mj.commands.main import main
 from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT
 from iswarm_mj.output.render import render
-from iswarm_mj.output.stage import Shot, recorded
+from iswarm_mj.output.stage import Shot
 from iswarm_mj.utils.errors import UserError
 
 N = 330
@@ -75,11 +75,6 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
     for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, size))):
         found = of_colour(pixels, colour)
         assert found[rows].sum() > 0.7 * found.sum() > 500
-
-
-def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"holds neither result\.json nor trajectory\.npz; give the --out of a run"):
-        recorded(tmp_path)
 
 
 def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):

@@ -68,28 +68,18 @@ def test_balls(run):
         np.testing.assert_array_equal(classes, frames.ball_state + 10)
 
 
-def test_links_reach_from_receiver_to_sender(run):
-    _, frames, recorded = run
-    for t, strips in enumerate(recorded["/world/links"]["LineStrips3D:strips"]):
-        wanted = [
-            (frames.pose[t, i, :2], frames.pose[t, frames.link_sender[t, i, s], :2])
-            for i, s in zip(*np.nonzero(frames.link_valid[t]), strict=True)
-        ]
-        assert len(strips) == len(wanted)
-        if wanted:
-            np.testing.assert_allclose(np.array(strips)[..., :2], 1e3 * np.array(wanted), atol=1e-3)
-
-
-def test_links_name_their_ends(run):
+def test_links_reach_from_receiver_to_sender_and_name_them(run):
     _, frames, recorded = run
     links = recorded["/world/links"]
     for t, valid in enumerate(frames.link_valid):
-        assert links["receiver"][t] == np.nonzero(valid)[0].tolist()
-        assert links["sender"][t] == frames.link_sender[t][valid].tolist()
-        assert links["side"][t] == np.nonzero(valid)[1].tolist()
-        assert links["led"][t] == frames.link_led[t][valid].tolist()
-        assert links["is_heard"][t] == frames.link_heard[t][valid].tolist()
-        assert links["LineStrips3D:class_ids"][t] == [20 + heard for heard in links["is_heard"][t]]
+        receiver, side = np.nonzero(valid)
+        sender, ends = frames.link_sender[t][valid], 1e3 * frames.pose[t, :, :2]
+        wanted = {"receiver": receiver, "side": side, "sender": sender, "led": frames.link_led[t][valid]}
+        wanted["is_heard"] = frames.link_heard[t][valid]
+        wanted["LineStrips3D:class_ids"] = 20 + wanted["is_heard"]
+        assert {name: links[name][t] for name in wanted} == {name: of.tolist() for name, of in wanted.items()}
+        strips = np.reshape(links["LineStrips3D:strips"][t], (-1, 2, 3))
+        np.testing.assert_allclose(strips[..., :2], np.stack([ends[receiver], ends[sender]], axis=1), atol=1e-3)
 
 
 def test_balls_trails_and_arrows_name_their_robots(run):

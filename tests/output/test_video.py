@@ -55,11 +55,6 @@ def test_robots_go_straight_between_two_steps():
     assert interpolated(values, 2, 0.0).tolist() == [[5, 4]]
 
 
-def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"holds neither result\.json nor trajectory\.npz; give the --out of a run"):
-        write_video(tmp_path, tmp_path / "a.mp4", Film())
-
-
 @pytest.mark.parametrize(
     "flags, said",
     [
