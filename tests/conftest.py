@@ -54,6 +54,7 @@ CHECKED = [
         "experiments.analysis.statistics",
         "output.frames",
         "output.plot_swarm",
+        "output.rerun_shapes",
         "output.rerun_swarm",
         "output.rerun_trial",
     )

@@ -5,7 +5,10 @@ import subprocess
 import sys
 from functools import cache
 
+import numpy as np
 import pytest
+
+from iswarm_mj.output.palette import rgb
 
 
 @cache
@@ -17,3 +20,10 @@ def has_off_screen_opengl():
 
 
 needs_opengl = pytest.mark.skipif(not has_off_screen_opengl(), reason="no off-screen OpenGL")
+
+
+def of_colour(pixels, colour):
+    """Which pixels (..., 3) have a colour, whatever the light."""
+    wanted = np.array(rgb(colour), float)
+    lengths = np.linalg.norm(pixels, axis=-1)
+    return (pixels @ wanted > 0.98 * lengths * np.linalg.norm(wanted)) & (lengths > 90)

@@ -4,7 +4,7 @@ import numpy as np
 
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.schema import ARRAYS, Frames, axes_of, dtype_of
+from iswarm_mj.output.schema import ARRAYS, Frames, dtype_of
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.strategy.vector_strategy import payload_for
 
@@ -32,91 +32,50 @@ def make_scene(n_robots=40, n_balls=12):
 
 
 def make_frames(scene, n_frames=50, seed=0):
-    """Random walks: robots load in the dust areas, head for the dump, and drop their ball there."""
-    rng, more = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    n, k = len(scene.is_scout), len(scene.ball_radius)
+    """Random walks; robots carry a ball now and then, hear each other, and learn and forget where dust and dump are."""
+    rng, (n, k) = np.random.default_rng(seed), (len(scene.is_scout), len(scene.ball_radius))
+    sizes, steps = {"T": n_frames, "N": n, "K": k, "S": 4}, np.arange(n_frames)[:, None]
+    shapes = {
+        name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
+        for name, f in ARRAYS.items()
+    }
+    yaw = rng.uniform(-np.pi, np.pi, n) + np.cumsum(rng.normal(0, 0.35, (n_frames, n)), axis=0)
+    way = np.cumsum(0.4e-3 * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1), axis=0)
     half = scene.arena_size / 2 - 2e-3
-    areas = np.asarray(scene.dust_areas)
-    area = rng.integers(len(areas), size=k)
-    balls = np.column_stack([rng.uniform(areas[area, :2], areas[area, 2:]), np.full(k, 20e-6)])
-    side = int(np.ceil(np.sqrt(n)))
-    grid = np.stack(np.meshgrid(*[np.linspace(-half, half, side)] * 2), -1).reshape(-1, 2)
-    xy = grid[rng.permutation(side**2)[:n]].copy()
-    yaw = rng.uniform(-np.pi, np.pi, n)
-    ball_of, state = np.full(n, -1), np.zeros(k, np.uint8)
-    knows = np.zeros((2, n), bool)
-    middles = (areas[:, :2] + areas[:, 2:]) / 2
-    picked = collisions = 0
-    blocks = []
-    for step in range(n_frames):
-        goal = np.where((np.arange(n) % 2)[:, None] > 0, middles[0], middles[-1])
-        if step:
-            loaded = ball_of >= 0
-            aim = np.where(loaded[:, None], -xy, goal - xy)
-            follow = loaded | (knows[0] & ~scene.is_scout & (rng.random(n) < 0.4))
-            yaw = np.where(follow, np.arctan2(aim[:, 1], aim[:, 0]), yaw) + rng.normal(0, 0.35, n)
-            moved = xy + 0.4e-3 * np.stack([np.cos(yaw), np.sin(yaw)], -1)
-            gap = np.linalg.norm(moved[:, None] - moved[None], axis=-1) + 1e3 * np.eye(n)
-            near = (gap < 2.4e-3) & (gap < np.linalg.norm(xy[:, None] - xy[None], axis=-1))
-            blocked = (near & (rng.random((n, n)) < 0.9)).any(1) | (np.abs(moved) > half).any(1)
-            xy = np.where(blocked[:, None], xy, moved)
-            yaw = np.where(blocked, yaw + rng.normal(0, 1.5, n), yaw)
-            collisions += int(near.sum() * 0.05)
-            for i in np.flatnonzero(~loaded & ~scene.is_scout):
-                reach = np.linalg.norm(balls[:, :2] - xy[i], axis=1) + 9.0 * (state != 0)
-                j = int(np.argmin(reach))
-                if reach[j] < 1.2e-3:
-                    ball_of[i], state[j], picked = j, 1, picked + 1
-            for i in np.flatnonzero(ball_of >= 0):
-                balls[ball_of[i], :2] = xy[i]
-                if np.abs(xy[i]).max() < 6e-3:
-                    state[ball_of[i]], ball_of[i] = 2, -1
-        distance = np.linalg.norm(xy[:, None] - xy[None], axis=-1) + 9 * np.eye(n)
-        nearest = np.argsort(distance, axis=1)[:, :4]
-        valid = (np.take_along_axis(distance, nearest, 1) < 7e-3) & (rng.random((n, 4)) < 0.3)
-        knows |= (valid & (rng.random((n, 4)) < 0.15)).any(1) & (rng.random((2, n)) < 0.8)
-        knows &= rng.random((2, n)) > 0.02
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        body = []
-        for (dx, dy), known in zip(((goal - xy).T, -xy.T), knows, strict=True):
-            vector = np.stack([cos * dx + sin * dy, -sin * dx + cos * dy], -1)
-            body.append(np.where(known[:, None], vector, np.nan))
-        one = {
-            "step": np.int32(step),
-            "pose": np.column_stack([xy, yaw]).astype(np.float32),
-            "is_running": np.bool_(True),
-            "message": more.integers(2**32, size=n, dtype=np.uint32),
-            "command": more.normal(0, [0.5, 1e-3], (n, 2)).astype(np.float32),
-            "is_loaded": ball_of >= 0,
-            "has_priority": (ball_of >= 0) & (np.arange(n) % 3 > 0),
-            "ball_position": balls.astype(np.float32),
-            "ball_state": state.copy(),
-            "link_sender": np.where(valid, nearest, -1).astype(np.int16),
-            "link_valid": valid,
-            "link_led": more.integers(4, size=(n, 4), dtype=np.uint8),
-            "link_bearing": more.normal(size=(n, 4)).astype(np.float32),
-            "link_distance": more.random((n, 4), np.float32),
-            "link_heard": valid & (more.random((n, 4)) < 0.8),
-            "ball_holder": np.zeros(k, np.int16),
-            "delivered": np.int32((state == 2).sum()),
-            "picked": np.int32(picked),
-            "collisions": np.int32(collisions),
-            "mean_speed": np.float32(0.9e-3 + 1e-4 * rng.normal()),
-        }
-        memory = {
-            "dust_vector": body[0].astype(np.float32),
-            "dust_known": knows[0].copy(),
-            "dump_vector": body[1].astype(np.float32),
-            "dump_known": knows[1].copy(),
-            "dust_hop": more.integers(15, size=n),
-            "dump_hop": more.integers(15, size=n),
-        }
-        sizes = {"N": n, "K": k, "S": 4}
-        for name in ARRAYS.keys() - one.keys():
-            one[name] = np.zeros([sizes[axis] for axis in axes_of(name)[1:]], dtype_of(name))
-        many = {name: value[None] for name, value in one.items()}
-        blocks.append(Frames(**many, memory={name: value[None] for name, value in memory.items()}))
-    return joined(blocks)
+    xy = np.clip(rng.uniform(-half, half, (n, 2)) + way, -half, half)
+    holder = np.arange(k) % n
+    is_held = (steps + 7 * np.arange(k)) % 40 > 25
+    is_loaded = np.zeros((n_frames, n), bool)
+    is_loaded[:, holder] = is_held
+    balls = np.concatenate([np.where(is_held[..., None], xy[:, holder], 5e-3), np.full((n_frames, k, 1), 20e-6)], -1)
+    valid = rng.random((n_frames, n, 4)) < 0.1
+    known = {name: (steps + 11 * np.arange(n) + 5 * m) % 30 > 12 for m, name in enumerate(("dust", "dump"))}
+    made = {
+        "step": steps[:, 0],
+        "pose": np.concatenate([xy, yaw[..., None]], axis=-1),
+        "is_running": np.ones(n_frames, bool),
+        "message": rng.integers(2**32, size=(n_frames, n), dtype=np.uint32),
+        "command": rng.normal(0, [0.5, 1e-3], (n_frames, n, 2)),
+        "is_loaded": is_loaded,
+        "has_priority": is_loaded & (np.arange(n) % 3 > 0),
+        "ball_position": balls,
+        "ball_state": is_held,
+        "ball_holder": np.tile(holder, (n_frames, 1)),
+        "link_sender": np.where(valid, rng.integers(n, size=valid.shape), -1),
+        "link_valid": valid,
+        "link_led": rng.integers(4, size=valid.shape),
+        "link_heard": valid & (rng.random(valid.shape) < 0.8),
+        "picked": np.cumsum(rng.integers(2, size=n_frames)),
+        "delivered": steps[:, 0] // 3,
+        "collisions": np.cumsum(rng.integers(3, size=n_frames)),
+        "mean_speed": rng.uniform(0.8e-3, 1e-3, n_frames),
+    }
+    memory = {f"{name}_known": flags for name, flags in known.items()}
+    for name, flags in known.items():
+        vector = np.where(flags[..., None], rng.normal(0, 0.02, (n_frames, n, 2)), np.nan)
+        memory |= {f"{name}_vector": vector.astype(np.float32), f"{name}_hop": rng.integers(15, size=(n_frames, n))}
+    zero = {name: np.zeros(shape) for name, shape in shapes.items()}
+    return Frames(**{name: values.astype(dtype_of(name)) for name, values in (zero | made).items()}, memory=memory)
 
 
 def joined(blocks):

@@ -9,18 +9,35 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iswarm_mj.envs.env import Env
-    from iswarm_mj.envs.interfaces import parallel_env, single_env, vector_env
+    from iswarm_mj.envs.gymnasium import SwarmEnv as single_env
+    from iswarm_mj.envs.gymnasium import SwarmVectorEnv as vector_env
     from iswarm_mj.envs.make import make_env
+    from iswarm_mj.envs.pettingzoo import SwarmParallelEnv as parallel_env
     from iswarm_mj.envs.state import State
 
 __all__ = ["Env", "State", "make_env", "parallel_env", "single_env", "vector_env"]
 
-_ADAPTED = dict.fromkeys(("parallel_env", "single_env", "vector_env"), "interfaces")
-_HOMES = {"Env": "env", "State": "state", "make_env": "make", **_ADAPTED}
+_HOMES = {
+    "Env": ("env", "Env"),
+    "State": ("state", "State"),
+    "make_env": ("make", "make_env"),
+    "parallel_env": ("pettingzoo", "SwarmParallelEnv"),
+    "single_env": ("gymnasium", "SwarmEnv"),
+    "vector_env": ("gymnasium", "SwarmVectorEnv"),
+}
 
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    module, own = _HOMES[name]
+    try:
+        return getattr(import_module(f"{__name__}.{module}"), own)
+    except ModuleNotFoundError as error:
+        from iswarm_mj.utils.errors import UserError
+
+        package = (error.name or "").partition(".")[0]
+        if package not in ("pettingzoo", "gymnasium"):
+            raise
+        raise UserError(f"this environment needs the package {package}; run pip install 'iswarm-mj[marl]'") from None

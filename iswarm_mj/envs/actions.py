@@ -18,30 +18,32 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 
+_SAY = "say_"
+
 
 def rows(config: SwarmConfig, payload: Payload) -> list[Row]:
     """Return what actions consist of; their bounds -1 and 1 stand for what the descriptions say."""
-    drive = config.drive
-    motion = [
-        Row("turn", 1, "", -1, 1, f"{drive.max_turn:g} deg, anticlockwise"),
-        Row("forward", 1, "", -1, 1, f"{config.step_length:g} rd, after the turn"),
-    ]
-    return motion + [Row(f"say_{name}", _size(field), "", -1, 1, _meaning(field)) for name, field in payload.fields]
+    turn, step = config.drive.max_turn, config.step_length
+    motion = {
+        "turn": (1, f"{turn:g} deg, anticlockwise", lambda x: x[:, 0] * math.radians(turn)),
+        "forward": (1, f"{step:g} rd, after the turn", lambda x: x[:, 0] * mm_from_rd(step)),
+    }
+    said = {f"{_SAY}{name}": _said(field) for name, field in payload.fields}
+    return [Row(name, n, "", -1, 1, text, convert) for name, (n, text, convert) in (motion | said).items()]
 
 
-def decode(config: SwarmConfig, payload: Payload, action: Float[Array, "N A"]) -> tuple[Command, dict[str, Any], Array]:
+def decode(table: list[Row], action: Float[Array, "N A"]) -> tuple[Command, dict[str, Any], Array]:
     """Return what robots do and say, and which robots (N,) are given numbers that are not finite.
 
     Args:
-        config: limits of the drive.
-        payload: what messages carry.
+        table: see `rows`.
         action: beyond -1 and 1 as there.
     """
     is_bad = ~jnp.isfinite(action).all(axis=-1)
-    parts = split(rows(config, payload), jnp.clip(jnp.where(is_bad[:, None], 0.0, action), -1.0, 1.0))
-    largest, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
-    command = Command(parts["turn"][:, 0] * largest, parts["forward"][:, 0] * step)
-    return command, {name: _value(field, parts[f"say_{name}"]) for name, field in payload.fields}, is_bad
+    parts = split(table, jnp.clip(jnp.where(is_bad[:, None], 0.0, action), -1.0, 1.0))
+    values = {row.name: row.convert(parts[row.name]) for row in table}
+    command = Command(values.pop("turn"), values.pop("forward"))
+    return command, {name.removeprefix(_SAY): value for name, value in values.items()}, is_bad
 
 
 def silence(payload: Payload, n_robots: int) -> dict[str, Any]:
@@ -67,38 +69,25 @@ def checked(action: Any, shape: tuple[int, ...]) -> Array:
     return values.astype(np.float32)
 
 
-def _size(field: Field) -> int:
-    return 4 if isinstance(field, Vector) else 1
-
-
-def _meaning(field: Field) -> str:
+def _said(field: Field) -> tuple[int, str, Any]:
+    """Of a field: how many numbers from -1 to 1 it takes, what they mean, and its value from numbers (N, K)."""
     match field:
         case Flag():
-            return "yes, above 0"
+            return 1, "yes, above 0", lambda x: x[:, 0] > 0
         case Integer(bits, low):
-            return f"from {low} to {low + 2**bits - 1}, rounded"
+            last = 2**bits - 1
+            text = f"from {low} to {low + last}, rounded"
+            return 1, text, lambda x: jnp.round((x[:, 0] + 1) / 2 * last).astype(jnp.int32) + low
         case Real(low, high, _, unit):
-            return f"from {low:g} to {high:g} {unit}".rstrip()
+            text = f"from {low:g} to {high:g} {unit}".rstrip()
+            return 1, text, lambda x: low + (x[:, 0] + 1) / 2 * (high - low)
         case Bearing():
-            return "half a turn, anticlockwise"
-        case Vector(max_range):
-            return (
-                f"there is a vector, above 0; ahead and left in {max_range:g} mm; hop count from 0 to {field.max_hop}"
-            )
+            return 1, "half a turn, anticlockwise", lambda x: x[:, 0] * math.pi
+        case Vector(reach):
+            text = f"there is a vector, above 0; ahead and left in {reach:g} mm; hop count from 0 to {field.max_hop}"
 
+            def value(x: Float[Array, "N 4"]) -> VectorMemory:
+                hop = jnp.round((x[:, 3] + 1) / 2 * field.max_hop).astype(jnp.int32)
+                return VectorMemory(x[:, 1:3] * reach, hop, x[:, 0] > 0)
 
-def _value(field: Field, numbers: Float[Array, "N K"]) -> Any:
-    """Value of a field, from numbers between -1 and 1."""
-    first = numbers[:, 0]
-    match field:
-        case Flag():
-            return first > 0
-        case Integer(bits, low):
-            return jnp.round((first + 1) / 2 * (2**bits - 1)).astype(jnp.int32) + low
-        case Real(low, high):
-            return low + (first + 1) / 2 * (high - low)
-        case Bearing():
-            return first * math.pi
-        case Vector(max_range):
-            hop = jnp.round((numbers[:, 3] + 1) / 2 * field.max_hop).astype(jnp.int32)
-            return VectorMemory(numbers[:, 1:3] * max_range, hop, first > 0)
+            return 4, text, value

@@ -1,7 +1,5 @@
-"""What adapters to other interfaces have in common: worlds as arrays; settings, seeds and actions that are refused."""
+"""What adapters to other interfaces have in common: worlds as arrays; seeds and actions that are refused."""
 
-import difflib
-import inspect
 from typing import Any, NamedTuple
 
 import jax
@@ -9,12 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.make import make_env
-from iswarm_mj.envs.observations import bounds
+from iswarm_mj.envs.observations import Row, bounds
 from iswarm_mj.envs.state import State
 from iswarm_mj.utils.constraints import check, is_whole
-from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.errors import UserError
 
 MOST_SEED = 2**32 - 1
 """Keys of JAX take no more bits of a seed."""
@@ -36,7 +33,7 @@ class Outcome(NamedTuple):
 class Worlds:
     """An environment of B worlds as NumPy arrays, on any engine; keys come from a seed, as those of Gymnasium."""
 
-    def __init__(self, n_worlds: int, /, **settings: Any):
+    def __init__(self, n_worlds: int, **settings: Any):
         """Make the environment.
 
         Args:
@@ -44,26 +41,28 @@ class Worlds:
             settings: of `make_env`.
 
         Raises:
-            UserError: there is no such setting, or see `make_env`.
+            UserError: see `make_env`.
         """
-        known = [name for name in inspect.signature(make_env).parameters if name != "n_worlds"]  # adapters give that
-        for name in settings:
-            if name not in known:
-                similar = difflib.get_close_matches(name, known, n=1)
-                remedy = f"perhaps you meant {similar[0]}" if similar else "leave it out"
-                if name in ("n_worlds", "num_envs"):
-                    remedy = "for many worlds call vector_env with num_envs"
-                raise UserError(f"settings must be among {', '.join(known)} (got {shown(name)}); {remedy}")
-        self.env: Env = make_env(n_worlds=n_worlds, **settings)
+        self.env = env = make_env(n_worlds=n_worlds, **settings)
         self.n_worlds, self._rng = n_worlds, np.random.default_rng()
-        is_mapped = self.env.n_worlds is None
-        self._reset = jax.jit(jax.vmap(self.env.reset)) if is_mapped else self.env.reset
-        self._step = jax.jit(jax.vmap(self.env.step)) if is_mapped else self.env.step
+        self.shape = env.n_robots, env.action_size
+        mapped = (jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step)))
+        self._reset, self._step = mapped if env.n_worlds is None else (env.reset, env.step)
         self._state: State | None = None
 
-    def spaces(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-        """Return the lowest and highest values of a robot's observation (D,) and of its action (A,)."""
-        return bounds(self.env.observations), bounds(self.env.actions)
+    def spaces(self, space: Any, n_robots: int = 0) -> tuple[Any, Any]:
+        """Return boxes of what robots observe and do.
+
+        Args:
+            space: class of the boxes.
+            n_robots: of arrays (N, D) and (N, A); of one robot, (D,) and (A,), if not given.
+        """
+
+        def box(table: list[Row]) -> Any:
+            ends = (np.tile(end, (n_robots, 1)) if n_robots else end for end in bounds(table))
+            return space(*ends, dtype=np.float32)
+
+        return box(self.env.observations), box(self.env.actions)
 
     def reset(self, seed: Any) -> Float[np.ndarray, "B N D"]:
         """Begin episodes, which the seed determines; None draws one.
@@ -75,7 +74,7 @@ class Worlds:
         check("seed", seed, f"a whole number from 0 to {MOST_SEED}, or None for one by chance", is_seed)
         number = int(self._rng.integers(2**31)) if seed is None else int(seed)
         self._state = self._reset(jax.random.split(jax.random.key(number), self.n_worlds))
-        return np.asarray(self._state.obs)
+        return np.array(self._state.obs)
 
     def step(self, action: Any) -> Outcome:
         """Take a step.
@@ -88,7 +87,7 @@ class Worlds:
         """
         if self._state is None:
             raise UserError("step needs an episode; call reset first")
-        values = np.asarray(checked(action, (self.n_worlds, self.env.n_robots, self.env.action_size)))
+        values = np.asarray(checked(action, (self.n_worlds, *self.shape)))
         is_bad = ~(np.abs(values) <= 1.0 + 1e-6)
         if is_bad.any():
             place = tuple(map(int, np.argwhere(is_bad)[0]))
@@ -99,15 +98,3 @@ class Worlds:
         is_finished, fault = found.info["is_finished"], found.info["fault"]
         info = {**found.metrics, "is_finished": is_finished, "fault": fault}
         return Outcome(found.obs, found.reward, is_finished, found.done & ~is_finished, info)
-
-
-def stacked(actions: Any) -> np.ndarray:
-    """Return actions as one array.
-
-    Raises:
-        UserError: their lengths differ.
-    """
-    try:
-        return np.asarray(actions)
-    except ValueError:
-        raise UserError("an action must be an array of numbers (got lists of different lengths)") from None

@@ -94,7 +94,7 @@ class Core:
 
     def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"]) -> Intent:
         """Return what robots do; those of an episode that begins do nothing."""
-        decoded = actions.decode(self.config, self.payload, action)
+        decoded = actions.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).stream(Stream.ACTUATORS)
         conditions, charge = self.params.conditions, data.tool_voltage_squared
@@ -139,7 +139,7 @@ class Core:
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(
             data=Episode(world, data.key, data.next_key, step, waits, charge),
-            obs=observations.encode(self.observations, self.payload, seen.observation),
+            obs=observations.encode(self.observations, seen.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
             done=world.is_finished | is_faulty | self._is_late(step),
             metrics=metrics | {"progress": world.progress, "collisions": world.collisions},

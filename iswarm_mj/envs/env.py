@@ -11,7 +11,6 @@ from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngin
 from iswarm_mj.envs import observations
 from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.core import Core
-from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import pad_singleton_batch
@@ -28,6 +27,11 @@ class Env:
         core: what does not depend on the engine.
         n_robots: N.
         n_worlds: B; None where `reset` and `step` are of one world, and `jax.vmap` maps them.
+        observations: what each robot observes: names, sizes, units and bounds.
+        actions: what each robot does.
+        observation_size: D, numbers that each robot observes.
+        action_size: A, numbers of each robot's action.
+        dt: duration of a step [s].
     """
 
     def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, on_host: bool):
@@ -40,6 +44,10 @@ class Env:
             on_host: the engine computes on the host.
         """
         self.core, self.n_worlds, self.n_robots = core, n_worlds, core.poses.shape[1]
+        self.observations, self.actions, self.dt = core.observations, core.actions, core.config.drive.control_period
+        self.observation_size, self.action_size = (
+            sum(row.size for row in t) for t in (core.observations, core.actions)
+        )
         self._engine, self._on_host, self._latest = engine, on_host, None
         self._bodies = get_type_hints(engine.place)["return"]
         self._device = jax.local_devices(backend="cpu")[0] if on_host else None
@@ -47,31 +55,6 @@ class Env:
         self._begin, self._auto_reset, self._act, self._observe = map(self._of_worlds, stages)
         self._compiled_reset = self._reset if on_host else jax.jit(self._reset)
         self._compiled_step = self._step if on_host else jax.jit(self._step)
-
-    @property
-    def observations(self) -> list[Row]:
-        """What each robot observes: names, sizes, units and bounds."""
-        return self.core.observations
-
-    @property
-    def actions(self) -> list[Row]:
-        """What each robot does, likewise."""
-        return self.core.actions
-
-    @property
-    def observation_size(self) -> int:
-        """D, numbers that each robot observes."""
-        return sum(row.size for row in self.observations)
-
-    @property
-    def action_size(self) -> int:
-        """A, numbers of each robot's action."""
-        return sum(row.size for row in self.actions)
-
-    @property
-    def dt(self) -> float:
-        """Duration of a step [s]."""
-        return self.core.config.drive.control_period
 
     def named(self, obs: Any) -> dict[str, Any]:
         """Return observations (..., D) by the names of `observations`.

@@ -8,9 +8,9 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from iswarm_mj.envs.adapters import Worlds, stacked
+from iswarm_mj.envs.actions import checked
+from iswarm_mj.envs.adapters import Worlds
 from iswarm_mj.utils.constraints import check, is_whole
-from iswarm_mj.utils.errors import ConfigError
 
 
 class SwarmVectorEnv(VectorEnv):
@@ -18,21 +18,15 @@ class SwarmVectorEnv(VectorEnv):
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
-    def __init__(self, num_envs: int = 1, **settings: Any):
+    def __init__(self, task: Any = "cleaning", n_robots: int = 20, num_envs: int = 1, **settings: Any):
         """Make the worlds, see `make_env`.
 
         Raises:
             UserError: `num_envs` is no number of worlds, or of more than fit into the memory; or see `make_env`.
         """
         check("num_envs", num_envs, "a whole number, at least 1", is_whole(num_envs) and num_envs >= 1)
-        try:
-            self._worlds = Worlds(num_envs, **settings)
-        except ConfigError as error:
-            if error.field != "n_worlds":
-                raise
-            raise ConfigError("num_envs", num_envs, error.constraint, error.remedy) from None
-        self.num_envs = int(num_envs)
-        self.single_observation_space, self.single_action_space = _spaces(self._worlds)
+        self._worlds, self.num_envs = Worlds(num_envs, task=task, n_robots=n_robots, **settings), int(num_envs)
+        self.single_observation_space, self.single_action_space = self._worlds.spaces(Box, self._worlds.env.n_robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -57,10 +51,10 @@ class SwarmEnv(gymnasium.Env):
 
     metadata = {"render_modes": []}  # noqa: RUF012
 
-    def __init__(self, **settings: Any):
+    def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
         """Make the world, see `make_env`."""
-        self._worlds = Worlds(1, **settings)
-        self.observation_space, self.action_space = _spaces(self._worlds)
+        self._worlds = Worlds(1, task=task, n_robots=n_robots, **settings)
+        self.observation_space, self.action_space = self._worlds.spaces(Box, self._worlds.env.n_robots)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         """Begin an episode, which the seed determines.
@@ -74,13 +68,6 @@ class SwarmEnv(gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Take a control step, see `adapters.Outcome`."""
-        done = self._worlds.step(stacked(action)[None])
+        done = self._worlds.step(checked(action, self._worlds.shape)[None])
         info = {name: value[0] for name, value in done.info.items()}
         return done.obs[0], float(done.reward.sum()), bool(done.terminated[0]), bool(done.truncated[0]), info
-
-
-def _spaces(worlds: Worlds) -> tuple[Box, Box]:
-    """Of the robots of one world."""
-    n = worlds.env.n_robots
-    seen, done = ([np.tile(end, (n, 1)) for end in ends] for ends in worlds.spaces())
-    return Box(seen[0], seen[1], dtype=np.float32), Box(done[0], done[1], dtype=np.float32)

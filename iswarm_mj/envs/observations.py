@@ -1,6 +1,7 @@
 """What robots observe: rows of numbers with units and bounds, from what they sense and hear."""
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -30,6 +31,8 @@ class Row(NamedTuple):
     high: float
     """Bounds; what lies beyond is clipped."""
     description: str
+    convert: Callable[[Any], Any]
+    """Of an observation, from an `Observation` to the numbers (N, size); of an action, from these to what they mean."""
 
 
 FARTHEST = 2.0
@@ -37,7 +40,7 @@ FARTHEST = 2.0
 
 
 def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, tuple[Quantity, int]]) -> list[Row]:
-    """Return what `encode` makes of an observation, in its order.
+    """Return what robots observe, 0 where nothing is heard or no ball is there.
 
     Args:
         config: range of light and of the sense of dust.
@@ -46,58 +49,53 @@ def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, 
         senses: what the task lets robots sense beside balls and dump, and how many numbers of each.
     """
     s, reach = len(robot.sides), config.strategy.dust_range
-    heard = [row for name, field in payload.fields for row in _heard(name, field, s)]
-    own = [Row(name, n, q.unit, q.low, q.high, q.description) for name, (q, n) in senses.items()]
-    return [
-        Row("is_heard", s, "", 0, 1, "a message arrived on this side, and its check is right"),
-        Row("bearing", s, "rad", -math.pi, math.pi, "of its sender, as measured, from the robot's front anticlockwise"),
-        Row("distance", s, "rd", 0, FARTHEST * config.optics.communication_radius, "of its sender, as measured"),
-        Row("led", s, "", 0, s - 1, "number of the LED that sent it"),
-        *heard,
-        Row("sees_wall", s, "", 0, 1, "a wall reflects the light of this side's LED"),
-        Row("at_dust", 1, "", 0, 1, "a ball lies beside or beneath the robot"),
-        Row("ball", 2, "rd", -reach, reach, "place of that ball, ahead and to the left of the robot's centre"),
-        Row("on_dump", 1, "", 0, 1, "the robot is on the dump"),
-        Row("is_loaded", 1, "", 0, 1, "the robot holds a ball"),
-        Row("grasp_failed", 1, "", 0, 1, "the robot has just tried to lift a ball, which stayed on the floor"),
-        Row("waits", 1, "", 0, 1, "the robot stays where it is in this step, whatever its action"),
-        *own,
+    far = FARTHEST * config.optics.communication_radius
+
+    def heard(name: str, unit: str, low: float, high: float, text: str, get: Callable[[Observation], Array]) -> Row:
+        """A number of each side, defined where a message is heard."""
+        return Row(name, s, unit, low, high, text, lambda seen: jnp.where(seen.is_heard, get(seen), 0))
+
+    def flag(name: str, size: int, text: str) -> Row:
+        return Row(name, size, "", 0, 1, text, lambda seen: getattr(seen, name))
+
+    said = [
+        heard(f"heard_{name}{part}", unit, low, high, text, lambda seen, n=name, get=get: get(seen.payload[n]))
+        for name, field in payload.fields
+        for part, unit, low, high, text, get in _parts(name, field)
     ]
+    ball = "place of that ball, ahead and to the left of the robot's centre"
+    return [
+        flag("is_heard", s, "a message arrived on this side, and its check is right"),
+        heard("bearing", "rad", -math.pi, math.pi, "of its sender, as measured, from the robot's front anticlockwise",
+              lambda seen: wrapped(seen.bearing)),
+        heard("distance", "rd", 0, far, "of its sender, as measured", lambda seen: seen.distance / RD),
+        heard("led", "", 0, s - 1, "number of the LED that sent it", lambda seen: seen.led),
+        *said,
+        flag("sees_wall", s, "a wall reflects the light of this side's LED"),
+        flag("at_dust", 1, "a ball lies beside or beneath the robot"),
+        Row("ball", 2, "rd", -reach, reach, ball,
+            lambda seen: jnp.where(seen.at_dust[:, None], seen.ball_vector / RD, 0)),
+        flag("on_dump", 1, "the robot is on the dump"),
+        flag("is_loaded", 1, "the robot holds a ball"),
+        flag("grasp_failed", 1, "the robot has just tried to lift a ball, which stayed on the floor"),
+        flag("waits", 1, "the robot stays where it is in this step, whatever its action"),
+        *(
+            Row(name, n, q.unit, q.low, q.high, q.description, lambda seen, name=name: seen.sensed[name])
+            for name, (q, n) in senses.items()
+        ),
+    ]  # fmt: skip
 
 
 def bounds(table: list[Row]) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and the highest values (D,) of the numbers of a table."""
-    low, high = (
-        np.repeat([getattr(row, end) for row in table], [row.size for row in table]) for end in ("low", "high")
-    )
-    return low.astype(np.float32), high.astype(np.float32)
+    ends = np.repeat(np.array([(row.low, row.high) for row in table], np.float32), [row.size for row in table], axis=0)
+    return ends[:, 0], ends[:, 1]
 
 
-def encode(table: list[Row], payload: Payload, seen: Observation) -> Float[Array, "N D"]:
-    """Return what robots observe as numbers, 0 where nothing is heard or no ball is there."""
-    n = len(seen.at_dust)
-
-    def where_heard(values: Array) -> Array:
-        return jnp.where(seen.is_heard, values, 0)
-
-    heard = [part for name, field in payload.fields for part in _numbers(field, seen.payload[name])]
-    parts = [
-        seen.is_heard,
-        where_heard(wrapped(seen.bearing)),
-        where_heard(seen.distance / RD),
-        where_heard(seen.led),
-        *map(where_heard, heard),
-        seen.sees_wall,
-        seen.at_dust,
-        jnp.where(seen.at_dust[:, None], seen.ball_vector / RD, 0),
-        seen.on_dump,
-        seen.is_loaded,
-        seen.grasp_failed,
-        seen.waits,
-        *(seen.sensed[row.name] for row in table if row.name in seen.sensed),
-    ]
-    numbers = jnp.concatenate([jnp.reshape(part, (n, -1)).astype(jnp.float32) for part in parts], axis=1)
-    return jnp.clip(numbers, *bounds(table))
+def encode(table: list[Row], seen: Observation) -> Float[Array, "N D"]:
+    """Return what robots observe as numbers."""
+    parts = [jnp.reshape(row.convert(seen), (len(seen.at_dust), -1)).astype(jnp.float32) for row in table]
+    return jnp.clip(jnp.concatenate(parts, axis=1), *bounds(table))
 
 
 def split(table: list[Row], numbers: Array) -> dict[str, Array]:
@@ -106,29 +104,22 @@ def split(table: list[Row], numbers: Array) -> dict[str, Array]:
     return {row.name: numbers[..., end - row.size : end] for row, end in zip(table, ends, strict=True)}
 
 
-def _heard(name: str, field: Field, n_sides: int) -> list[Row]:
-    """Rows of a field of the messages that were heard."""
-    said, name = f"{name} in the message", f"heard_{name}"
+def _parts(name: str, field: Field) -> Iterator[tuple[str, str, float, float, str, Callable[[Any], Array]]]:
+    """Of the numbers of a field of messages: end of the name, unit, bounds, meaning, and how its values give them."""
+    said = f"{name} in the message"
     match field:
         case Flag():
-            return [Row(name, n_sides, "", 0, 1, said)]
+            yield "", "", 0, 1, said, lambda values: values
         case Integer(bits, low):
-            return [Row(name, n_sides, "", min(low, 0), max(low + 2**bits - 1, 0), said)]
+            yield "", "", min(low, 0), max(low + 2**bits - 1, 0), said, lambda values: values
         case Real(low, high, _, unit):
-            return [Row(name, n_sides, unit, min(low, 0), max(high, 0), said)]
+            yield "", unit, min(low, 0), max(high, 0), said, lambda values: values
         case Bearing():
-            return [Row(name, n_sides, "rad", -math.pi, math.pi, said)]
+            yield "", "rad", -math.pi, math.pi, said, lambda values: values
         case Vector(max_range):
-            reach = max_range / RD
-            return [
-                Row(f"{name}_known", n_sides, "", 0, 1, f"there is a vector {said}"),
-                Row(f"{name}_x", n_sides, "rd", -reach, reach, f"vector {said}, ahead of its sender"),
-                Row(f"{name}_y", n_sides, "rd", -reach, reach, f"vector {said}, to the left of its sender"),
-                Row(f"{name}_hop", n_sides, "", 0, field.max_hop, f"hop count of the vector {said}"),
-            ]
-
-
-def _numbers(field: Field, values: Any) -> list[Array]:
-    if not isinstance(field, Vector):
-        return [values]
-    return [values.known, values.vector[..., 0] / RD, values.vector[..., 1] / RD, values.hop]
+            reach, text = max_range / RD, f"vector {said}"
+            yield "_known", "", 0, 1, f"there is a {text}", lambda values: values.known
+            yield "_x", "rd", -reach, reach, f"{text}, ahead of its sender", lambda values: values.vector[..., 0] / RD
+            left = f"{text}, to the left of its sender"
+            yield "_y", "rd", -reach, reach, left, lambda values: values.vector[..., 1] / RD
+            yield "_hop", "", 0, field.max_hop, f"hop count of the {text}", lambda values: values.hop

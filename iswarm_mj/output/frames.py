@@ -1,7 +1,7 @@
-"""From records of a run to frames of a trajectory: arena units become SI here."""
+"""From records of a run to frames of a trajectory, and what its task adds: arena units become SI here."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -11,17 +11,24 @@ from jaxtyping import Bool, Float, Shaped
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.schema import ARRAYS, IN_FILES, Frames, Observed
-from iswarm_mj.output.task_arrays import Watch, fixed_areas, looks, quantities
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
-from iswarm_mj.tasks.protocol import Task, balls_of
+from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
+
+FIXED = ("dump", "dust_areas")
+"""Areas that stay where they are: arrays of `Scene`."""
+_BLOCK = 64
+"""Steps of a program, which is compiled for as many."""
+
+Watch = Callable[[Any], dict[str, np.ndarray]]
+"""From the states of a task after T steps to arrays (T, ...) by their names in a trajectory, areas in m."""
 
 
 def scene_of(
@@ -58,8 +65,8 @@ def scene_of(
             )
     own = jax.tree.map(lambda a: a[:, world], start)
     seen = _observed(own, start.poses[0, world], config.drive.control_period, task, robot)
-    rectangles = fixed_areas(task, config, jax.tree.map(lambda a: a[0], own.swarm.task))
-    areas, metrics = looks(task), quantities(task)
+    rectangles = _fixed_areas(task, config, jax.tree.map(lambda a: a[0], own.swarm.task))
+    areas, metrics = _looks(task), _quantities(task)
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
         is_scout=_scouts(own),
@@ -102,7 +109,7 @@ def frames_of(
         records: of consecutive steps (T, W, ...).
         world: which of the W worlds.
         recorded: as for `scene_of`.
-        watched: what the task adds, see `task_arrays.watch`.
+        watched: what the task adds, see `watch`.
         before: record that ends with the step before the first of these; None if they begin with the start.
         control_period: duration of a step [s].
         task: of the run.
@@ -137,3 +144,44 @@ def _in_si(part: Any, unit: str) -> Shaped[np.ndarray, "T N *shape"]:
     values, (_, factor) = np.asarray(part), IN_FILES.get(unit, (unit, 1.0))
     is_float = unit in IN_FILES or np.issubdtype(values.dtype, np.floating)
     return (values * factor if unit in IN_FILES else values).astype(np.float32 if is_float else values.dtype)
+
+
+def _looks(task: Task) -> dict[str, Look]:
+    """Return how areas are drawn that may change from step to step."""
+    return {name: look for name, look in getattr(task, "drawn", {}).items() if name not in FIXED}
+
+
+def _quantities(task: Task) -> dict[str, Quantity]:
+    """Return metrics that trajectories have beside those of `Frames`."""
+    return {name: quantity for name, quantity in getattr(task, "measured", {}).items() if name not in ARRAYS}
+
+
+def watch(task: Task, config: SwarmConfig) -> Watch:
+    """Return what reads areas and metrics of a task in worlds of this configuration."""
+    areas, metrics = _looks(task), _quantities(task)
+    if not areas and not metrics:
+        return lambda state: {}
+
+    @jax.jit
+    @jax.vmap
+    def read(state: Any) -> dict[str, jax.Array]:
+        shapes = task.areas(config, state) if areas and isinstance(task, DrawnTask) else {}
+        numbers = task.metrics(state) if metrics else {}
+        return {AREA + name: shapes[name] * MM for name in areas} | {METRIC + name: numbers[name] for name in metrics}
+
+    def of_steps(state: Any) -> dict[str, np.ndarray]:
+        n_steps = len(jax.tree.leaves(state)[0])
+        rows = np.minimum(np.arange(-(-n_steps // _BLOCK) * _BLOCK), n_steps - 1).reshape(-1, _BLOCK)
+        parts = [read(jax.tree.map(lambda a, block=block: np.asarray(a)[block], state)) for block in rows]
+        return {name: np.concatenate([part[name] for part in parts])[:n_steps] for name in parts[0]}
+
+    return of_steps
+
+
+def _fixed_areas(task: Task, config: SwarmConfig, state: Any) -> dict[str, Float[np.ndarray, "A 4"]]:
+    """Return rectangles x_min, y_min, x_max, y_max [m] of the dump and of dust areas, as far as the task has them."""
+    if not isinstance(task, DrawnTask) or not any(name in task.drawn for name in FIXED):
+        return {}
+    found = task.areas(config, state)
+    shapes = {name: np.asarray(found[name], float) * MM for name in FIXED if name in found}
+    return {name: np.hstack([a[:, :2] - a[:, 2:], a[:, :2] + a[:, 2:]]) for name, a in shapes.items()}

@@ -1,15 +1,18 @@
 """What robots said, as tables and recordings show it: the fields of their messages, in SI."""
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped, UInt32
 
 from iswarm_mj.output.schema import IN_FILES, Column, spoke
+from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.sensors.fields import Field, Vector
-from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import PRIORITY, Payload, columns
+
+_PARTS = {"_x": "ahead, ", "_y": "left, ", "_hop": "hop count "}
 
 
 def stored(payload: Payload) -> str:
@@ -17,50 +20,40 @@ def stored(payload: Payload) -> str:
     return json.dumps(payload.to_json())
 
 
-def payload_of(stated: str) -> Payload:
-    """Return the declaration that `stored` gave."""
-    return Payload.from_json(json.loads(stated))
+def payload_of(scene: Scene) -> Payload:
+    """Return the declaration of what messages carry."""
+    return Payload.from_json(json.loads(scene.payload))
 
 
-def message_columns(payload: Payload) -> list[Column]:
-    """Return the columns of the fields of messages, vectors by their parts; their names are those in `decoded`."""
-    return [
-        Column(part, *_described(name, field, part), spoke)
-        for name, field in payload.fields
-        for part in columns(name, field)
-    ]
-
-
-def decoded(payload: Payload, n_leds: int, messages: UInt32[np.ndarray, "T N"]) -> dict[str, Shaped[np.ndarray, "T N"]]:
-    """Return the values of the fields of messages, masked where there is none.
+def said(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> Iterator[tuple[Column, Shaped[np.ndarray, "T N"]]]:
+    """Yield the columns of the fields of messages, vectors by their parts, and their values, masked where none is.
 
     Args:
-        payload: what they carry.
-        n_leds: LEDs of a robot.
+        scene: what they carry.
         messages: their bits.
     """
-    values, found = payload.unpack(messages, n_leds)[0].payload, {}
+    payload = payload_of(scene)
+    values = payload.unpack(messages, int(scene.n_leds))[0].payload
     for name, field in payload.fields:
-        found |= zip(columns(name, field), _parts(field, values[name]), strict=True)
-    return found
+        for part, numbers in zip(columns(name, field), _numbers(field, values[name]), strict=True):
+            yield Column(f"said_{part}", *_described(name, field, part.removeprefix(name)), spoke), numbers
 
 
-def shown_fields(payload: Payload, n_leds: int, messages: UInt32[np.ndarray, "T N"]) -> dict[str, np.ndarray]:
+def shown_fields(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> dict[str, Shaped[np.ndarray, "T N"]]:
     """Return what recordings show of messages beside their bits and `priority`: all fields but vectors.
 
     Args:
-        payload: what they carry.
-        n_leds: LEDs of a robot.
+        scene: what they carry.
         messages: their bits.
     """
-    shown = [name for name, field in payload.fields if not isinstance(field, Vector) and name != PRIORITY]
-    values = decoded(payload, n_leds, messages) if shown else {}
-    return {f"said_{name}": values[name] for name in shown}
+    fields = payload_of(scene).fields
+    shown = {f"said_{name}" for name, field in fields if not isinstance(field, Vector) and name != PRIORITY}
+    return {column.name: values for column, values in said(scene, messages) if column.name in shown} if shown else {}
 
 
-def _parts(field: Field, values: Any) -> list[np.ndarray]:
+def _numbers(field: Field, values: Any) -> list[np.ndarray]:
     factor = IN_FILES.get(field.unit, ("", 1.0))[1]
-    if isinstance(values, VectorMemory):
+    if isinstance(field, Vector):
         x, y = np.moveaxis(factor * values.vector, -1, 0)
         return [np.ma.masked_where(~values.known, part) for part in (x, y, values.hop)]
     return [values if factor == 1.0 else factor * values]
@@ -68,9 +61,7 @@ def _parts(field: Field, values: Any) -> list[np.ndarray]:
 
 def _described(name: str, field: Field, part: str) -> tuple[str, str]:
     """Unit and description of a part of a field."""
-    unit = IN_FILES.get(field.unit, (field.unit,))[0]
-    if part == name:
+    unit = "" if part == "_hop" else IN_FILES.get(field.unit, (field.unit,))[0]
+    if not part:
         return unit, "that the robot sent as the step began"
-    which = {"_x": "ahead, ", "_y": "left, ", "_hop": "hop count "}[part.removeprefix(name)]
-    text = f"{which}of the vector {name} that the robot sent as the step began, in its own frame"
-    return "" if part == f"{name}_hop" else unit, text
+    return unit, f"{_PARTS[part]}of the vector {name} that the robot sent as the step began, in its own frame"

@@ -8,10 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from iswarm_mj.output.plot_style import BLUE, DARK, GREEN, ORANGE, PURPLE, YELLOW, figure
-from iswarm_mj.output.plot_voltages import Rows, column
+from iswarm_mj.output.palette import BLUE, DARK, GREEN, ORANGE, PURPLE, YELLOW
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.plot_trials import Rows, column
+from iswarm_mj.output.trace_lines import NN, UM
 
-_UM, _NM, _NN = 1e6, 1e9, 1e9
+_NM = 1e9
 _NEAR = 30.0
 """Gaps up to which a curve is near contact [nm]."""
 _HUES = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, DARK)
@@ -41,7 +43,7 @@ def curves_of(rows: Rows) -> list[Curve]:
     for row in rows:
         found.setdefault((row["voltage"], row["radius"], row["direction"]), []).append(row)
     return [
-        Curve(*key, column(own, "gap") * _NM, column(own, "total") * _NN, column(own, "gap") <= 0, own)
+        Curve(*key, column(own, "gap") * _NM, column(own, "total") * NN, column(own, "gap") <= 0, own)
         for key, own in sorted(found.items())
     ]
 
@@ -96,7 +98,7 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
                 _mark(axes, curve, hues[curve.voltage], axes is near)
             for name, width in _PARTS if curve.direction == "approach" else ():
                 if curve.voltage or name == "adhesion":
-                    parts.plot(curve.gap / 1e3, column(curve.rows, name) * _NN, **style | {"lw": width})
+                    parts.plot(curve.gap / 1e3, column(curve.rows, name) * NN, **style | {"lw": width})
         lowest = min(-1.0, *(float(curve.force.min()) for curve in curves))
         least = min(float(curve.gap.min()) for curve in curves)
         for axes, title in ((whole, "(a) near contact"), (near, "(b) attraction, magnified")):
@@ -110,7 +112,7 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
         parts.set_yscale("symlog", linthresh=0.1)
         parts.set_ylim(1.5 * lowest, 0)
         conditions = [_sample(f"{v:g} V", color=hue) for v, hue in hues.items()]
-        conditions += [_sample(f"R = {r * _UM:g} µm", ls=ls) for r, ls in dashes.items()]
+        conditions += [_sample(f"R = {r * UM:g} µm", ls=ls) for r, ls in dashes.items()]
         strokes = [_sample(name, lw=width) for name, width in _WIDTHS.items()]
         strokes += [_sample("snap-in", marker="o", ls=""), _sample("pull-off", marker="v", ls="")]
         kinds = [_sample(name, lw=width) for name, width in _PARTS]

@@ -10,11 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from iswarm_mj.output.palette import DARK
 from iswarm_mj.utils.files import atomic_write
-
-BLUE, ORANGE, GREEN, YELLOW, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#aa4499"
-"""Colours that the colour-blind can tell apart; Okabe and Ito 2008, but for the last."""
-RED, DARK = "#cc0000", "#333333"
 
 STYLE: Any = {
     "font.size": 9,

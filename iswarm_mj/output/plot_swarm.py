@@ -9,15 +9,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from iswarm_mj.output.palette import DUMP, DUST, EMPTY, GREY, LOADED, SCOUT
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.schema import LYING
 from iswarm_mj.output.trajectory import Arrays
 from iswarm_mj.utils.geometry import rotate
 
 _MM = 1e3
-RED, BLUE, GREEN = "#d62718", "#1f3fd6", "#199a40"
-"""Empty workers, loaded robots, scouts."""
-_DUST, _DUMP, _LINK = "#8fb3f0", "#f8d84a", "#9aa0a8"
 
 
 def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
@@ -38,12 +36,12 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
     with figure(path, size=(6.5, 7.3)) as (axes,):
         half = float(frames["scene_arena_size"]) / 2 * _MM
         axes.grid(False)
-        areas = [(frames["scene_dump"], _DUMP), *((area, _DUST) for area in frames["scene_dust_areas"])]
+        areas = [(frames["scene_dump"], DUMP), *((area, DUST) for area in frames["scene_dust_areas"])]
         for (left, low, right, high), hue in ((area * _MM, hue) for area, hue in areas):
             axes.add_patch(Rectangle((left, low), right - left, high - low, color=hue, linewidth=0, zorder=0))
-        axes.add_collection(LineCollection([*links(frames, step) * _MM], colors=_LINK, linewidths=0.5, zorder=1))
+        axes.add_collection(LineCollection([*links(frames, step) * _MM], colors=GREY, linewidths=0.5, zorder=1))
         pose, loaded, scout = frames["pose"][step], frames["is_loaded"][step], frames["scene_is_scout"]
-        hues = np.where(loaded, BLUE, np.where(scout, GREEN, RED))
+        hues = np.where(loaded, LOADED, np.where(scout, SCOUT, EMPTY))
         for name, who in (("dust", ~loaded & ~scout), ("dump", loaded)):
             if f"{name}_known" in frames:  # or the strategy remembers something else
                 shown = frames[f"{name}_known"][step] & who
@@ -59,10 +57,10 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
         axes.axis("off")
         axes.set_aspect("equal")
         axes.set_title(title, pad=10)
-        marks = (("empty worker", RED, "s"), ("loaded", BLUE, "s"), ("scout", GREEN, "s"), ("dust", "black", "."))
+        marks = (("empty worker", EMPTY, "s"), ("loaded", LOADED, "s"), ("scout", SCOUT, "s"), ("dust", "black", "."))
         handles = [Line2D([], [], color=hue, marker=mark, linestyle="", label=name) for name, hue, mark in marks]
-        handles += [Line2D([], [], color=RED, linewidth=0.8, label="vector followed")]
-        handles += [Line2D([], [], color=_LINK, label="link")]
+        handles += [Line2D([], [], color=EMPTY, linewidth=0.8, label="vector followed")]
+        handles += [Line2D([], [], color=GREY, label="link")]
         axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
     return path.with_name(path.name + ".png")
 

@@ -14,19 +14,21 @@ from jaxtyping import Float
 
 from iswarm_mj.gripper.bench.attempt_trace import Tried, trace_attempt
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
-from iswarm_mj.output import rerun_swarm_layout, rerun_trial, rerun_trial_view
-from iswarm_mj.output.rerun_format import blueprint, space, time_series
-from iswarm_mj.output.rerun_trial_view import BALL, BALL_MARK, FORCES, PLATE, PROBE, SHADOW, UM
+from iswarm_mj.output import rerun_swarm_layout
+from iswarm_mj.output import rerun_trial_view as look
+from iswarm_mj.output.palette import GREEN, ORANGE, rgb
+from iswarm_mj.output.rerun_format import blueprint, durations, space
+from iswarm_mj.output.rerun_trial import send_trace
+from iswarm_mj.output.trace_lines import UM
 from iswarm_mj.output.trajectory import Scene
 
-ROOT, LOG, MARKS = "grasp", "grasp/log", "world/grasps"
+ROOT, LOG, MARKS = "grasp/", "grasp/log", "world/grasps"
 SAMPLES = 600
 """Longer traces are thinned to about this number of samples."""
-_SIZED = (PLATE, PROBE, BALL, BALL_MARK, SHADOW, FORCES)
+_SIZED = (look.PLATE, look.PROBE, look.BALL, look.BALL_MARK, look.SHADOW, look.FORCES)
 """Entities that have another size with another ball."""
 _SPAN = 4e-3
 """Of the time series about the cursor [s]."""
-_GOOD, _BAD = (0, 158, 115), (213, 94, 0)
 
 
 class AttemptView:
@@ -60,19 +62,19 @@ class AttemptView:
         start = (step - 1) * self._period
         self._mark(step, chosen, balls)
         for tried in chosen:
+            self._count += 1
             trace, _ = trace_attempt(tried, self._gap)
             self._write(trace, tried, step, start)
             start += float(trace.time[-1] - trace.time[0])
 
     def _mark(self, step: int, attempts: Sequence[Tried], balls: Float[np.ndarray, "K 2"]) -> None:
         """Mark attempts in the arena, until their step is over."""
-        numbers = range(self._count + 1, self._count + 1 + len(attempts))
         self._at((step - 1) * self._period, step - 1)
         marks = rr.Points3D(
             [[*balls[tried.ball], 2.0] for tried in attempts],
             radii=rr.Radius.ui_points(9.0),
-            colors=[_GOOD if tried.succeeded else _BAD for tried in attempts],
-            labels=[f"attempt {k}: {outcome(tried)}" for k, tried in zip(numbers, attempts, strict=True)],
+            colors=[_colour(tried) for tried in attempts],
+            labels=[f"attempt {k}: {outcome(tried)}" for k, tried in enumerate(attempts, start=self._count + 1)],
         )
         self._stream.log(MARKS, marks)
         self._at(step * self._period, step)
@@ -86,27 +88,23 @@ class AttemptView:
     def _write(self, trace: Trace, tried: Tried, step: int, start: float) -> None:
         """Write one trial, which begins at a time [s], and its line in the list."""
         self._at(start, step - 1)
-        for entity, archetype in rerun_trial_view.static_entities(trace, {}):
-            if entity in _SIZED:
-                self._stream.log(f"{ROOT}/{entity}", archetype, strict=True)
-            elif self._count == 0 and entity != rerun_trial_view.SETTINGS:
-                self._stream.log(f"{ROOT}/{entity}", archetype, static=True, strict=True)
-        self._count += 1
-        level, hue = ("INFO", _GOOD) if tried.succeeded else ("WARN", _BAD)
-        self._stream.log(LOG, rr.TextLog(said(self._count, tried), level=level, color=hue))
+        for entity, archetype in look.static_entities(trace, {}):
+            if entity in _SIZED or (self._count == 1 and entity != look.SETTINGS):
+                self._stream.log(ROOT + entity, archetype, static=entity not in _SIZED, strict=True)
+        about = f"{tried.voltage:.0f} V, {tried.radius * UM:.1f} µm, {tried.misalignment * UM:.1f} µm beside the axis"
+        text = f"attempt {self._count} at ball {tried.ball}: {outcome(tried)} ({about})"
+        self._stream.log(LOG, rr.TextLog(text, level="INFO" if tried.succeeded else "WARN", color=_colour(tried)))
         self._stream.reset_time()
 
         def index(time: np.ndarray) -> list[rr.TimeColumn]:
             steps = rr.TimeColumn("step", sequence=np.full(len(time), step))
-            return [*rerun_trial.time_index(start + time - trace.time[0]), steps]
+            return [durations(start + time - trace.time[0]), steps]
 
-        rerun_trial.send_trace(self._stream, thinned(trace, SAMPLES), index, f"{ROOT}/")
+        send_trace(self._stream, thinned(trace, SAMPLES), index, ROOT)
 
 
-def said(number: int, tried: Tried) -> str:
-    """An attempt in a line."""
-    about = f"{tried.voltage:.0f} V, {tried.radius * UM:.1f} µm, {tried.misalignment * UM:.1f} µm beside the axis"
-    return f"attempt {number} at ball {tried.ball}: {outcome(tried)} ({about})"
+def _colour(tried: Tried) -> tuple[int, int, int]:
+    return rgb(GREEN if tried.succeeded else ORANGE)
 
 
 def outcome(tried: Tried) -> str:
@@ -116,15 +114,10 @@ def outcome(tried: Tried) -> str:
 
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout: the arena with its panels above; the list of attempts, the bench and its plots below."""
-    bench = space(f"{ROOT}/world", "Grasp (µm)", (24, -120, 24), (4, 0, 30))
-    states = rrb.StateTimelineView(origin=f"{ROOT}/states", name="Phase, and the ball's contacts and potential")
+    bench = space(f"{ROOT}world", "Grasp (µm)", (24, -120, 24), (4, 0, 30))
     near = tuple(rr.TimeRangeBoundary.cursor_relative(seconds=side * _SPAN / 2) for side in (-1, 1))
-    plots = rrb.Vertical(
-        time_series(f"{ROOT}/series/voltage", "Voltage (V)", span=near),
-        time_series(f"{ROOT}/series/gaps", "Gaps (µm)", span=near),
-        time_series(f"{ROOT}/series/attraction", "Forces on the ball (nN)", span=near),
-        name="Grasp over time",
-    )
+    series = [look.plot(name, ROOT, "LeftTop", span=near) for name in ("voltage", "gaps", "attraction")]
     lines = rrb.TextLogView(origin=LOG, name="Attempts; a click on a time shows its grasp")
-    below = rrb.Horizontal(lines, rrb.Vertical(bench, states, row_shares=[2, 1]), plots, column_shares=[2, 3, 3])
+    middle = rrb.Vertical(bench, look.states_view(ROOT), row_shares=[2, 1])
+    below = rrb.Horizontal(lines, middle, rrb.Vertical(*series, name="Grasp over time"), column_shares=[2, 3, 3])
     return blueprint(rrb.Vertical(rerun_swarm_layout.content(scene), below, row_shares=[1, 1]))

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from iswarm_mj.utils.deadline import ends_within
 from iswarm_mj.utils.errors import UserError
@@ -120,13 +120,15 @@ def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, 
         stream.send_property(name, rr.AnyValues(**arrays))
 
 
+def durations(seconds: Float[np.ndarray, "T"]) -> rr.TimeColumn:
+    """Return times [s] as a column of the timeline `sim_time`."""
+    return rr.TimeColumn("sim_time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]"))
+
+
 def index(step: Int[np.ndarray, "T"], period: float) -> list[rr.TimeColumn]:
     """Return the columns of time of some control steps, which take `period` seconds each."""
-    nanoseconds = np.rint(np.asarray(step, np.int64) * float(period) * 1e9)
-    return [
-        rr.TimeColumn("step", sequence=np.asarray(step, np.int64)),
-        rr.TimeColumn("sim_time", duration=nanoseconds.astype("timedelta64[ns]")),
-    ]
+    steps = np.asarray(step, np.int64)
+    return [rr.TimeColumn("step", sequence=steps), durations(steps * float(period))]
 
 
 def columns_of(

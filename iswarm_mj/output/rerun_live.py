@@ -30,21 +30,20 @@ class LiveRecording(Recording):
     def _open(self) -> None:
         blueprint = layout(self._scene, follows=True)
         # It never ends if the viewer is gone.
-        if not ends_within(SECONDS, lambda: self._stream.connect_grpc(self._path, default_blueprint=blueprint)):
-            leave_alone(self._stream)
-            self._stream = rr.RecordingStream("iswarm_mj")  # whose entities go nowhere
+        if not ends_within(SECONDS, lambda: self.stream.connect_grpc(self._path, default_blueprint=blueprint)):
+            leave_alone(self.stream)
+            self.stream = rr.RecordingStream("iswarm_mj")  # whose entities go nowhere
             self._lose()
-        self._stream.set_log_time_enabled(False)
-        self._stream.set_log_tick_enabled(False)
+        self.stream.set_log_time_enabled(False)
+        self.stream.set_log_tick_enabled(False)
 
     def _flush(self) -> None:
         try:
-            self._stream.flush(timeout_sec=SECONDS)
+            self.stream.flush(timeout_sec=SECONDS)
         except RuntimeError:
             self._lose()
 
     def _lose(self) -> None:
-        """Send no more blocks."""
         if not self._is_lost:
             print("iswarm: the viewer was closed; the run goes on without it.", file=sys.stderr)
         self._is_lost = True

@@ -10,50 +10,40 @@ import numpy as np
 import rerun as rr
 from jaxtyping import Bool, Float, UInt16
 
-from iswarm_mj.output.memory_vectors import vectors
-from iswarm_mj.output.rerun_names import BALLS, LINKS, ROBOTS, SERIES, UNITS
+from iswarm_mj.output import palette, rerun_names
+from iswarm_mj.output.memory import vectors
+from iswarm_mj.output.palette import Rgb, rgb
+from iswarm_mj.output.rerun_names import AREAS, BALLS, LINKS, METRICS, ROBOTS, SERIES, SHARES, UNITS
 from iswarm_mj.output.trajectory import Scene
 
 MILLIMETRES = 1e3
 """Millimetres per metre."""
-FRONTS, BALL_MARKERS, TRAILS = "world/robots/front", "world/balls/marker", "world/trails"
-MEMORY, METRICS, CONFIG, KEY = "memory", "series/task", "config", "legend"
-AREAS = "world/arena"
-Colour = tuple[int, int, int]
-_LABELS = {
-    "series/balls/picked": ("picked up", (230, 140, 40)),
-    "series/balls/delivered": ("delivered", (60, 170, 80)),
-    "series/collisions": ("collisions", (215, 65, 60)),
-    "series/mean_speed": ("mean speed [mm/s]", (150, 110, 210)),
-}
-"""Names in the legend and colours of time series."""
-_HUES = ((80, 150, 230), (225, 180, 40), (110, 200, 120), (220, 110, 160))
-"""Colours of what robots remember, in turn."""
+CONFIG, KEY = "config", "legend"
+_HUES = (palette.SKY, palette.YELLOW, palette.GREEN, palette.PINK)
+"""Colours of time series and of what robots remember, in turn."""
 
 ROBOT_CLASSES = (
-    (0, "empty", (213, 94, 0)),
+    (0, "empty", rgb(palette.EMPTY)),
     (1, "empty, sends priority", (135, 55, 0)),
-    (2, "scout", (0, 158, 115)),
+    (2, "scout", rgb(palette.SCOUT)),
     (3, "scout, sends priority", (0, 95, 70)),
-    (4, "loaded", (0, 114, 178)),
+    (4, "loaded", rgb(palette.LOADED)),
     (5, "loaded, sends priority", (0, 60, 105)),
 )
 """Class, label and colour: load goes before scout, scout before worker; priority is the darker shade.
 
-The colour-blind can distinguish them (Okabe and Ito 2008), and none is that of the floor or an area on it.
+None is that of the floor or an area on it.
 """
 BALL_CLASS_OFFSET, LINK_CLASS_OFFSET = 10, 20
 """A ball's class is the first plus its state; a link's the second, plus one if its message was heard."""
-_BALL_CLASSES = (
+BALL_CLASSES = (
     (10, "on the floor", (25, 25, 25)),
     (11, "held", (255, 240, 60)),
-    (12, "delivered", (170, 60, 140)),
+    (12, "delivered", rgb(palette.PURPLE)),
 )
-_LINK_CLASSES = ((20, "damaged message", (204, 121, 167)), (21, "heard", (95, 95, 105)))
+_LINK_CLASSES = ((20, "damaged message", rgb(palette.PINK)), (21, "heard", (95, 95, 105)))
 FRONT_RADIUS = 0.1
 """Radius of the dot at a robot's front, in lengths of a robot."""
-_FLOOR, _WALL, _DUMP, _DUST_AREA = (226, 226, 222), (120, 124, 130), (250, 205, 50), (205, 195, 175)
-_TRAIL, _FRONT = (86, 180, 233), (255, 255, 255)
 _LEGEND = {
     "": "**Robots**: orange empty, green scout, blue loaded; darker: sends priority. A dot marks the front.",
     "balls": "**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.",
@@ -82,7 +72,7 @@ def robot_classes(
 
 def numbers(scene: Scene) -> list[str]:
     """Return the names of what is recorded of the memory, but for vectors drawn as arrows and what belongs to them."""
-    drawn = {part for vector in vectors(scene) for part in (vector.name, vector.known, vector.hop)}
+    drawn = {part for vector in vectors(scene.memory) for part in (vector.name, vector.known, vector.hop)}
     return [name for name in scene.memory_names if name not in drawn]
 
 
@@ -94,16 +84,19 @@ def areas(areas: Float[np.ndarray, "A 3"], shape: str) -> rr.Boxes3D | rr.Cylind
     return rr.Boxes3D.from_fields(centers=centres, half_sizes=np.column_stack([areas[:, 2], areas[:, 2], thick / 2]))
 
 
-def series(scene: Scene) -> dict[str, tuple[str, Colour]]:
+def series(scene: Scene) -> dict[str, tuple[str, Rgb]]:
     """Return each time series: its entity, its name in the legend and its colour."""
-    found = {
-        entity: _LABELS.get(entity, (f"{column.name} [{UNITS.get(column.unit, (column.unit,))[0]}]", _HUES[0]))
-        for entity, column in SERIES.items()
-    }
-    for vector, hue in zip(vectors(scene), cycle(_HUES)):
-        found[vector.share] = (vector.share_title, hue)
-    for name, unit, hue in zip(scene.metric_names, scene.metric_units, cycle(_HUES)):
-        found[f"{METRICS}/{name}"] = (f"{name} [{unit}]" if unit else name, hue)
+    metrics = zip(scene.metric_names, scene.metric_units, strict=True)
+    groups = (
+        [(entity, column.name.replace("_", " "), column.unit) for entity, column in SERIES.items()],
+        [(f"{SHARES}/{vector.stem}", vector.stem, "") for vector in vectors(scene.memory)],
+        [(f"{METRICS}/{name}", name, unit) for name, unit in metrics],
+    )
+    found = {}
+    for group in groups:
+        for (entity, name, unit), hue in zip(group, cycle(_HUES)):
+            unit = UNITS.get(unit, (unit,))[0] if entity in SERIES else unit
+            found[entity] = f"{name} [{unit}]" if unit else name, rgb(hue)
     return found
 
 
@@ -111,23 +104,21 @@ def legend(scene: Scene) -> str:
     """Return what colours and lines mean, as far as this scene has them."""
     absent = {
         "balls": not len(scene.ball_radius),
-        "hops": not any(vector.hop in scene.memory_names for vector in vectors(scene)),
+        "hops": not any(vector.hop in scene.memory_names for vector in vectors(scene.memory)),
         "floor": scene.dump[2] <= scene.dump[0] and not np.size(scene.dust_areas),
     }
     return "\n\n".join(text for name, text in _LEGEND.items() if not absent.get(name))
 
 
-def _boxes(
-    boxes: Float[np.ndarray, "O 4"], low: float, high: float, colour: Colour, yaw: Float[np.ndarray, "O"] | None = None
-) -> rr.Boxes3D:
-    """Boxes of x, y and half edges, between two heights [mm], turned by `yaw` [rad]."""
+def _boxes(boxes: Float[np.ndarray, "O 5"], low: float, high: float, colour: str) -> rr.Boxes3D:
+    """Boxes of x, y, half edges [mm] and yaw [rad], between two heights [mm]."""
     middle, half = np.full(len(boxes), (low + high) / 2), np.full(len(boxes), (high - low) / 2)
-    turned = None if yaw is None else np.stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1)
+    yaw = boxes[:, 4] / 2
     return rr.Boxes3D(
         centers=np.column_stack([boxes[:, :2], middle]),
-        half_sizes=np.column_stack([boxes[:, 2:], half]),
-        quaternions=turned,
-        colors=colour,
+        half_sizes=np.column_stack([boxes[:, 2:4], half]),
+        quaternions=np.stack([0 * yaw, 0 * yaw, np.sin(yaw), np.cos(yaw)], axis=-1) if yaw.any() else None,
+        colors=rgb(colour),
         fill_mode="solid",
     )
 
@@ -135,27 +126,31 @@ def _boxes(
 def _arena(scene: Scene) -> Iterator[tuple[str, rr.Boxes3D]]:
     """Yield floor, walls around it, dump, dust areas and obstacles."""
     half, height = scene.arena_size * MILLIMETRES / 2, scene.robot_size[2] * MILLIMETRES
-    thick = height / 2
-    yield f"{AREAS}/floor", _boxes(np.array([[0, 0, half, half]]), -_SHEET, 0.0, _FLOOR)
-    beside, length = half + thick / 2, half + thick
-    walls = [(side * beside, 0, thick / 2, length) for side in (1, -1)]
-    walls += [(0, side * beside, length, thick / 2) for side in (1, -1)]
-    yield f"{AREAS}/walls", _boxes(np.array(walls), 0.0, height, _WALL)
+    beside, thick, length = half + height / 4, height / 4, half + height / 2
+    walls = [(side * beside, 0, thick, length, 0) for side in (1, -1)]
+    walls += [(0, side * beside, length, thick, 0) for side in (1, -1)]
     dump = np.reshape(scene.dump, (-1, 4))[: int(scene.dump[2] > scene.dump[0])]
-    for name, rectangles, colour in (("dump", dump, _DUMP), ("dust_areas", scene.dust_areas, _DUST_AREA)):
-        low, high = np.split(np.reshape(rectangles, (-1, 4)) * MILLIMETRES, 2, axis=1)
-        if len(low):
-            yield f"{AREAS}/{name}", _boxes(np.hstack([low + high, high - low]) / 2, _SHEET, 2 * _SHEET, colour)
-    if len(scene.obstacles):
-        boxes, yaw = scene.obstacles[:, :4] * MILLIMETRES, scene.obstacles[:, 4]
-        yield f"{AREAS}/obstacles", _boxes(boxes, 0.0, height, _WALL, yaw)
+    painted = {}
+    for name, rectangles in (("dump", dump), ("dust_areas", np.reshape(scene.dust_areas, (-1, 4)))):
+        low, high = np.split(rectangles * MILLIMETRES, 2, axis=1)
+        painted[name] = np.hstack([(low + high) / 2, (high - low) / 2, 0 * low[:, :1]])
+    obstacles = np.reshape(scene.obstacles, (-1, 5)) * [*[MILLIMETRES] * 4, 1]
+    for name, boxes, heights, colour in (
+        ("floor", np.array([[0, 0, half, half, 0]]), (-_SHEET, 0.0), palette.FLOOR),
+        ("walls", np.array(walls), (0.0, height), palette.WALL),
+        ("dump", painted["dump"], (_SHEET, 2 * _SHEET), palette.DUMP),
+        ("dust_areas", painted["dust_areas"], (_SHEET, 2 * _SHEET), palette.DUST),
+        ("obstacles", obstacles, (0.0, height), palette.WALL),
+    ):
+        if len(boxes):
+            yield f"{AREAS}/{name}", _boxes(boxes, *heights, colour)
 
 
 def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield (entity, archetype) of all that does not change: the arena, the styles, the colours of states."""
     size = np.asarray(scene.robot_size, float) * MILLIMETRES
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
-    yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *_BALL_CLASSES, *_LINK_CLASSES])
+    yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *BALL_CLASSES, *_LINK_CLASSES])
     yield KEY, rr.TextDocument(legend(scene), media_type=rr.MediaType.MARKDOWN)
     yield from _arena(scene)
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
@@ -163,14 +158,14 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
         yield f"{AREAS}/{name}", kind.from_fields(colors=colour, fill_mode="solid")
     ids = [str(number) for number in range(max(len(scene.is_scout), len(scene.ball_radius)))]
     robots, balls = ids[: len(scene.is_scout)], ids[: len(scene.ball_radius)]
-    radii = np.asarray(scene.ball_radius) * MILLIMETRES
+    radii, points = np.asarray(scene.ball_radius) * MILLIMETRES, rr.Radius.ui_points
     yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False, labels=robots)
-    yield FRONTS, rr.Points3D.from_fields(colors=_FRONT, radii=FRONT_RADIUS * size[0])
+    yield rerun_names.FRONTS, rr.Points3D.from_fields(colors=(255, 255, 255), radii=FRONT_RADIUS * size[0])
     yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False, labels=balls)
-    yield BALL_MARKERS, rr.Points3D.from_fields(radii=rr.Radius.ui_points(4.0), show_labels=False)
-    yield LINKS, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(0.6), show_labels=False)
-    yield TRAILS, rr.LineStrips3D.from_fields(colors=_TRAIL, radii=rr.Radius.ui_points(1.2))
-    for vector, colour in zip(vectors(scene), cycle(_HUES)):
-        yield vector.arrows, rr.Arrows3D.from_fields(colors=colour, radii=0.06 * size[0])
+    yield rerun_names.BALL_MARKERS, rr.Points3D.from_fields(radii=points(4.0), show_labels=False)
+    yield LINKS, rr.LineStrips3D.from_fields(radii=points(0.6), show_labels=False)
+    yield rerun_names.TRAILS, rr.LineStrips3D.from_fields(colors=rgb(palette.SKY), radii=points(1.2))
+    for vector, colour in zip(vectors(scene.memory), cycle(_HUES)):
+        yield f"{rerun_names.ARROWS}/{vector.stem}", rr.Arrows3D.from_fields(colors=rgb(colour), radii=0.06 * size[0])
     for entity, (name, colour) in series(scene).items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)

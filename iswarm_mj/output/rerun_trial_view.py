@@ -1,64 +1,29 @@
 """The look of a trial's recording: static entities and the layout of the viewer. Lengths in um, forces in nN."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from iswarm_mj.gripper.bench.trial_trace import Trace
+from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE, PURPLE, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.rerun_format import blueprint, settings_document, space, time_series
-
-UM, NN = 1e6, 1e9
-"""Micrometres per metre, nanonewtons per newton."""
+from iswarm_mj.output.trace_lines import LINES, NN, UM
 
 PLATE, PROBE = "world/plate", "world/probe"
 BALL, BALL_MARK, SHADOW, FORCES = "world/ball", "world/ball_mark", "world/shadow", "world/forces"
 PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
-SETTINGS = "settings"
-KEY = "legend"
+SETTINGS, KEY = "settings", "legend"
 
 PROBE_LENGTH = 100.0
 """Length of the probe in the view [um]."""
-
-_GREEN, _ORANGE, _YELLOW = (0, 175, 125), (235, 110, 35), (240, 190, 40)
-_PALE_GREEN, _PALE_ORANGE, _GREY = (150, 225, 200), (250, 190, 150), (170, 175, 180)
-
-
-class Line(NamedTuple):
-    """A time series."""
-
-    field: str
-    """Of the trace."""
-    factor: float
-    """From SI to its unit."""
-    name: str
-    """In the legend."""
-    colour: tuple[int, int, int]
-
-
-SERIES = {
-    "series/voltage/voltage": Line("voltage", 1.0, "voltage", (90, 160, 250)),
-    "series/gaps/tool": Line("gap_tool", UM, "tool to ball", _GREEN),
-    "series/gaps/plate": Line("gap_plate", UM, "ball to plate", _ORANGE),
-    "series/attraction/electrostatic": Line("electrostatic", NN, "electrostatic, + to the tool", _YELLOW),
-    "series/attraction/tool": Line("adhesion_tool", NN, "adhesion to the tool", _GREEN),
-    "series/attraction/plate": Line("adhesion_plate", NN, "adhesion to the plate", _ORANGE),
-    "series/attraction/weight": Line("weight", NN, "weight", _GREY),
-    "series/contact/tool": Line("contact_tool", NN, "contact with the tool", _PALE_GREEN),
-    "series/contact/plate": Line("contact_plate", NN, "contact with the plate", _PALE_ORANGE),
+STATES = {
+    PLACE: {"on the plate": ORANGE, "between tool and plate": GREY, "at the tool": GREEN, "free": SKY},
+    POTENTIAL: {"plate's": ORANGE, "probe's": GREEN},
 }
-"""Time series by their entities."""
-PLACES = {"on the plate": _ORANGE, "between tool and plate": _GREY, "at the tool": _GREEN, "free": (90, 160, 250)}
-"""What the ball touches, and its colour then."""
-
-POTENTIALS = {"plate's": _ORANGE, "probe's": _GREEN}
-"""The electrode whose potential the ball has, and its colour then."""
-
-_PHASES = ((70, 110, 170), (120, 90, 160))
-"""Colours of the phases, in turn."""
-
+"""What the ball touches, the electrode whose potential it has, and their colours."""
 _PLAYED = 15.0
 """Duration of the playback [s]."""
 
@@ -76,25 +41,36 @@ def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple
     """Yield (entity, archetype) of all that does not change."""
     radius, probe_radius = trace.radius * UM, trace.probe_radius * UM
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
-    classes = [(i, name, colour) for i, (name, colour) in enumerate(POTENTIALS.items())]
+    classes = [(i, name, rgb(colour)) for i, (name, colour) in enumerate(STATES[POTENTIAL].items())]
     yield "world", rr.AnnotationContext(classes)
-    half = 4 * radius
-    plate = {"centers": [(0, 0, -1)], "half_sizes": [(half, half, 1)], "colors": (120, 124, 130), "fill_mode": "solid"}
-    yield PLATE, rr.Boxes3D(**plate)
-    length, shape = PROBE_LENGTH, {"colors": (205, 210, 218), "fill_mode": "solid"}
-    yield PROBE, rr.Cylinders3D.from_fields(lengths=length, radii=probe_radius, **shape)
-    yield BALL, rr.Points3D.from_fields(radii=radius, show_labels=False)
-    yield BALL_MARK, rr.Points3D.from_fields(colors=(40, 40, 40), radii=0.08 * radius)
-    shadow = {"lengths": 0.1, "radii": 0.6 * radius, "colors": (70, 72, 78), "fill_mode": "solid"}
-    yield SHADOW, rr.Cylinders3D.from_fields(**shadow)
-    yield FORCES, rr.Arrows3D.from_fields(colors=[_YELLOW, _GREEN, _ORANGE], radii=0.04 * radius)
-    for entity, line in SERIES.items():
-        yield entity, rr.SeriesLines(names=line.name, colors=line.colour, widths=1.5)
-    phases = {name: _PHASES[i % 2] for i, name in enumerate(trace.phases)}
-    for entity, states in ((PHASE, phases), (PLACE, PLACES), (POTENTIAL, POTENTIALS)):
-        yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=list(states.values()))
+    plate = (4 * radius, 4 * radius, 1)
+    yield PLATE, rr.Boxes3D(centers=[(0, 0, -1)], half_sizes=[plate], colors=rgb(WALL), fill_mode="solid")
+    cylinder, points = rr.Cylinders3D.from_fields, rr.Points3D.from_fields
+    yield PROBE, cylinder(lengths=PROBE_LENGTH, radii=probe_radius, colors=rgb(PALE), fill_mode="solid")
+    yield BALL, points(radii=radius, show_labels=False)
+    yield BALL_MARK, points(colors=(40, 40, 40), radii=0.08 * radius)
+    yield SHADOW, cylinder(lengths=0.1, radii=0.6 * radius, colors=(70, 72, 78), fill_mode="solid")
+    yield FORCES, rr.Arrows3D.from_fields(colors=[*map(rgb, (YELLOW, GREEN, ORANGE))], radii=0.04 * radius)
+    for line in LINES:
+        yield f"series/{line.name}", rr.SeriesLines(names=line.label, colors=rgb(line.colour), widths=1.5)
+    phases = {name: (SKY, PURPLE)[i % 2] for i, name in enumerate(trace.phases)}
+    for entity, states in {PHASE: phases, **STATES}.items():
+        colours = [*map(rgb, states.values())]
+        yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=colours)
     yield KEY, rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
     yield SETTINGS, settings_document(LEGEND, "Setting", settings)
+
+
+def states_view(root: str = "") -> rrb.StateTimelineView:
+    """Return the lanes of the states, which lie below a root."""
+    return rrb.StateTimelineView(origin=f"{root}states", name="Phase, and the ball's contacts and potential")
+
+
+def plot(name: str, root: str = "", corner: str | None = None, **more: Any) -> rrb.TimeSeriesView:
+    """Return the plot of some lines, which lie below a root, see `rerun_format.time_series`."""
+    titles = {"voltage": "Voltage (V)", "gaps": "Gaps (µm)", "attraction": "Forces on the ball (nN)"}
+    title = more.pop("title", titles.get(name, "Contact forces (nN)"))
+    return time_series(f"{root}series/{name}", title, corner, **more)
 
 
 def layout(trace: Trace) -> rrb.Blueprint:
@@ -104,19 +80,12 @@ def layout(trace: Trace) -> rrb.Blueprint:
     """
     radius = trace.radius * UM
     bench = space("world", "Bench (µm)", (1.2 * radius, -6 * radius, 1.2 * radius), (0.2 * radius, 0, 1.5 * radius))
-    states = rrb.StateTimelineView(origin="states", name="Phase, and the ball's contacts and potential")
     small = 1.3 * float(np.max(trace.adhesion_tool) * NN) or 1.0
-    plots = rrb.Vertical(
-        time_series("series/voltage", "Voltage (V)", None),
-        time_series("series/gaps", "Gaps (µm)", None),
-        time_series("series/attraction", "Forces on the ball (nN)", None),
-        time_series(
-            "series/attraction", "Small forces on the ball (nN)", None, axis_y=rrb.ScalarAxis(range=(-small, small))
-        ),
-        time_series("series/contact", "Contact forces (nN)", None),
-        name="Time series",
-    )
-    left = rrb.Vertical(bench, states, rrb.TextDocumentView(origin=KEY, name="Legend"), row_shares=[9, 3, 4])
-    right = rrb.Tabs(plots, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0)
+    scale = rrb.ScalarAxis(range=(-small, small))
+    plots = [plot(name) for name in ("voltage", "gaps", "attraction", "contact")]
+    plots.insert(3, plot("attraction", title="Small forces on the ball (nN)", axis_y=scale))
+    left = rrb.Vertical(bench, states_view(), rrb.TextDocumentView(origin=KEY, name="Legend"), row_shares=[9, 3, 4])
+    shown = rrb.Vertical(*plots, name="Time series")
+    right = rrb.Tabs(shown, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0)
     speed = float(trace.time[-1] - trace.time[0]) / _PLAYED
     return blueprint(rrb.Horizontal(left, right, column_shares=[1, 1]), playback_speed=speed, loop_mode="all")

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 LYING, HELD, DELIVERED = 0, 1, 2
 """States of a ball."""
 
+ROBOTS, BALLS, LINKS = "world/robots/body", "world/balls/true_size", "world/links"
+"""Entities of recordings that show quantities of single robots, balls and links."""
 IN_FILES = {"mm": ("m", MM), "mm/s": ("m/s", MM)}
 """Units of the model, what they become in files, and the factor."""
 
@@ -51,8 +53,8 @@ class Column(NamedTuple):
     """Where the trajectory has a value, an array that broadcasts; by default everywhere."""
     words: tuple[str, ...] = ()
     """Names of the values 0, 1, ... of an enumeration."""
-    shown: bool = False
-    """Recordings show it where a robot, a ball or a link is selected, or of (T,) quantities as a time series."""
+    shown: str = ""
+    """Entity of recordings that shows it: a time series, or `ROBOTS`, `BALLS` or `LINKS` where one is selected."""
 
 
 def took_step(arrays: Arrays) -> Bool[np.ndarray, "T"]:
@@ -117,13 +119,13 @@ class Frames:
     has_priority: Bool[np.ndarray, "T N"] = quantity("record.has_priority")
     """Whether the robot sends the flag `priority`; nobody does where messages have none."""
     message: UInt32[np.ndarray, "T N"] = quantity(
-        "record.message", Column("message", "", "the 32 bits that its first LED sent", spoke, shown=True)
+        "record.message", Column("message", "", "the 32 bits that its first LED sent", spoke, shown=ROBOTS)
     )
     """As the step began; those of its other LEDs differ in number and check."""
     command: Float[np.ndarray, "T N 2"] = quantity(
         lambda seen: np.stack([*seen.record.command], axis=-1),
-        Column("turn", "rad", "carried out in the step, anticlockwise", acted, shown=True),
-        Column("forward", "m", "walked in the step if nothing is in the way", acted, shown=True),
+        Column("turn", "rad", "carried out in the step, anticlockwise", acted, shown=ROBOTS),
+        Column("forward", "m", "walked in the step if nothing is in the way", acted, shown=ROBOTS),
     )
     """What the drive carried out, within its limits and with its errors."""
     ball_position: Float[np.ndarray, "T K 3"] = quantity(
@@ -137,17 +139,17 @@ class Frames:
     )
     ball_holder: Int16[np.ndarray, "T K"] = quantity(
         "balls.holder",
-        Column("holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, shown=True),
+        Column("holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, shown=BALLS),
     )
     """Where no robot holds the ball, the last one that did."""
     link_sender: Int16[np.ndarray, "T N S"] = quantity(
-        "record.links.sender", Column("sender", "", "number of the robot that sends", shown=True)
+        "record.links.sender", Column("sender", "", "number of the robot that sends", shown=LINKS)
     )
     """Like all of links undefined where not `link_valid`."""
     link_valid: Bool[np.ndarray, "T N S"] = quantity("record.links.valid")
     """Photodiode sector s receives a robot; rows of the table are these alone."""
     link_led: UInt8[np.ndarray, "T N S"] = quantity(
-        "record.links.led", Column("led", "", "LED that sends, counted as the sides", shown=True)
+        "record.links.led", Column("led", "", "LED that sends, counted as the sides", shown=LINKS)
     )
     link_bearing: Float[np.ndarray, "T N S"] = quantity(
         "record.links.bearing", Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured")
@@ -156,18 +158,22 @@ class Frames:
         "record.measured_distance", Column("measured_distance", "m", "as the receiver measured it")
     )
     link_heard: Bool[np.ndarray, "T N S"] = quantity(
-        "record.is_heard", Column("is_heard", "", "the message arrived undamaged", shown=True)
+        "record.is_heard", Column("is_heard", "", "the message arrived undamaged", shown=LINKS)
     )
     """Its check is right, if that is looked at."""
     delivered: Int[np.ndarray, "T"] = quantity(
-        lambda seen: seen.balls.is_delivered.sum(axis=1), Column("delivered", "", "balls delivered so far", shown=True)
+        lambda seen: seen.balls.is_delivered.sum(axis=1),
+        Column("delivered", "", "balls delivered so far", shown="series/balls/delivered"),
     )
     picked: Int[np.ndarray, "T"] = quantity(
-        lambda seen: seen.balls.was_picked.sum(axis=1), Column("picked", "", "balls picked up so far", shown=True)
+        lambda seen: seen.balls.was_picked.sum(axis=1),
+        Column("picked", "", "balls picked up so far", shown="series/balls/picked"),
     )
-    collisions: Int[np.ndarray, "T"] = quantity("record.collisions", Column("collisions", "", "so far", shown=True))
+    collisions: Int[np.ndarray, "T"] = quantity(
+        "record.collisions", Column("collisions", "", "so far", shown="series/collisions")
+    )
     mean_speed: Float[np.ndarray, "T"] = quantity(
-        "record.speed", Column("mean_speed", "m/s", "of the robots in the step", shown=True)
+        "record.speed", Column("mean_speed", "m/s", "of the robots in the step", shown="series/mean_speed")
     )
     """Distance moved in the control step over its duration, averaged over the robots."""
     memory: Arrays = field(default_factory=dict)
@@ -225,6 +231,11 @@ def _stored(name: str, seen: Observed) -> np.ndarray:
 def columns_of(name: str) -> tuple[Column, ...]:
     """Columns of a quantity."""
     return ARRAYS[name].metadata["columns"]
+
+
+def numbers(arrays: Arrays, name: str, place: int) -> Shaped[np.ndarray, "T *axes"]:
+    """Values of a column of a quantity, by its place among those of the quantity."""
+    return arrays[name] if len(axes_of(name)) == arrays[name].ndim else arrays[name][..., place]
 
 
 def dtype_of(name: str) -> np.dtype:

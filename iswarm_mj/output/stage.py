@@ -9,14 +9,12 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.saved import SavedRun, load
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
-
-EMPTY, LOADED, SCOUT = (0.86, 0.1, 0.08, 1.0), (0.12, 0.25, 0.85, 1.0), (0.1, 0.6, 0.25, 1.0)
-"""Colours of the robots: those of the paper's Figs. 12 and 16, and green for scouts."""
 
 
 class Shot(NamedTuple):
@@ -45,6 +43,7 @@ def recorded(directory: Path) -> SavedRun:
     return run
 
 
+_COLOURS = {colour: np.array(rgb(colour)) / 255 for colour in (EMPTY, LOADED, SCOUT)}
 _FLAT = 0.002
 """Half the height of what is painted on the floor [mm]."""
 
@@ -137,7 +136,7 @@ class Stage:
         data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(pose[:, :2].astype(float)), pose[:, 2]])
         data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
         for robot, (loaded, scout) in enumerate(zip(is_loaded, self._is_scout, strict=True)):
-            model.geom(f"robot{robot}/substrate").rgba = LOADED if loaded else SCOUT if scout else EMPTY
+            model.geom(f"robot{robot}/substrate").rgba[:3] = _COLOURS[LOADED if loaded else SCOUT if scout else EMPTY]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)

@@ -67,7 +67,6 @@ class Scene(NamedTuple):
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
 
     @property
-    def arrows(self) -> list[str]:
-        """Names of the recorded vectors [m] of the plane, in the robots' own frames."""
-        each = zip(self.memory_names, self.memory_units, self.memory_sizes, strict=True)
-        return [name for name, unit, size in each if (unit, size) == ("m", 2)]
+    def memory(self) -> list[tuple[str, str, int]]:
+        """Name, unit and number of numbers of what is recorded of the robots' memory."""
+        return list(zip(self.memory_names, self.memory_units, self.memory_sizes, strict=True))

@@ -12,9 +12,8 @@ from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.attempt_trace import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.frames import frames_of, scene_of, watch
 from iswarm_mj.output.schema import Frames
-from iswarm_mj.output.task_arrays import watch
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord

@@ -256,7 +256,7 @@ config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, d
 with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=Path(path) if path else None) as stage:
     pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
 red, green, blue = np.moveaxis(pixels, -1, 0)
-print(((blue > 90) & (blue > 2 * red) & (blue > 1.8 * green)).sum())
+print(((blue > 90) & (red < 0.38 * blue) & (green > 0.55 * blue)).sum())
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return int(done.stdout)

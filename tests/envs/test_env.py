@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
+from helpers_tasks import Eastward
 
 from iswarm_mj import make_env
 from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
@@ -196,6 +197,25 @@ def test_engines_agree():
         ends.append(poses_of(env, roll(env, step, state, 3)))
     for other in ends[1:]:
         np.testing.assert_allclose(other, ends[0], atol=0.02)
+
+
+@pytest.mark.parametrize("last", [1, 2])
+def test_a_fault_brings_no_reward_and_is_not_the_end_of_the_time(last):
+    """Also in the last step of an episode; the same step without the fault is rewarded."""
+    env = make_env(Eastward(), n_robots=8, config=SMALL, n_worlds=2, engine=PlanarSettings(1), steps=2, n_starts=4)
+    ends = []
+    for number in (0.0, np.nan):
+        state, action = env.reset(KEYS[:2]), np.zeros((2, 8, 2), np.float32)
+        for step in range(1, last + 1):
+            action[0, 0, 0] = number if step == last else 0.0
+            state = env.step(state, action)
+        ends.append(state)
+    sound, faulty = ends
+    assert np.asarray(sound.reward).any(axis=1).all() and not np.asarray(faulty.reward)[0].any()
+    np.testing.assert_array_equal(faulty.reward[1], sound.reward[1])
+    np.testing.assert_array_equal(faulty.done, [True, last == 2])
+    np.testing.assert_array_equal(sound.info["truncated"], [last == 2] * 2)
+    np.testing.assert_array_equal(faulty.info["truncated"], [False, last == 2])
 
 
 def test_rewards_are_of_the_task():

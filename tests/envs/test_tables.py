@@ -73,14 +73,14 @@ def test_nothing_is_known_of_what_was_not_heard():
     one, other = (heard(seed, is_heard)._replace(sensed={"light": jnp.ones(5)}) for seed in (0, 1))
     ball = one._replace(ball_vector=jnp.full((5, 2), 3.0))  # of a ball that is not there
     for seen in (other, ball):
-        first, second = (observations.encode(TABLE, PAYLOAD, s) for s in (one, seen))
+        first, second = (observations.encode(TABLE, s) for s in (one, seen))
         np.testing.assert_array_equal(first, second)
     assert np.asarray(first).any(axis=0).sum() == 1  # the light
 
 
 def test_rows_are_what_was_sensed():
     seen = heard(2, np.ones((5, 4), bool))
-    split = observations.split(TABLE, np.asarray(observations.encode(TABLE, PAYLOAD, seen)))
+    split = observations.split(TABLE, np.asarray(observations.encode(TABLE, seen)))
     assert list(split) == [row.name for row in TABLE]
     np.testing.assert_allclose(np.exp(1j * split["bearing"]), np.exp(1j * np.asarray(seen.bearing)), atol=1e-5)
     np.testing.assert_allclose(split["distance"], np.minimum(np.asarray(seen.distance) / 2**1.5, 7), rtol=1e-5)
@@ -96,7 +96,7 @@ def test_rows_are_what_was_sensed():
 def test_actions_mean_what_the_table_says():
     action = np.zeros((2, sum(row.size for row in actions.rows(SMALL, PAYLOAD))), np.float32)
     action[0], action[1] = 1.0, -1.0
-    command, said, is_bad = actions.decode(SMALL, PAYLOAD, jnp.asarray(action))
+    command, said, is_bad = actions.decode(actions.rows(SMALL, PAYLOAD), jnp.asarray(action))
     np.testing.assert_allclose(command.turn, [np.pi / 2, -np.pi / 2], rtol=1e-6)
     np.testing.assert_allclose(command.forward, [2**0.5, -(2**0.5)], rtol=1e-5)
     np.testing.assert_array_equal(said["flag"], [True, False])
@@ -115,7 +115,7 @@ def test_actions_mean_what_the_table_says():
 def test_actions_that_are_no_numbers_are_named_and_do_nothing(bad):
     action = np.ones((3, 2), np.float32)
     action[1, 1] = bad
-    command, _, is_bad = actions.decode(SMALL, Payload(), jnp.asarray(action))
+    command, _, is_bad = actions.decode(actions.rows(SMALL, Payload()), jnp.asarray(action))
     np.testing.assert_array_equal(is_bad, [False, True, False])
     assert np.isfinite(command.turn).all() and command.turn[1] == 0
 

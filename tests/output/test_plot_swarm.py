@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.plot_swarm import draw_swarm, links, outlines, vectors
 
 QUARTER = np.pi / 2
@@ -43,7 +44,7 @@ def test_each_pair_has_one_link():
 
 
 def test_robots_have_the_colours_of_their_states(tmp_path):
-    """One robot of each kind on bare floor: as much red as blue as green."""
+    """One robot of each kind on bare floor: as much of each colour."""
     from PIL import Image
 
     frames = {
@@ -66,11 +67,8 @@ def test_robots_have_the_colours_of_their_states(tmp_path):
     path = draw_swarm(frames, 0, "three robots", tmp_path / "a")
     with Image.open(path) as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
-    height = len(pixels)
-    band = pixels[: height // 2]  # the dump and the legend are lower
-    counts = [
-        ((band[..., c] > 120) & (band[..., [k for k in range(3) if k != c]].max(axis=-1) < 100)).sum() for c in range(3)
-    ]
+    band = pixels[: len(pixels) // 2]  # the dump and the legend are lower
+    counts = [(np.abs(band - rgb(colour)).max(axis=-1) < 30).sum() for colour in (EMPTY, LOADED, SCOUT)]
     assert min(counts) > 500 and max(counts) < 1.3 * min(counts)
     edge = np.concatenate([pixels[:8].reshape(-1, 3), pixels[-8:].reshape(-1, 3)])
     assert edge.min() == 255, "the title or the legend is cut"

@@ -8,7 +8,7 @@ import pytest
 from helpers_trace import SCRIPT, bench_trace
 
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
-from iswarm_mj.output import plot_trials, plot_voltages
+from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.output.plot_trials import draw_figures, draw_trace
 
@@ -26,8 +26,7 @@ def shown(monkeypatch):
             _, axes[path.name] = blank(**more)
             yield axes[path.name]
 
-    for module in (plot_trials, plot_voltages):
-        monkeypatch.setattr(module, "figure", unwritten)
+    monkeypatch.setattr(plot_trials, "figure", unwritten)
     return axes
 
 
@@ -100,16 +99,6 @@ def test_grasp_at_10_percent(tmp_path, shown):
     assert bands(axes) == [(20, 30)] and "paper, 10 % RH: 20 to 30 V" in labels(axes)
     low, high = axes.get_ylim()
     assert 0 <= low < 20 and high > 30
-
-
-def test_what_was_fitted_is_told(tmp_path, shown):
-    rows = make_rows("grasp") + make_rows("release") + [make_row("no_contact")]
-    draw_figures(rows, {}, tmp_path)
-    told = {name: caption(axes[0]) for name, axes in shown.items()}
-    assert told.keys() == {"grasp_voltage", "release_voltage", "no_contact"}
-    assert all("Fitted: " in text for text in told.values())
-    assert "n = 2 trials at each radius and humidity" in told["grasp_voltage"]
-    assert "Not fitted: that the radius" in told["grasp_voltage"] and "radius" in told["release_voltage"]
 
 
 def test_force_laws(tmp_path, shown):

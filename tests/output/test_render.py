@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_files import full_disk
-from helpers_opengl import needs_opengl
+from helpers_opengl import needs_opengl, of_colour
 from helpers_recorded import write_run
 
 from iswarm_mj.commands.main import main
+from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT
 from iswarm_mj.output.render import render
-from iswarm_mj.output.stage import Shot, recorded
+from iswarm_mj.output.stage import Shot
 from iswarm_mj.utils.errors import UserError
 
 N = 330
@@ -70,20 +71,10 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
     with Image.open(out) as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
     assert pixels.shape == (size, size, 3)
-    red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
     high, low = int(size * (0.5 - 12.5 / 148)), int(size * (0.5 + 12.5 / 148))  # between the three kinds of robots
-    for channel, others, rows in (
-        (red, (green, blue), slice(0, high)),
-        (green, (red, blue), slice(high, low)),
-        (blue, (red, green), slice(low, size)),
-    ):
-        strong = (channel > 90) & (channel > 2 * others[0]) & (channel > 1.8 * others[1])
-        assert strong[rows].sum() > 0.7 * strong.sum() > 500
-
-
-def test_a_directory_without_a_run_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"holds neither result\.json nor trajectory\.npz; give the --out of a run"):
-        recorded(tmp_path)
+    for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, size))):
+        found = of_colour(pixels, colour)
+        assert found[rows].sum() > 0.7 * found.sum() > 500
 
 
 def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):

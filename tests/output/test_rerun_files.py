@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import cut, make_frames, make_scene, write
+from helpers_trace import bench_trace
 from rerun.chunk import RrdReader
 
 from iswarm_mj.output import rerun_swarm as record
 from iswarm_mj.output.rerun_swarm import Recording
+from iswarm_mj.output.rerun_trial import record_trace
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 
@@ -77,20 +79,31 @@ def test_blocks_before_a_kill_are_readable(tmp_path):
     assert read(path)["/world/links"]["step"] == list(range(7))
 
 
-def test_switched_off_by_the_environment(tmp_path, monkeypatch):
+def swarm(path):
+    """Open the recording of a swarm."""
+    Recording(path, make_scene(5, 2), {}, {})
+
+
+def trial(path):
+    """Write the recording of a trial."""
+    record_trace(path, bench_trace(), {})
+
+
+@pytest.mark.parametrize("make", [swarm, trial])
+def test_switched_off_by_the_environment(tmp_path, monkeypatch, make):
     monkeypatch.setenv("RERUN", "0")
-    old = tmp_path / "run.rrd"
-    old.write_text("old")
+    (tmp_path / "run.rrd").write_text("old")
     with pytest.raises(UserError, match=r"RERUN=0.*unset"):
-        Recording(old, make_scene(5, 2), {}, {})
-    assert old.read_text() == "old"
+        make(tmp_path / "run.rrd")
+    assert (tmp_path / "run.rrd").read_text() == "old"
 
 
-def test_unwritable_places(tmp_path):
+@pytest.mark.parametrize("make", [swarm, trial])
+@pytest.mark.parametrize("name", ["file/run.rrd", "missing/run.rrd", ""])
+def test_unwritable_places(tmp_path, make, name):
     (tmp_path / "file").write_text("")
-    for path in (tmp_path / "file" / "run.rrd", tmp_path / "missing" / "run.rrd", tmp_path):
-        with pytest.raises(UserError, match="cannot be written"):
-            Recording(path, make_scene(5, 2), {}, {})
+    with pytest.raises(UserError, match="cannot be written"):
+        make(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["pose", "ball_position", "dump_vector"])

@@ -55,7 +55,7 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
         def __del__(self):
             forgotten.append(self)
 
-    recording._path, recording._stream, recording._result = "a.rrd", Stream(), {}
+    recording._path, recording.stream, recording._result = "a.rrd", Stream(), {}
     with pytest.raises(UserError, match=r"'a.rrd' cannot be written \(it is gone\)"):
         recording.__exit__(None, None, None)
     recording.__exit__(ValueError, ValueError(), None)  # says more

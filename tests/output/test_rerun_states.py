@@ -8,7 +8,7 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import make_frames, make_scene, write
 
-from iswarm_mj.output.memory_colors import hop_colours
+from iswarm_mj.output.memory import hop_colours
 from iswarm_mj.output.rerun_states import shown_lanes, states, states_of
 
 LANES = tuple(range(0, 40, 2))

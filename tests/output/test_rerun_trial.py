@@ -13,7 +13,9 @@ from rerun.chunk import RrdReader
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import thinned
 from iswarm_mj.output import rerun_trial as record_grasp
+from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.rerun_trial import record_trace, rotated
+from iswarm_mj.output.trace_lines import LINES
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
@@ -49,24 +51,21 @@ def test_all_samples_are_there(recorded):
             np.testing.assert_allclose(seconds, trace.time, atol=1e-6, err_msg=entity)
 
 
-@pytest.mark.parametrize(
-    ("entity", "field", "unit"),
-    [
-        ("voltage/voltage", "voltage", 1.0),
-        ("gaps/tool", "gap_tool", 1e6),
-        ("gaps/plate", "gap_plate", 1e6),
-        ("attraction/electrostatic", "electrostatic", 1e9),
-        ("attraction/tool", "adhesion_tool", 1e9),
-        ("attraction/plate", "adhesion_plate", 1e9),
-        ("contact/tool", "contact_tool", 1e9),
-        ("contact/plate", "contact_plate", 1e9),
-    ],
-)
-def test_time_series(recorded, entity, field, unit):
-    _, columns = recorded[1][f"/series/{entity}"]
-    values = np.concatenate(columns["Scalars:scalars"])
-    assert np.ptp(values) > 0
-    np.testing.assert_allclose(values, getattr(bench_trace(), field) * unit, rtol=1e-12)
+@pytest.mark.parametrize("line", LINES, ids=lambda line: line.name)
+def test_time_series(recorded, line):
+    _, columns = recorded[1][f"/series/{line.name}"]
+    wanted = np.broadcast_to(getattr(bench_trace(), line.field), len(bench_trace().time))
+    np.testing.assert_allclose(np.concatenate(columns["Scalars:scalars"]), wanted * line.factor, rtol=1e-12)
+
+
+def test_units_of_time_series():
+    """Forces in nN, gaps in um."""
+    assert {line.name.split("/")[0]: line.factor for line in LINES} == {
+        "voltage": 1.0,
+        "gaps": 1e6,
+        "attraction": 1e9,
+        "contact": 1e9,
+    }
 
 
 def test_bodies_stand_where_they_stood(recorded):
@@ -174,23 +173,8 @@ def test_a_write_that_breaks_off_leaves_the_old_file(tmp_path, monkeypatch):
     assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1
 
 
-def test_switched_off_by_the_environment(tmp_path, monkeypatch):
-    monkeypatch.setenv("RERUN", "0")
-    with pytest.raises(UserError, match=r"RERUN=0.*unset"):
-        record_trace(tmp_path / "trial.rrd", bench_trace(), {})
-    assert not list(tmp_path.iterdir())
-
-
-def test_unwritable_places(tmp_path):
-    (tmp_path / "file").write_text("")
-    for path in (tmp_path / "file" / "trial.rrd", tmp_path / "missing" / "trial.rrd"):
-        with pytest.raises(UserError, match="cannot be written"):
-            record_trace(path, bench_trace(), {})
-
-
 def test_legends_lie_beside_what_they_explain():
     """No plot has a legend on its curves; one text names the colours of arrows, gaps and forces."""
-    look = record_grasp.look
     plots, todo = [], [look.layout(bench_trace()).root_container]
     while todo:
         part = todo.pop()
@@ -200,8 +184,6 @@ def test_legends_lie_beside_what_they_explain():
             todo += part.contents
     assert len(plots) == 5
     assert all(not plot.properties["PlotLegend"].visible.as_arrow_array()[0].as_py() for plot in plots)
-    (key,) = (
-        a for entity, a in record_grasp.look.static_entities(bench_trace(), {}) if entity == record_grasp.look.KEY
-    )
+    (key,) = (a for entity, a in look.static_entities(bench_trace(), {}) if entity == look.KEY)
     text = key.text.as_arrow_array()[0].as_py().lower()
     assert all(colour in text for colour in ("green", "orange", "yellow", "grey", "blue"))

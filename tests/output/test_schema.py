@@ -8,7 +8,7 @@ from helpers_rrd import read
 from helpers_runs import run_of
 
 import iswarm_mj
-from iswarm_mj.output.rerun_names import LINKS, SERIES, SHOWN, UNITS
+from iswarm_mj.output.rerun_names import SHOWN, UNITS
 from iswarm_mj.output.schema import ARRAYS, axes_of, dtype_of
 from iswarm_mj.output.tables import TABLES
 from iswarm_mj.output.trajectory import RECORDING, TRAJECTORY
@@ -37,7 +37,6 @@ def test_a_quantity_is_everywhere(done, name):
     for place, column in enumerate(field.metadata["columns"]):
         metadata = table.schema.field(column.name).metadata
         assert metadata == {b"unit": column.unit.encode(), b"description": column.description.encode()}
-        assert saved.units[TABLE[axes]][column.name] == column.unit
         assert f"| `{column.name}` | {column.unit} | {column.description} |" in section
         own = values if values.ndim == len(axes) else values[..., place]
         own = own[arrays["link_valid"]] if axes == ("T", "N", "S") else own.ravel()
@@ -46,24 +45,17 @@ def test_a_quantity_is_everywhere(done, name):
             known = found != None  # noqa: E711, element by element
             assert known.any() or column.name == "holder"
             np.testing.assert_array_equal(found[known].astype(own.dtype), own[known])
-        if column.shown:
+        for shown, *_ in (each for each in SHOWN if each[-1] == column):
             unit, factor = UNITS.get(column.unit, (column.unit, 1))
-            entity = next((e for e, of in SHOWN.items() if of == axes), None)
-            if entity is None:
-                entity = next(e for e, of in SERIES.items() if of == column)
-                component = "Scalars:scalars"
-            else:
-                component = column.name + (f"_{unit.replace('/', '_per_')}" if unit != column.unit else "")
-            shown = np.array([x for row in recorded[f"/{entity}"][component] for x in row])
+            there = np.array([x for row in recorded[f"/{shown.entity}"][shown.component] for x in row])
             if column.name != "holder":
-                np.testing.assert_allclose(shown, own * factor, rtol=1e-6)
-            assert f"| `{entity}` | `{component}` | {unit} |" in page
+                np.testing.assert_allclose(there, own * factor, rtol=1e-6)
+            assert shown.unit == unit and f"| `{shown.entity}` | `{shown.component}` | {unit} |" in page
     assert field.metadata["columns"] or name in ("step", "has_priority", "link_valid")
 
 
-def test_what_nobody_needs_is_no_column(done):
-    """Each column of a table has a unit and a description."""
+def test_each_column_has_a_unit_and_a_description(done):
     for name in TABLES:
-        for field in getattr(done[1], name).schema:
-            assert field.metadata.keys() == {b"unit", b"description"} and field.metadata[b"description"]
-    assert LINKS in SHOWN
+        table = getattr(done[1], name)
+        assert done[1].units[name].keys() == set(table.column_names)
+        assert all(f.metadata.keys() == {b"unit", b"description"} and f.metadata[b"description"] for f in table.schema)

@@ -4,8 +4,7 @@ import pytest
 from helpers_runs import run_of
 from rerun.chunk import RrdReader
 
-from iswarm_mj.output.frames import frames_of
-from iswarm_mj.output.task_arrays import watch
+from iswarm_mj.output.frames import frames_of, watch
 from iswarm_mj.workflows import recorder
 from iswarm_mj.workflows.clean import clean
 

@@ -10,7 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import Combination, accepted
-from iswarm_mj.output.plot_style import BLUE, DARK, GREEN, ORANGE, figure
+from iswarm_mj.output.palette import BLUE, DARK, GREEN, ORANGE
+from iswarm_mj.output.plot_style import figure
 
 _MARKERS = (ORANGE, GREEN, DARK)
 _DASHES = ("-", (0, (3, 3)), (0, (1, 5)))

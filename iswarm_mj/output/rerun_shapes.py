@@ -1,0 +1,154 @@
+"""What moves in a swarm's recording: shapes and numbers of a block of frames. SI in, millimetres out.
+
+Of a block all at once, never with a call per robot or per frame.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from jaxtyping import Bool, Float, Int, Shaped
+
+from iswarm_mj.output import rerun_names as names
+from iswarm_mj.output import rerun_swarm_view as look
+from iswarm_mj.output.memory import hop_colours, hop_counts, is_known, vectors
+from iswarm_mj.output.message_columns import shown_fields
+from iswarm_mj.output.rerun_names import BALLS, LINKS, ROBOTS, shown_values
+from iswarm_mj.output.rerun_states import states, states_of
+from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import AREA, METRIC, Scene
+from iswarm_mj.utils.geometry import rotate
+
+TRAIL_FRAMES = 20
+"""Length of a trail [frames]."""
+
+
+class Shape(NamedTuple):
+    """An entity in a block of T frames."""
+
+    entity: str
+    shown: rr.AsComponents
+    """The instances of all frames, one frame after the other."""
+    lengths: Int[np.ndarray, "T"] | int = 1
+    """Instances of each frame; one number if they are as many in each."""
+    values: dict[str, Shaped[np.ndarray, "..."]] = {}  # noqa: RUF012, never changed
+    """What the viewer shows where an instance is selected."""
+
+
+def shapes(scene: Scene, frames: Frames, before: Float[np.ndarray, "_ N 3"]) -> Iterator[Shape]:
+    """Yield all shapes.
+
+    Args:
+        scene: of the world.
+        frames: of the block.
+        before: poses in up to `TRAIL_FRAMES` frames before it.
+    """
+    height = scene.robot_size[2] * MILLIMETRES
+    poses = np.concatenate([before, frames.pose])
+    history = np.full(poses.shape, height / 2, np.float32)
+    history[..., :2] = poses[..., :2] * np.float32(MILLIMETRES)
+    centres = history[len(before) :]
+    yield from _robots(scene, frames, centres)
+    yield from _balls(scene, frames)
+    yield _links(frames, centres)
+    yield _trails(frames.is_loaded, history, len(before))
+    yield from _memory(scene, frames, centres + np.array([0, 0, 0.6 * height], np.float32))
+    for name, shape in zip(scene.area_names, scene.area_shapes, strict=True):
+        areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
+        yield Shape(f"{names.AREAS}/{name}", look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
+    yield from _series(scene, frames)
+
+
+def _robots(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Iterator[Shape]:
+    """Boxes coloured by state, and a dot at each front."""
+    length, _, height = np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)
+    yaw, hops = frames.pose[..., 2], {v.hop: hop_counts(frames, v) for v in _with_hops(scene)}
+    zero = np.zeros_like(yaw)
+    boxes = rr.Boxes3D.from_fields(
+        centers=centres.reshape(-1, 3),
+        quaternions=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1).reshape(-1, 4),
+        class_ids=look.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority).reshape(-1),
+    )
+    values = shown_values(ROBOTS, frames) | shown_fields(scene, frames.message)
+    values |= hops | {f"{name}_colour": hop_colours(of) for name, of in hops.items()}
+    yield Shape(ROBOTS, boxes, yaw.shape[1], values)
+    fronts = centres + 0.34 * length * np.stack([np.cos(yaw), np.sin(yaw), zero], axis=-1)
+    fronts[..., 2] = height + look.FRONT_RADIUS * length
+    yield Shape(names.FRONTS, rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), yaw.shape[1])
+
+
+def _with_hops(scene: Scene) -> list:
+    return [vector for vector in vectors(scene.memory) if vector.hop in scene.memory_names]
+
+
+def _balls(scene: Scene, frames: Frames) -> Iterator[Shape]:
+    """Points of true size; above the robots, markers that stay visible with the whole arena in view."""
+    n_balls = frames.ball_position.shape[1]
+    positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
+    classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
+    above = positions + np.array([0, 0, 1.5 * scene.robot_size[2] * MILLIMETRES])
+    points = rr.Points3D.from_fields(positions=positions, class_ids=classes)
+    yield Shape(BALLS, points, n_balls, shown_values(BALLS, frames))
+    yield Shape(names.BALL_MARKERS, rr.Points3D.from_fields(positions=above, class_ids=classes), n_balls)
+
+
+def _links(frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Shape:
+    """Lines from receivers to senders."""
+    is_link = frames.link_valid
+    frame, receiver, side = np.nonzero(is_link)
+    values = {"receiver": receiver.astype(np.int16), "side": side.astype(np.uint8)}
+    values |= {name: each[is_link] for name, each in shown_values(LINKS, frames).items()}
+    ends = np.stack([centres[frame, receiver], centres[frame, frames.link_sender[is_link]]], axis=1)
+    lines, classes = _strips(ends.reshape(-1, 3), np.full(len(frame), 2)), values["is_heard"] + look.LINK_CLASS_OFFSET
+    shown = rr.LineStrips3D.from_fields(strips=lines, class_ids=classes.astype(np.uint16))
+    return Shape(LINKS, shown, np.bincount(frame, minlength=len(frames)), values)
+
+
+def _trails(is_loaded: Bool[np.ndarray, "T N"], history: Float[np.ndarray, "_ N 3"], n_before: int) -> Shape:
+    """Where loaded robots came from, oldest point first; shorter where there are fewer frames before."""
+    frame, robot = np.nonzero(is_loaded)
+    times = frame[:, None] + n_before - np.arange(TRAIL_FRAMES, -1, -1)
+    exists = times >= 0
+    points = history[times[exists], np.broadcast_to(robot[:, None], times.shape)[exists]]
+    shown = rr.LineStrips3D.from_fields(strips=_strips(points, np.count_nonzero(exists, axis=1)))
+    return Shape(names.TRAILS, shown, np.count_nonzero(is_loaded, axis=1), {"robot": robot.astype(np.int16)})
+
+
+def _strips(points: Float[np.ndarray, "P 3"], lengths: Int[np.ndarray, "M"]) -> pa.Array:
+    """Line strips of the given lengths from consecutive points; without a loop over them."""
+    vectors = rr.encodings.Vec3DBatch(np.ascontiguousarray(points, np.float32)).as_arrow_array()
+    offsets = np.append(0, np.cumsum(lengths)).astype(np.int32)
+    return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
+
+
+def _memory(scene: Scene, frames: Frames, origins: Float[np.ndarray, "T N 3"]) -> Iterator[Shape]:
+    """Arrows from the robots that know a vector, turned to the world; a series for other numbers of each robot."""
+    for vector in vectors(scene.memory):
+        known = is_known(frames, vector)
+        ends = np.zeros((np.count_nonzero(known), 3), np.float32)
+        turned = rotate(frames.memory[vector.name][known], frames.pose[..., 2][known])
+        ends[:, :2] = turned * np.float32(MILLIMETRES)
+        arrows, robot = rr.Arrows3D.from_fields(origins=origins[known], vectors=ends), np.nonzero(known)[1]
+        counts = np.count_nonzero(known, axis=1)
+        yield Shape(f"{names.ARROWS}/{vector.stem}", arrows, counts, {"robot": robot.astype(np.int16)})
+    for name in look.numbers(scene):
+        yield _scalars(f"{names.MEMORY}/{name}", frames.memory[name].reshape(len(frames), -1))
+
+
+def _series(scene: Scene, frames: Frames) -> Iterator[Shape]:
+    """How many robots are in each state; time series, of which shares are of all robots."""
+    found = states_of(scene, frames)
+    yield _scalars(names.COUNTS, [np.count_nonzero(found == place, axis=1) for place in range(len(states(scene)))])
+    yield from (_scalars(entity, [*shown_values(entity, frames).values()]) for entity in names.SERIES)
+    for vector in vectors(scene.memory):
+        yield _scalars(f"{names.SHARES}/{vector.stem}", [is_known(frames, vector).mean(axis=1)])
+    yield from (_scalars(f"{names.METRICS}/{name}", [frames.task[METRIC + name]]) for name in scene.metric_names)
+
+
+def _scalars(entity: str, values: Float[np.ndarray, "T L"] | list[np.ndarray]) -> Shape:
+    """L time series, given as columns or as a list of them."""
+    columns = np.stack(values, axis=1) if isinstance(values, list) else values
+    return Shape(entity, rr.Scalars(columns.reshape(-1).astype(np.float64)), columns.shape[1])
