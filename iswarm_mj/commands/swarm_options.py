@@ -239,7 +239,7 @@ class Swarm(ConfigOptions):
     def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
         """Return what must be the same in all processes of a job: the command, its flags and the versions."""
         from iswarm_mj.engines.robot_file import read_robot
-        from iswarm_mj.utils.versions import versions
+        from iswarm_mj.experiments.runner.journal import versions
 
         flags = {name: value for name, value in asdict(self).items() if name not in _PER_PROCESS | _RESOLVED}
         run = {"command": type(self).__name__.lower(), "robots": n_robots, "genome": asdict(genome)}

@@ -23,7 +23,7 @@ from iswarm_mj.engines.robot_file import models_directory
 
 STARTS = [
     "iswarm_mj.simulation.run.start_loop",
-    "iswarm_mj.experiments.runner.resumable.run_jobs",
+    "iswarm_mj.experiments.runner.pool.run_jobs",
     "iswarm_mj.workflows.grasp.run_trials",
     "iswarm_mj.workflows.grasp.force_curve",
     "iswarm_mj.workflows.benchmark_grasp.speed",
