@@ -29,9 +29,9 @@ STARTS = [
     "iswarm_mj.workflows.benchmark_grasp.speed",
     "iswarm_mj.output.render.Stage",
     "iswarm_mj.output.video.Stage",
-    "jax.distributed.initialize",
+    "iswarm_mj.workflows.shares.connected",
 ]
-"""Where physics, pictures, workers or processes on other hosts would start."""
+"""Where physics, pictures, workers or other machines would start."""
 REFUSAL = re.compile(r"iswarm: [^\n]+\n")
 BOX = re.compile(r"For full helptext, (see|run) iswarm( [a-z]+)? --help\b")
 """Of what the parser says of words that it cannot read."""
