@@ -155,7 +155,7 @@ def _user_code(error: BaseException, command: Command | None) -> int | None:
         case OSError():
             if error.filename is None:  # the output is no file that was named
                 _discard_output()
-            name = "the output" if error.filename is None else str(error.filename)
+            name = "the output, or the cache of compiled programs," if error.filename is None else str(error.filename)
             words, code = f"{name} cannot be read or written ({error.strerror or error}); choose another.", 2
         case MemoryError():
             words, code = f"there is not enough memory ({error or 'none is left'}); use fewer worlds or robots.", 2

@@ -19,10 +19,10 @@ from iswarm_mj.output.memory_colors import hop_colours, hop_counts
 from iswarm_mj.output.memory_vectors import is_known, vectors
 from iswarm_mj.output.message_columns import payload_of, shown_fields
 from iswarm_mj.output.rerun_format import (
-    FLUSH_SECONDS,
     check_recordings,
     close,
     columns_of,
+    flush,
     index,
     save,
     send_properties,
@@ -119,7 +119,7 @@ class Recording:
     def _flush(self) -> None:
         """Write everything to the file, which fails if the disk is full."""
         with written(self._path, self._stream):
-            self._stream.flush(timeout_sec=FLUSH_SECONDS)
+            flush(self._stream, self._path)
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.
