@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 from iswarm_mj.utils.constraints import PER_WORLD, Above, Within, check, validate
 from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.obstacles import checked
-from iswarm_mj.utils.serialization import absent_before, added_later
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class ArenaConfig:
     """Smallest radius of a solder ball (section 3.2.2) [m]."""
     ball_radius_max: Annotated[float, Within(1e-6, 1e-4, "m")] = 25e-6
     """Largest radius of a solder ball (section 3.2.2) [m]."""
-    obstacles: tuple[tuple[float, float, float, float, float], ...] = added_later(())
+    obstacles: tuple[tuple[float, float, float, float, float], ...] = ()
     """Boxes that stop robots and light: x, y, half edges along their own x and y [rd], yaw [deg], five numbers each."""
 
     def __post_init__(self):
@@ -71,9 +70,9 @@ class DriveConfig:
     """Number of physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]. The paper does not say; no value is supported (docs/readings.md)."""
-    error_turn: Annotated[float, Within(0, 180, "deg"), PER_WORLD] = added_later(0.0)
+    error_turn: Annotated[float, Within(0, 180, "deg"), PER_WORLD] = 0.0
     """Standard deviation of the turn about the commanded one, where the robot moves [deg]. 0: the paper names none."""
-    error_step: Annotated[float, Within(0, 1), PER_WORLD] = added_later(0.0)
+    error_step: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
     """Relative standard deviation of the distance walked in a control step, never above `step_length`. 0 likewise."""
 
     def __post_init__(self):
@@ -130,7 +129,7 @@ class OpticsConfig:
     independent_bit_errors: Annotated[bool, PER_WORLD] = False
     """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most. The
     paper does not say, and neither is supported (docs/readings.md): one is the simpler choice."""
-    parity_check: Annotated[bool, PER_WORLD] = added_later(True)
+    parity_check: Annotated[bool, PER_WORLD] = True
     """Robots ignore messages whose parity, or another check that their strategy declares, is wrong, so that a single
     wrong bit loses a message; otherwise they take what arrives. The paper does not say whether a robot notices an
     error; that it does is supported (docs/readings.md)."""
@@ -138,20 +137,20 @@ class OpticsConfig:
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
     """Distance up to which a robot detects a wall by its own reflected light [rd]."""
-    baud_rate: Annotated[float, Within(0, 1e6, "bit/s")] = added_later(0.0)
+    baud_rate: Annotated[float, Within(0, 1e6, "bit/s")] = 0.0
     """Rate at which an LED sends the 32 bits of a message [bit/s]; 0: messages take no time and do not interfere.
     Otherwise all robots stop in each control step for a window of `slots`, each as long as one message ("they
     frequently stop in order to emit some light impulses", section 4.1). No rate is given: 0 is a choice."""
-    slots: Annotated[int, Within(4, 64)] = added_later(8)
+    slots: Annotated[int, Within(4, 64)] = 8
     """Slots of the window in which messages are sent. A robot lights its LEDs in four consecutive ones ("the LEDs will
     be serially activated", section 4.1), from a slot on that it draws anew in each control step."""
-    photodiodes_while_emitting: Literal["front", "none", "all"] = added_later("front")
+    photodiodes_while_emitting: Literal["front", "none", "all"] = "front"
     """Sides whose photodiodes are on in the four slots in which a robot emits ("all photodiodes off, except those on
     the front side of the robot in order to detect an obstacle", section 4.1). A side whose own LED is lit receives no
     message, but sees the wall that reflects its light."""
-    serial_photodiodes: bool = added_later(False)
+    serial_photodiodes: bool = False
     """While a robot does not emit, the photodiodes of one side after the other are on, a slot each; otherwise all."""
-    capture_ratio: Annotated[float, Within(0, 100)] = added_later(0.0)
+    capture_ratio: Annotated[float, Within(0, 100)] = 0.0
     """Of the senders that one side receives in the same slot the nearest is understood if the others are at least this
     many times as far away; 0: never."""
 
@@ -197,17 +196,17 @@ class GripperConfig:
     drop_rate: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
     """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
     without a rate; docs/readings.md says why it is 0 although more is supported."""
-    resolution: Literal["quasi-static", "dynamic"] = added_later("quasi-static")
+    resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
     """What decides about attempts to lift and release: the balance of the forces, or a trial on the bench."""
-    bench: Literal["auto", "c", "mjx"] = added_later("auto")
+    bench: Literal["auto", "c", "mjx"] = "auto"
     """Where trials run: MuJoCo in C with the plugins (auto: CPU engines), or a batch in MJX (compiled ones)."""
-    bench_capacity: Annotated[int, Within(1, 1024)] = added_later(8)
+    bench_capacity: Annotated[int, Within(1, 1024)] = 8
     """Trials of a world in a control step at most, in MJX; robots beyond that try again in the next step."""
-    tool_error: Annotated[float, Within(0, 1e-4, "m")] = added_later(0.0)
+    tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0
     """Standard deviation of the tool's place beside the ball, per axis and attempt [m]; docs/gripper.md tells more."""
-    grasp_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
+    grasp_time: Annotated[float, Within(0, 1000, "s")] = 0.0
     """Time for which a robot stays at a ball that it tries to lift, charging its tool included [s]; whole steps."""
-    release_time: Annotated[float, Within(0, 1000, "s")] = added_later(0.0)
+    release_time: Annotated[float, Within(0, 1000, "s")] = 0.0
     """Time for which a robot stays on the dump while it releases a ball [s]."""
 
     def __post_init__(self):
@@ -220,21 +219,21 @@ class StrategyConfig:
 
     dust_range: Annotated[float, Above(0, 5, "rd"), PER_WORLD] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
-    avoidance_sides: Literal["front", "all"] = added_later("front", "all")
+    avoidance_sides: Literal["front", "all"] = "front"
     """Sides whose photodiodes serve collision avoidance, against robots and walls. Section 4.1: "each robot will keep
     all photodiodes off, except those on the front side of the robot in order to detect an obstacle"."""
-    avoidance_course: Literal["any", "crossing", "oncoming"] = added_later("any")
+    avoidance_course: Literal["any", "crossing", "oncoming"] = "any"
     """Neighbours that a robot avoids, by the LED that it sees: any; oncoming ones, which show their front; or also
     crossing ones, which show a side, but none that walks away. Section 4.1: the "LED-codes received inform the robots
     about the walking direction", and "if a collision route is detected" robots turn; it does not say which codes mean
     one, and has distances to keep (Table 2) from any robot."""
-    priority_repulsion: Literal["higher", "scaled"] = added_later("higher", "scaled")
+    priority_repulsion: Literal["higher", "scaled"] = "higher"
     """Repulsion by robots with the priority flag: higher than that by others at any distance at which there is one, or
     scaled with their own, shorter distance to keep, which makes it higher only near contact. Section 4.1: they "have
     higher repellent forces"."""
-    avoids_at_dust: bool = added_later(False)
+    avoids_at_dust: bool = False
     """A robot that approaches a ball avoids others meanwhile. The paper does not say; crowds keep such robots off."""
-    blocked: Literal["pushes", "waits"] = added_later("pushes")
+    blocked: Literal["pushes", "waits"] = "pushes"
     """What a robot does that hears another at most 1 rd ahead: it walks on, and pushes, or it turns only. The paper
     does not say; neither is supported (docs/readings.md)."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
@@ -251,11 +250,11 @@ class StrategyConfig:
     """A robot forgets a vector that has led it to a place without dust or dump."""
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
-    odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = added_later(0.0)
+    odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = 0.0
     """Standard deviation of what a robot believes that it turned, about the command [deg]. 0: the paper names none."""
-    odometry_error_step: Annotated[float, Within(0, 1)] = added_later(0.0)
+    odometry_error_step: Annotated[float, Within(0, 1)] = 0.0
     """Relative standard deviation of the distance that a robot believes that it walked. 0 likewise."""
-    update_order: Literal["synchronous", "sequential"] = added_later("synchronous")
+    update_order: Literal["synchronous", "sequential"] = "synchronous"
     """Robots receive the messages of the previous control step (`synchronous`), or receive, decide and send one after
     the other, in an order drawn anew in each step, so also messages of the same step. All move at the same time."""
 
@@ -272,7 +271,7 @@ class SwarmConfig:
     optics: OpticsConfig = field(default_factory=OpticsConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
-    energy: EnergyConfig = field(default_factory=EnergyConfig, metadata=absent_before(EnergyConfig()))
+    energy: EnergyConfig = field(default_factory=EnergyConfig)
 
     def __post_init__(self):
         validate(self)

@@ -4,7 +4,6 @@ import io
 import json
 import os
 import re
-import zlib
 
 import numpy as np
 
@@ -87,15 +86,6 @@ def _place(rng, tree):
         if not isinstance(tree[key], dict | list) or not tree[key] or rng.random() < 0.2:
             return tree, key
         tree = tree[key]
-
-
-def odd_journal(rng, content):
-    """A journal with an odd line whose checksum is correct."""
-    lines = content.rstrip(b"\n").split(b"\n")
-    row = rng.integers(len(lines))
-    text = odd_json(rng, lines[row].partition(b" ")[2])
-    lines[row] = b"%08x %s" % (zlib.crc32(text), text)
-    return b"\n".join(lines) + b"\n"
 
 
 def odd_arrays(rng, content):

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from iswarm_mj.experiments.runner.experiment import row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import hop_count
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import write_table
 
 
@@ -12,7 +13,8 @@ def write_hop_count(directory, plan):
     def outcome(job):
         counts = job.genome.use_hop_count
         time = 150 + job.seed % 20 if counts else None
-        return Outcome(66 if counts else 20, 70, 280 * (10 if counts else 30), 60.0 if counts else 200.0, time, 9, 1.0)
+        delivered, factor, carriage = (66, 10, 60.0) if counts else (20, 30, 200.0)
+        return Outcome(Measures(delivered, 70, 280 * factor, carriage, time), 9, 1.0)
 
     directory.mkdir(parents=True)
     rows = [row_of(entry, outcome(entry.job)) for entry in hop_count.entries(plan)]

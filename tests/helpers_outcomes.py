@@ -6,6 +6,7 @@ from iswarm_mj.experiments.analysis import paper
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import swarm_types
+from iswarm_mj.tasks.measures import Measures
 
 PLAN = Plan()
 
@@ -17,7 +18,7 @@ def rows_of(entries, outcome):
 
 def done(job, time, delivered=66, collisions=280, carriage=50.0):
     """Outcome of a run that reached its goal after `time` steps, or did not, where it is None."""
-    return Outcome(delivered, delivered, collisions, carriage, time, time or job.steps, 0.0)
+    return Outcome(Measures(delivered, delivered, collisions, carriage, time), time or job.steps, 0.0)
 
 
 def type_rows(one, two):

@@ -1,12 +1,15 @@
 """A search whose runs are pretended: their fitness is how near a genome is to a goal."""
 
+import sqlite3
+
 import numpy as np
 
-from iswarm_mj.experiments.runner import resumable
+from iswarm_mj.experiments.runner import pool
+from iswarm_mj.experiments.runner.evolution import to_vector
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.strategy.evolution import to_vector
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.measures import Measures
 
 GOAL = to_vector(PRESETS["type2"])
 SEARCH = Search(generations=6, population=5, seed=3, evaluations=2)
@@ -31,12 +34,17 @@ def pretend(monkeypatch, breaks_after=None):
             picked = int(noise) % 70 + 2
             yield (
                 int(index),
-                Outcome(picked - 1, picked, job.n_robots, None, None, job.steps, worth(job.genome) + noise),
+                Outcome(Measures(picked - 1, picked, job.n_robots, None, None), job.steps, worth(job.genome) + noise),
             )
 
-    monkeypatch.setattr(resumable, "run_jobs", run_jobs)
+    monkeypatch.setattr(pool, "run_jobs", run_jobs)
     return begun
 
 
 def contents(out):
-    return {path.name: path.read_bytes() for path in out.iterdir()}
+    """Bytes of the files of a directory by their names, and rows of journals."""
+    found = {path.name: path.read_bytes() for path in out.iterdir() if path.suffix != ".sqlite"}
+    for path in out.glob("*.sqlite"):
+        with sqlite3.connect(path) as file:
+            found[path.name] = sorted(file.execute("SELECT * FROM runs"))
+    return found

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import iswarm_mj
 from iswarm_mj.experiments.report.markdown import code, target, text
-from iswarm_mj.simulation.distributed import _is_loopback
 
 ROOT = Path(iswarm_mj.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
@@ -18,8 +17,8 @@ NETWORK = {"socket", "socketserver", "http", "http.server", "asyncio", "xmlrpc",
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
 LOADS_CODE = {"strategy/library.py"}
 """A strategy's file is code; it is executed because the user names it."""
-LISTENS = {"simulation/distributed.py", "output/viewer.py"}
-"""The one looks whether the port is free that processes on several hosts meet at, the other for a port of a viewer."""
+LISTENS = {"output/viewer.py"}
+"""Looks for a port of a viewer."""
 
 
 def calls(tree):
@@ -63,10 +62,3 @@ def test_words_by_hand():
     assert text("<script>x</script> ![i](http://a)") == "&lt;script>x&lt;/script> ![i]\\(http://a)"
     assert code("a`b") == "``a`b``" and code("`") == "`` ` ``"
     assert target("a b).png") == "a%20b%29.png"
-
-
-def test_what_only_this_machine_reaches():
-    for address in ("localhost:1", "127.0.0.1:80", "[::1]:5", "127.3.2.1:9"):
-        assert _is_loopback(address)
-    for address in (None, "node1:1", "10.0.0.1:2", "127.example.com:3"):
-        assert not _is_loopback(address)

@@ -46,9 +46,7 @@ class Bench(Swarm):
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
         recorded = (0,) if self.record else ()
         settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=recorded)
-        hosts = self.joined()
-        with hosts.together():
-            bench(self.run_of(config, genome, settings, hosts, chunk), warm_up, self.record, hosts)
+        bench(self.run_of(config, genome, settings, chunk), warm_up, self.record)
 
     def _grasp(self) -> None:
         for name in changed(self):

@@ -29,10 +29,12 @@ class Clean(Swarm):
     record_worlds: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
     record_grasps: Annotated[int, Within(0, 10_000)] = 0
-    """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many; of one
-    world on CPUs, with --gripper.resolution dynamic."""
+    """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many;
+    with --gripper.resolution dynamic."""
     lanes: Annotated[tuple[int, ...], Within(0)] = ()
     """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
+    hosts: Annotated[int, Within(1, 10_000)] = 1
+    """Machines that share the worlds: this one and others of a Ray cluster (the one at RAY_ADDRESS, if that is set)."""
     live: bool = False
     """Show the first recorded world while it runs, in a viewer that listens to this machine alone."""
 
@@ -48,27 +50,25 @@ class Clean(Swarm):
         config, genome, n_robots = self.checked()
         from iswarm_mj.workflows.clean import clean
         from iswarm_mj.workflows.recorder import Shown
+        from iswarm_mj.workflows.shares import computed, parts
 
-        in_program = self.is_compiled or config.gripper.bench == "mjx"
         rules = [
             (("record_worlds", "record_grasps", "lanes", "live"), not self.record, "with --no-record"),
             (("record_grasps",), config.gripper.resolution != "dynamic", "without `gripper.resolution` dynamic"),
-            (("record_grasps",), in_program, "with trials in compiled programs"),
-            (("record_grasps",), self.worlds > 1, "with several `worlds`"),
         ]
         refuse_ignored(self, rules)
         check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
-        hosts = self.joined()
-        with hosts.together():
-            if hosts.index == 0:
-                with locked(self.out):  # refused before anything is compiled
-                    pass
-            run = self.run_of(config, genome, settings, hosts)
-            viewer = self._viewer() if self.live and hosts.index == 0 else None
-            clean(run, settings, self.out, hosts, Shown(self.lanes, viewer, self.record_grasps))
+        first, *rest = parts(self.worlds, self.hosts, recorded)
+        with locked(self.out):  # refused before anything is compiled
+            pass
+        makers = [self.maker_of(config, genome, settings, share, is_here=False) for share in rest]
+        with computed(makers, (self.own_strategy, self.task)) as others:
+            run = self.run_of(config, genome, settings, share=first)
+            viewer = self._viewer() if self.live else None
+            clean(run, settings, self.out, Shown(self.lanes, viewer, self.record_grasps), others)
 
     @staticmethod
     def _viewer() -> str:

@@ -6,8 +6,8 @@ from typing import ClassVar, Literal
 
 from iswarm_mj.commands.config_options import ManyRunsOptions
 from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Steps
-from iswarm_mj.strategy.evolution import Operators
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from itertools import pairwise
 from typing import Protocol
 
@@ -34,7 +34,7 @@ from iswarm_mj.commands.train import Train
 from iswarm_mj.commands.video import Video
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.interruption import code_of_signal, interruptible, leave, tell
+from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
 
 
 class Command(Protocol):
@@ -108,18 +108,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
     command = None
     try:
-        with interruptible() if arguments is None else nullcontext():
-            given = sys.argv[1:] if arguments is None else arguments
-            for stream in (sys.stdout, sys.stderr):
-                if isinstance(stream, io.TextIOWrapper):
-                    stream.reconfigure(errors="backslashreplace")  # names of files may be no text
-            command = parse(given)
-            command.run()
-            sys.stdout.flush()
+        if arguments is None:
+            handle_signals()
+        given = sys.argv[1:] if arguments is None else arguments
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+        command = parse(given)
+        command.run()
+        sys.stdout.flush()
     except BaseException as error:
         code = code_of_signal(error)
         if code is not None:
-            tell()
+            with suppress(OSError, ValueError):
+                print(f"iswarm: interrupted{_kept(command)}.", file=sys.stderr)
             if arguments is None:
                 leave(code)
             raise SystemExit(code) from None
@@ -127,6 +129,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if code is None:
             raise
         raise SystemExit(code) from None
+
+
+def _kept(command: Command | None) -> str:
+    """What is left of a command that was interrupted."""
+    match command:
+        case Clean():  # and run
+            return "; anything recorded so far is kept"
+        case Evolve() | Train():
+            return "; finished generations and runs are kept, with which --resume goes on"
+        case Experiment() | Infer() | Reproduce():
+            return "; finished runs are kept, with which the same command goes on"
+    return ""
 
 
 def _user_code(error: BaseException, command: Command | None) -> int | None:
@@ -141,7 +155,7 @@ def _user_code(error: BaseException, command: Command | None) -> int | None:
         case OSError():
             if error.filename is None:  # the output is no file that was named
                 _discard_output()
-            name = "the output" if error.filename is None else str(error.filename)
+            name = "the output, or the cache of compiled programs," if error.filename is None else str(error.filename)
             words, code = f"{name} cannot be read or written ({error.strerror or error}); choose another.", 2
         case MemoryError():
             words, code = f"there is not enough memory ({error or 'none is left'}); use fewer worlds or robots.", 2

@@ -1,8 +1,9 @@
 """Flags that the commands on a swarm share."""
 
 import importlib.util
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, make_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, cast
 
@@ -18,7 +19,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_settings, engines_with
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
-from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
+from iswarm_mj.utils.constraints import Above, check, constraint_of, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import read_obstacles
 from iswarm_mj.utils.progress import waiting
@@ -33,9 +34,7 @@ GenomeOverrides = make_dataclass(
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
-_COMPILED_ONLY = ("devices", "hosts", "hosts_timeout")
-_PER_PROCESS = {"devices", "hosts_timeout", "threads", "out"}  # may differ between the processes of a job
-_RESOLVED = {"genome", "override", "robots", "density"}  # replaced by the genome and the number of robots
+_COMPILED_ONLY = ("devices",)
 
 
 @dataclass(frozen=True)
@@ -74,10 +73,6 @@ class Swarm(ConfigOptions):
     refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
     devices: str = "all"
     """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
-    hosts: bool = False
-    """Distribute the worlds of jax or warp over the processes of a job on several hosts, each with its `devices`."""
-    hosts_timeout: Annotated[float, Within(1, 86_400, "s")] = 300.0
-    """How long a process waits for the others at the start [s]."""
     threads: Annotated[int, constraint_of(MujocoSettings, "threads")] = 0
     """Number of threads of mujoco and numba, 0 for one per core; results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
@@ -154,7 +149,6 @@ class Swarm(ConfigOptions):
         rules = [
             *of_optics(self.optics),
             (("density_of_robots",), not drawn, "with `robots` or `density`"),
-            (("hosts_timeout",), not self.hosts, "without `hosts`"),
             (("threads",), self.is_compiled, f"with `impl` {self.implementation}, which uses no threads"),
         ]
         refuse_ignored(self, rules)
@@ -178,71 +172,56 @@ class Swarm(ConfigOptions):
         check_robots(config.arena, n_robots, cell)
         return n_robots
 
-    def joined(self) -> Any:
-        """Return the `Hosts` that share the worlds: the processes of the job with --hosts, else this one alone.
+    def run_of(
+        self, config: SwarmConfig, genome: Genome, settings: Any, chunk: int = 25, share: Sequence[int] | None = None
+    ) -> Any:
+        """Return a `Run` of all worlds, or of a share; see `maker_of`."""
+        n_worlds = settings.n_worlds if share is None else len(share)
+        text = f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
+        with waiting(text):
+            return self.maker_of(config, genome, settings, share, chunk)()
 
-        Raises:
-            UserError: the processes cannot be joined.
-        """
-        from iswarm_mj.simulation.distributed import ALONE, join
-
-        return join(self.hosts_timeout) if self.hosts else ALONE
-
-    def run_of(self, config: SwarmConfig, genome: Genome, settings: Any, hosts: Any, chunk: int = 25) -> Any:
-        """Return a `Run` of this process's share of the worlds.
+    def maker_of(
+        self,
+        config: SwarmConfig,
+        genome: Genome,
+        settings: Any,
+        share: Sequence[int] | None = None,
+        chunk: int = 25,
+        is_here: bool = True,
+    ) -> Callable[[], Any]:
+        """Return a function without arguments that makes a `Run`, here or on another machine.
 
         Args:
             config: as returned by `checked`.
             genome: as returned by `checked`.
-            settings: `RunSettings` of the run of all processes.
-            hosts: as returned by `joined`.
+            settings: `RunSettings` of all worlds.
+            share: numbers of the worlds, all by default.
             chunk: control steps that one call of a compiled program takes.
-
-        Raises:
-            UserError: there are too few worlds, or too many recorded ones, for the number of processes; or the
-                processes were given different settings.
+            is_here: whether this machine computes it, which records its worlds.
         """
+        from iswarm_mj.simulation.run import Run
         from iswarm_mj.simulation.worlds import worlds_of_seed
 
-        hosts.agree(self._shared(genome, settings.n_robots))
-        share = hosts.share(self.worlds, settings.record_worlds)
         worlds = worlds_of_seed(genome, settings)
-        recorded = tuple(share.index(world) for world in settings.record_worlds) if hosts.index == 0 else ()
-        settings = replace(settings, n_worlds=len(share), record_worlds=recorded)
-        n_worlds = len(share)
-        text = f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
-        with waiting(text, hidden=hosts.index > 0):
-            return self._run(config, genome, settings, chunk, [worlds[world] for world in share])
-
-    def _run(self, config: SwarmConfig, genome: Genome, settings: Any, chunk: int, worlds: Sequence[Any]) -> Any:
-        from iswarm_mj.simulation.run import Run
-
-        strategy = None if isinstance(self.own_strategy, Genome) else self.own_strategy
-        return Run(
+        numbers = range(len(worlds)) if share is None else share
+        recorded = tuple(numbers.index(world) for world in settings.record_worlds) if is_here else ()
+        return partial(
+            Run,
             config,
             genome,
-            settings,
-            self._engine(chunk),
-            worlds=worlds,
-            strategy=strategy,
+            replace(settings, n_worlds=len(numbers), record_worlds=recorded),
+            self._engine(chunk, is_here),
+            worlds=[worlds[number] for number in numbers],
+            strategy=None if isinstance(self.own_strategy, Genome) else self.own_strategy,
             task=self.task,
             robot_file=self.robot,
         )
 
-    def _engine(self, chunk: int) -> Any:
-        from iswarm_mj.simulation.distributed import devices
+    def _engine(self, chunk: int, is_here: bool) -> Any:
+        from iswarm_mj.utils.jax_setup import devices
 
-        used = devices(self.devices) if self.is_compiled else None
-        own = {**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used and tuple(used)}
-        return engine_settings(self.engine, **own)
-
-    def _shared(self, genome: Genome, n_robots: int) -> dict[str, Any]:
-        """Return what must be the same in all processes of a job: the command, its flags and the versions."""
-        from iswarm_mj.engines.robot_file import read_robot
-        from iswarm_mj.utils.versions import versions
-
-        flags = {name: value for name, value in asdict(self).items() if name not in _PER_PROCESS | _RESOLVED}
-        run = {"command": type(self).__name__.lower(), "robots": n_robots, "genome": asdict(genome)}
-        if self.robot is not None:
-            flags["robot"] = asdict(read_robot(self.robot))  # each host may have the file elsewhere
-        return {**run, **flags, "versions": versions()}
+        used = tuple(devices(self.devices)) if self.is_compiled and is_here else None
+        return engine_settings(
+            self.engine, **{**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used}
+        )

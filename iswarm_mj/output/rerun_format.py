@@ -21,6 +21,8 @@ _END = b"RRF2FOOT\x01\x00\x00\x00"
 """Of a complete file: the mark of its index, and of how many there are."""
 FLUSH_SECONDS = 30.0
 """Time limit of a flush; without one Rerun waits for ever when the disk is full."""
+ROOM = 2**16
+"""Least room for more of a recording [bytes]."""
 Point = tuple[float, float, float]
 
 
@@ -54,9 +56,10 @@ def written(path: str | Path, stream: rr.RecordingStream) -> Iterator[None]:
         yield
     except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
         leave_alone(stream)
+        cause = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
         raise UserError(
-            f"The recording {str(path)!r} cannot be written ({error}): "
-            "give a file name in an existing folder that you may write to, with room on its disk."
+            f"The recording {str(path)!r} cannot be written ({cause}): make room, or give a file name in an existing "
+            "folder that you may write to."
         ) from error
 
 
@@ -82,12 +85,46 @@ def save(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> None:
     stream.set_log_tick_enabled(False)
 
 
+def flush(stream: rr.RecordingStream, path: str | Path) -> None:
+    """Write everything to the file; in a `written` block.
+
+    Raises:
+        OSError: there is no room, which Rerun only logs, and then waits.
+        RuntimeError: it did not end within `FLUSH_SECONDS`.
+    """
+    for _ in range(round(FLUSH_SECONDS)):
+        try:
+            stream.flush(timeout_sec=1.0)
+        except RuntimeError:
+            check_room(Path(path))
+        else:
+            return
+    raise RuntimeError(f"not done within {FLUSH_SECONDS:g} s")
+
+
+def check_room(path: Path) -> None:
+    """Raise an OSError if the disk, or the limit of the size of files, has no room for more of a file."""
+    if not path.is_file():
+        return
+    probe = path.parent / f".{os.getpid()}-{path.name}"
+    try:
+        with probe.open("wb") as file:
+            file.truncate(path.stat().st_size + ROOM)
+            file.write(bytes(ROOM))
+            file.flush()
+            os.fsync(file.fileno())
+    finally:
+        probe.unlink(missing_ok=True)
+
+
 def close(stream: rr.RecordingStream, path: str | Path) -> None:
     """Close the file of a stream, and look whether it has its end; Rerun only logs that it could not write it.
 
     Raises:
+        OSError: there is no room.
         RuntimeError: it has not, or was not closed in time, see `bounded`.
     """
+    check_room(Path(path))
     bounded(stream.disconnect)
     path = Path(path)
     if path.is_file():

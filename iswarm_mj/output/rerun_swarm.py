@@ -15,10 +15,10 @@ from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.memory import is_known, vectors
 from iswarm_mj.output.rerun_format import (
-    FLUSH_SECONDS,
     check_recordings,
     close,
     columns_of,
+    flush,
     index,
     save,
     send_properties,
@@ -107,7 +107,7 @@ class Recording:
     def _flush(self) -> None:
         """Write everything to the file, which fails if the disk is full."""
         with written(self._path, self.stream):
-            self.stream.flush(timeout_sec=FLUSH_SECONDS)
+            flush(self.stream, self._path)
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.

@@ -12,11 +12,11 @@ from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.rerun_format import (
-    FLUSH_SECONDS,
     check_recordings,
     close,
     columns_of,
     durations,
+    flush,
     save,
     send_properties,
     written,
@@ -60,7 +60,7 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
             for entity, archetype in look.static_entities(trace, shown):
                 stream.log(entity, archetype, static=True, strict=True)
             send_trace(stream, thinned(trace, SAMPLES), lambda time: [durations(time)])
-            stream.flush(timeout_sec=FLUSH_SECONDS)
+            flush(stream, part)
         finally:
             close(stream, part)
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from iswarm_mj.utils.constraints import Within, check, validate
-from iswarm_mj.utils.serialization import added_later
 
 
 @dataclass(frozen=True)
@@ -15,19 +14,19 @@ class EnergyConfig:
     (section 5); it gives no capacitance, no power and no cost of walking and LEDs. All values are choices.
     """
 
-    model: Literal["none", "capacitor"] = added_later("none")
+    model: Literal["none", "capacitor"] = "none"
     """Robots have whatever they need, or what is left in their capacitor."""
-    capacitance: Annotated[float, Within(1e-9, 1e-3, "F")] = added_later(1e-6)
+    capacitance: Annotated[float, Within(1e-9, 1e-3, "F")] = 1e-6
     """Of the capacitor [F]."""
-    largest_voltage: Annotated[float, Within(1, 69, "V")] = added_later(60.0)
+    largest_voltage: Annotated[float, Within(1, 69, "V")] = 60.0
     """To which light charges it, and which it has at the start [V]."""
-    light_power: Annotated[float, Within(0, 1, "W")] = added_later(0.48e-3)
+    light_power: Annotated[float, Within(0, 1, "W")] = 0.48e-3
     """That charges it [W]: a cell of 4 mm^2 and 12 % in sunlight of 1000 W/m^2."""
-    walking_power: Annotated[float, Within(0, 1, "W")] = added_later(0.3e-3)
+    walking_power: Annotated[float, Within(0, 1, "W")] = 0.3e-3
     """While a robot walks at full speed or turns at full rate [W]."""
-    message_energy: Annotated[float, Within(0, 1e-3, "J")] = added_later(80e-6)
+    message_energy: Annotated[float, Within(0, 1e-3, "J")] = 80e-6
     """Of the LEDs in one control step [J]: 1 mW for 20 ms on each of four sides."""
-    tool_capacitance: Annotated[float, Within(0, 1e-6, "F")] = added_later(10e-12)
+    tool_capacitance: Annotated[float, Within(0, 1e-6, "F")] = 10e-12
     """Of tool and leads, charged in each attempt [F]; the ball adds some 10 fF."""
 
     def __post_init__(self):

@@ -1,21 +1,14 @@
-"""SIGINT, SIGTERM and SIGHUP: they end a command at once, and let it save what it has."""
+"""SIGINT, SIGTERM and SIGHUP end a command by an exception, so that `with` and `finally` save what there is."""
 
 import os
 import signal
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from typing import Any, ClassVar
+from contextlib import contextmanager, suppress
+from typing import Any
 
-GRACE_S = 0.4
-"""Time in which Python should notice a signal; longer than this it does not while it compiles, for example."""
-PARTING_S = 0.4
-"""Time in which a command that has nothing to save should end after that."""
-BUSY = threading.RLock()
-"""Held while that is changed which is saved."""
-MESSAGE = "iswarm: interrupted; anything recorded so far is kept."
+RETRY_S = 0.05
+"""Time after which a signal is tried again that could not be raised."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -27,36 +20,19 @@ class _State:
 
     depth = 0
     """Of blocks that postpone signals."""
-    waiting: int | None = None
-    """The signal that was postponed."""
-    is_noticed = False
-    """Whether the exception was raised."""
     number: int | None = None
-    """The signal for which it was."""
-    is_lost = False
-    """Whether something swallowed it."""
-    is_told = False
-    """Whether the user was told."""
-    savers: ClassVar[list[Callable[[], None]]] = []
-    tidiers: ClassVar[list[Callable[[], None]]] = []
-    """Called at the very end."""
+    """The first signal that arrived."""
+    is_raised = False
+    """Whether it was raised; later ones disturb nothing that is being saved."""
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Raise `Interrupted` in the block when a signal arrives; to be used in the main thread, once in a process.
-
-    What never comes to notice it, since it compiles for example, is ended by a thread, after what is to be saved was.
-    """
-    numbers = [n for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    for number in numbers:
-        signal.signal(number, _arrived)
-    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+def handle_signals() -> None:
+    """Raise `Interrupted` when a signal arrives; to be called in the main thread."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _arrived)
+    signal.signal(signal.SIGALRM, _arrived)
     sys.unraisablehook = _swallowed
-    threading.Thread(target=_watch, args=(reader, numbers), daemon=True).start()
-    yield
 
 
 @contextmanager
@@ -67,47 +43,19 @@ def postponed() -> Iterator[None]:
         yield
     finally:
         _State.depth -= 1
-        if _State.waiting is not None and not _State.depth:
-            _arrived(_State.waiting, None)
+        if _State.number is not None:
+            _arrived(_State.number, None)
 
 
 @contextmanager
 def saved(save: Callable[[], None]) -> Iterator[None]:
-    """Have something saved if an exception leaves the block, or a signal ends the process in it.
-
-    Args:
-        save: saves it; called with `BUSY`, in any thread.
-    """
-    _State.savers.append(save)
+    """Have something saved if an exception leaves the block."""
     try:
         yield
     except BaseException:
-        with postponed(), BUSY, suppress(Exception):  # what the block raised says more
+        with postponed(), suppress(Exception):  # what the block raised says more
             save()
         raise
-    finally:
-        _State.savers.remove(save)
-
-
-@contextmanager
-def tidied(begin: Callable[[], Callable[[], None]]) -> Iterator[None]:
-    """Have something undone when the block ends, also where a signal ends the process in it.
-
-    Args:
-        begin: does it, and returns what undoes it; both are called with `BUSY`, the latter once, in any thread.
-    """
-    with ExitStack() as stack:
-        with postponed(), BUSY:
-            undo = begin()
-            _State.tidiers.append(undo)
-            stack.callback(_tidy, undo)
-        yield
-
-
-def _tidy(undo: Callable[[], None]) -> None:
-    with postponed(), BUSY:
-        _State.tidiers.remove(undo)
-        undo()
 
 
 def code_of_signal(error: BaseException) -> int | None:
@@ -121,37 +69,28 @@ def code_of_signal(error: BaseException) -> int | None:
     return None if number is None or isinstance(error, SystemExit) else 128 + number
 
 
-def tell() -> None:
-    """Tell the user once, on the standard error, that the command was interrupted."""
-    if not _State.is_told:
-        _State.is_told = True
-        with suppress(OSError, ValueError):
-            print(MESSAGE, file=sys.stderr)
-
-
 def leave(code: int) -> None:
-    """End the process after its output and what tidies up, without what Python does at its end.
+    """End the process after its output, without what Python does at its end.
 
     Libraries of which a signal interrupted the loading, or threads of which run on, may crash there.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
-    for undo in reversed(_State.tidiers):  # last, since locks go with it
-        with suppress(Exception):
-            undo()
     os._exit(code)
 
 
 def _arrived(number: int, frame: Any) -> None:
-    """Handle a signal, unless it is the second one; where a library is loaded, leave it to the thread."""
-    if _State.depth:
-        _State.waiting = number
-    elif _is_loading(frame):
+    """Handle a signal, or an alarm that tries it again."""
+    if number != signal.SIGALRM:
+        _State.number = _State.number or number
+    if _State.number is None or _State.is_raised or _State.depth:
         return
-    elif not _State.is_noticed:
-        _State.is_noticed, _State.number = True, number
-        raise Interrupted
+    if _is_loading(frame):
+        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
+        return
+    _State.is_raised = True
+    raise Interrupted
 
 
 def _is_loading(frame: Any) -> bool:
@@ -164,35 +103,9 @@ def _is_loading(frame: Any) -> bool:
 
 
 def _swallowed(about: Any) -> None:
-    """Remember that the exception was raised where Python only reports it, such as in callbacks of its collector."""
+    """Try again where Python only reports what was raised, such as in callbacks of its collector."""
     if isinstance(about.exc_value, Interrupted):
-        _State.is_lost = True
+        _State.is_raised = False
+        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
     else:
         sys.__unraisablehook__(about)
-
-
-def _watch(reader: int, numbers: list[int]) -> None:
-    """Wait for a signal, and see to it that the process ends."""
-    number = 0
-    while number not in numbers:
-        number = os.read(reader, 1)[0]
-    arrived = time.monotonic()
-    while True:
-        time.sleep(0.05)
-        late = time.monotonic() - arrived
-        if _State.is_lost:
-            _State.is_lost = _State.is_noticed = False
-            signal.pthread_kill(threading.main_thread().ident or 0, number)
-        if late > GRACE_S and (not _State.is_noticed or (late > GRACE_S + PARTING_S and not _State.savers)):
-            with BUSY:
-                if not _State.is_noticed or not _State.savers:
-                    _save_and_leave(128 + number)
-
-
-def _save_and_leave(code: int) -> None:
-    """Save everything and end the process, whatever its main thread does."""
-    for save in reversed(_State.savers):
-        with suppress(Exception):
-            save()
-    tell()
-    leave(code)

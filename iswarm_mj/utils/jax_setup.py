@@ -4,8 +4,11 @@ import importlib.util
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import platformdirs
+
+from iswarm_mj.utils.errors import ConfigError
 
 
 def configure_jax() -> None:
@@ -51,3 +54,23 @@ def without_shardy() -> Iterator[None]:
         yield
     finally:
         jax.config.update(name, before)
+
+
+def devices(count: str) -> list[Any]:
+    """Return the devices to use.
+
+    Args:
+        count: "all", or how many of the visible ones.
+
+    Raises:
+        ConfigError: it is neither, or there are fewer devices.
+    """
+    import jax
+
+    visible = jax.local_devices()
+    if count == "all":
+        return visible
+    if not (count.isascii() and count.isdecimal() and len(count) < 10) or not 1 <= int(count) <= len(visible):
+        constraint = f"all, or between 1 and {len(visible)}, the number of devices that JAX sees"
+        raise ConfigError("devices", count, f"{constraint} ({visible[0].device_kind})")
+    return visible[: int(count)]

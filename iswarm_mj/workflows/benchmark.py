@@ -5,58 +5,37 @@ import tempfile
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from iswarm_mj.output.trajectory import RECORDING
-from iswarm_mj.simulation.distributed import ALONE, Hosts
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import hardware
 from iswarm_mj.workflows.recorder import Recorder
 
 
-class Times(NamedTuple):
-    """What one process measured."""
-
-    n_worlds: int
-    step_s: list[float]
-    """Seconds per control step of its worlds, of each call after the warm-up."""
-    first_call_s: float
-    """Compilation included."""
-    delivered: int
-    peak_memory_gb: float | None
-    devices: list[str]
-
-
-def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) -> dict[str, Any] | None:
+def bench(run: Run, warm_up: int, record: bool = False) -> dict[str, Any]:
     """Time control steps after a warm-up, print one JSON line and return its content.
 
     Times are milliseconds per control step of all worlds together: the median over the calls of the whole, and of each
-    stage. Of several processes, each with a share of the worlds, the slowest counts; the first prints and returns, and
-    the stages and the machine are its own.
+    stage.
 
     Args:
         run: at its start, with enough steps for the warm-up and those that are timed.
         warm_up: control steps that are not timed; at least the first call.
         record: record the first world to a temporary file, too.
-        hosts: the processes that share the worlds.
 
     Raises:
         UserError: all worlds ended within the warm-up.
         SimulationFault: a world could not go on, so that the times say nothing.
     """
-    own = _time(run, warm_up, record, hosts)
+    first_call_s, steps_s = _time(run, warm_up, record)
     run.raise_faults()
-    shares = [Times(*share) for share in hosts.gathered("times", own)]
-    if hosts.index > 0:
-        return None
-    steps_s = max((share.step_s for share in shares), key=np.median)
-    n_worlds, step_s = sum(share.n_worlds for share in shares), float(np.median(steps_s))
+    n_worlds, step_s, memory = len(run.worlds), float(np.median(steps_s)), run.peak_memory_gb()
     drive, refinement = run.config.drive, run.identity.get("refinement", 1)
     n_physics = n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) * refinement
-    memory = [share.peak_memory_gb for share in shares if share.peak_memory_gb is not None]
     stages = run.stage_times()
     if record:
         stages["record"] = float(np.median(run.watch.laps["record"]))
@@ -70,46 +49,39 @@ def bench(run: Run, warm_up: int, record: bool = False, hosts: Hosts = ALONE) ->
         "ms_per_step_mean": round(1e3 * float(np.mean(steps_s)), 3),
         "robot_physics_steps_per_s": round(n_physics / step_s),
         **{f"{stage}_ms": round(1e3 * seconds, 3) for stage, seconds in stages.items()},
-        "first_call_s": round(max(share.first_call_s for share in shares), 1),
-        "delivered_mean": sum(share.delivered for share in shares) / n_worlds,
-        "peak_memory_gb": max(memory, default=None),
-        "devices": [device for share in shares for device in share.devices],
+        "first_call_s": round(first_call_s, 1),
+        "delivered_mean": int(run.progress().sum()) / n_worlds,
+        "peak_memory_gb": memory,
+        "devices": run.devices,
         **hardware(),
     }
     print(json.dumps(content))
     return content
 
 
-def _time(run: Run, warm_up: int, record: bool, hosts: Hosts) -> Times:
-    """Take all steps of this process's worlds."""
+def _time(run: Run, warm_up: int, record: bool) -> tuple[float, list[float]]:
+    """Take all steps; return the time of the first call, and per control step that of each call after the warm-up."""
     laps: list[float] = []
     with ExitStack() as stack:
         out = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        recorder = Recorder(run, out / RECORDING, trajectory=out) if record and hosts.index == 0 else None
+        recorder = Recorder(run, out / RECORDING, trajectory=out) if record else None
         if recorder is not None:
             stack.callback(recorder.save)
-        started = time.perf_counter()
-        while run.step < warm_up and not run.is_over:
-            _advance(run, recorder, hosts)
-            laps.append(time.perf_counter() - started)
-        first_call_s = laps[0]
-        if run.is_over:
+        first_call_s = 0.0
+        while not run.is_over:
+            if run.step == warm_up:
+                run.watch.laps.clear()
+            before, started = run.step, time.perf_counter()
+            taken = run.advance()
+            if recorder is not None and taken is not None:
+                recorder.add(taken)
+            seconds = time.perf_counter() - started
+            first_call_s = first_call_s or seconds
+            if before >= warm_up:
+                laps.append(seconds / (run.step - before))
+        if not laps:
             raise UserError(
                 f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; use more balls or "
                 "a shorter `warm_up`"
             )
-        laps.clear()
-        run.watch.laps.clear()
-        hosts.gathered("warm", None)
-        while not run.is_over:
-            before, started = run.step, time.perf_counter()
-            _advance(run, recorder, hosts)
-            laps.append((time.perf_counter() - started) / (run.step - before))
-    return Times(len(run.worlds), laps, first_call_s, int(run.progress().sum()), run.peak_memory_gb(), run.devices)
-
-
-def _advance(run: Run, recorder: Recorder | None, hosts: Hosts) -> None:
-    hosts.look()
-    record = run.advance()
-    if recorder is not None and record is not None:
-        recorder.add(record)
+    return first_call_s, laps

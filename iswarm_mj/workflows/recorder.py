@@ -18,7 +18,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.tasks.protocol import BallTask
-from iswarm_mj.utils.interruption import BUSY, postponed
+from iswarm_mj.utils.interruption import postponed
 from iswarm_mj.utils.memory import give_back
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ AS_USUAL = Shown()
 
 
 class Recorder:
-    """Records one world of a run; what it has so far can be saved at any time, once, also by another thread."""
+    """Records one world of a run; what it has so far can be saved at any time, once."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class Recorder:
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
-        with postponed(), BUSY, self._watch("record"):
+        with postponed(), self._watch("record"):
             if self._is_saved:
                 return
             self._is_saved = True
@@ -125,7 +125,7 @@ class Recorder:
 
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""
-        with postponed(), BUSY, self._watch("record"):
+        with postponed(), self._watch("record"):
             self._pending.append(record)
             if self._attempts is not None:
                 for t, steps in enumerate(record.step[:, self._index]):

@@ -236,7 +236,6 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
         ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),
         ("--fraction-scouts 0.3", "--what must be swarm with --fraction-scouts (got 'grasp')"),
         ("--threads 1", "--what must be swarm with --threads (got 'grasp')"),
-        ("--hosts", "--what must be swarm with --hosts (got 'grasp')"),
     ],
 )
 def test_bench_refuses(flags, message, capfd):

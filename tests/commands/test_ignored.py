@@ -18,7 +18,6 @@ WARP, CURVE = "--engine planar --impl warp", "--force-curve"
     ("arguments", "flag", "why"),
     [
         (f"clean {WARP} --threads 2", "--threads", "with --impl warp"),
-        ("clean --engine mjx --hosts-timeout 9", "--hosts-timeout", "without --hosts"),
         ("clean --no-record --record-worlds 0 1 --worlds 2", "--record-worlds", "with --no-record"),
         ("clean --robots 9 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
         ("clean --density 0.1 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
@@ -46,7 +45,6 @@ WARP, CURVE = "--engine planar --impl warp", "--force-curve"
         (f"grasp {CURVE} --plate.roughness 1e-9", "--plate.roughness", "with --force-curve"),
         ("run --no-record --record-worlds 0 1 --worlds 2", "--record-worlds", "with --no-record"),
         ("run --robots 9 --density-of-robots 0.2", "--density-of-robots", "with --robots or --density"),
-        ("run --hosts-timeout 9 --engine mjx", "--hosts-timeout", "without --hosts"),
         (f"run --task {GLOW} --arena.n-dust 9", "--arena.n-dust", "in the task Glow"),
         (f"run --task {GLOW} --gripper.relative-humidity 30", "--gripper.relative-humidity", "in the task Glow"),
         ("clean --strategy type2 --genome type1", "--genome", "with --strategy"),

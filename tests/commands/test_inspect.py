@@ -16,6 +16,7 @@ import iswarm_mj
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.analysis.evolution_best import best_of
 from iswarm_mj.experiments.report.inspection import inspection
+from iswarm_mj.experiments.runner.journal import Journal
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
 
@@ -104,15 +105,21 @@ def test_the_best_of_a_search_with_replicates_is_the_mean_of_its_genome():
     assert told in inspection(ROOT / "results/evolve-paper")
 
 
+def journal_of_two(path):
+    with Journal(path, {}) as journal:
+        for key in range(2):
+            journal.add((key,), 0.0)
+
+
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("runs.jsonl", "2 finished runs of an experiment are kept in runs.jsonl; the same command goes on"),
-        ("checkpoint.jsonl", "2 finished runs of a search .*; the same command with --resume goes on"),
+        ("runs.sqlite", "2 finished runs of an experiment are kept in runs.sqlite; the same command goes on"),
+        ("checkpoint.sqlite", "2 finished runs of a search .*; the same command with --resume goes on"),
     ],
 )
 def test_interrupted_experiments_and_searches(tmp_path, name, says):
-    (tmp_path / name).write_text("{}\n" * 3)
+    journal_of_two(tmp_path / name)
     assert re.search(says, inspection(tmp_path))
 
 
@@ -120,7 +127,7 @@ def test_interrupted_experiments_and_searches(tmp_path, name, says):
 def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
     for name in ("evolution.parquet", "best.json")[: 1 + ended]:
         shutil.copy(ROOT / "results/evolve-cmaes" / name, tmp_path)
-    (tmp_path / "checkpoint.jsonl").write_text("{}\n" * 3)
+    journal_of_two(tmp_path / "checkpoint.sqlite")
     text = inspection(tmp_path)
     assert ("interrupted: 2 finished runs of a search" in text and "--resume goes on" in text) != ended
 

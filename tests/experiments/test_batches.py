@@ -95,7 +95,7 @@ class TestMjx:
     @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
     def test_a_crowded_batch_gets_larger_buffers(self, jobs, monkeypatch, tried, impl, expected):
         monkeypatch.setattr(batches, "can_use_warp", lambda: impl == "warp")
-        assert [outcome.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
+        assert [outcome.measures.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
         assert [size for size, _ in tried[1]] == expected
 
     @pytest.mark.parametrize("kind, expected", [(FaultKind.TOO_MANY_CONTACTS, [1, 2, 4, 8]), (FaultKind.OUTSIDE, [1])])
@@ -114,7 +114,7 @@ class TestMjx:
         """A program is for arrays of one size; the arena has 216 cells for robots."""
         tried[0].needed = 0
         found = outcomes_of([Job(small, Genome(), n_robots, 0) for n_robots in sizes], MJX)
-        assert [outcome.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
+        assert [outcome.measures.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
 
 
 def test_large_batches_are_of_similar_size():
@@ -172,7 +172,7 @@ class TestPlanarInBatches:
         batched = outcomes_of(jobs, Execution("planar"))
         assert begun == [2, 1]
         assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
-        assert sum(o.picked for o in batched) > 3
+        assert sum(o.measures.picked for o in batched) > 3
 
 
 @pytest.mark.slow
@@ -181,5 +181,7 @@ def test_worlds_of_a_batch_are_the_jobs(small):
     given = [(12, 1, 20), (10, 2, 20), (12, 3, 10)]
     jobs = [Job(small, Genome(), n_robots, seed, steps=steps) for n_robots, seed, steps in given]
     batched, alone = outcomes_of(jobs, MJX), outcomes_of(jobs, Execution(workers=1))
-    assert [(o.delivered, o.picked, o.steps) for o in batched] == [(o.delivered, o.picked, o.steps) for o in alone]
-    assert sum(o.picked for o in alone) > 3
+    assert [(o.measures.delivered, o.measures.picked, o.steps) for o in batched] == [
+        (o.measures.delivered, o.measures.picked, o.steps) for o in alone
+    ]
+    assert sum(o.measures.picked for o in alone) > 3

@@ -46,6 +46,7 @@ from iswarm_mj.experiments.studies.infer import (
 )
 from iswarm_mj.simulation.common import PER_WORLD_FIELDS
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import ConfigError
 
 N = 40
@@ -66,7 +67,7 @@ def outcome(entry, like_the_paper):
         good = (row["setting"] == "with") == like_the_paper
         time, collisions = 200 if good else None, job.n_robots * (10 if good else 20)
     goal = job.stop_at or 72
-    return Outcome(goal if time else goal - 20, goal, collisions, time or 300.0, time, time or job.steps, 0.0)
+    return Outcome(Measures(goal if time else goal - 20, goal, collisions, time or 300.0, time), time or job.steps, 0.0)
 
 
 def rows_where(like_the_paper, combinations=N):

@@ -20,21 +20,22 @@ def test_a_job_is_the_run_by_hand(small):
     run = Run(small, GENOME, RunSettings(30, 25, seed=5, failed_fraction=0.2))
     for _ in range(25):
         run.advance()
-    assert outcome._asdict().items() >= run.measures(0)._asdict().items() and outcome.steps == 25
-    assert outcome.collisions > 0 and outcome.picked > outcome.delivered
-    points = 40 * outcome.delivered + 20 * (outcome.picked - outcome.delivered) - 0.05 / 30 * outcome.collisions
+    found = outcome.measures
+    assert found == run.measures(0) and outcome.steps == 25
+    assert found.collisions > 0 and found.picked > found.delivered
+    points = 40 * found.delivered + 20 * (found.picked - found.delivered) - 0.05 / 30 * found.collisions
     assert outcome.fitness == pytest.approx(points, abs=1e-9)
 
 
 def test_a_job_ends_when_it_is_finished(small):
     """What is left of the job's steps counts, but only where all balls are delivered."""
     clean = run_job(Job(small, PRESETS["type1"], 30, seed=0, steps=500))
-    assert clean.delivered == 24 and clean.finished_at == clean.steps < 500
-    points = 40 * 24 - 0.05 / 30 * clean.collisions + 10 * (500 - clean.steps)
+    assert clean.measures.delivered == 24 and clean.measures.finished_at == clean.steps < 500
+    points = 40 * 24 - 0.05 / 30 * clean.measures.collisions + 10 * (500 - clean.steps)
     assert clean.fitness == pytest.approx(points, abs=1e-9)
     some = run_job(Job(small, PRESETS["type1"], 30, seed=0, steps=500, stop_at=5))
-    assert 5 <= some.delivered < 24 and some.finished_at == some.steps < clean.steps
-    assert some.fitness <= 20 * (some.delivered + some.picked)
+    assert 5 <= some.measures.delivered < 24 and some.measures.finished_at == some.steps < clean.steps
+    assert some.fitness <= 20 * (some.measures.delivered + some.measures.picked)
 
 
 def test_jobs_and_outcomes_travel(small):

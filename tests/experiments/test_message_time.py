@@ -9,6 +9,7 @@ from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, TOO_FEW, UNDEC
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import message_time
+from iswarm_mj.tasks.measures import Measures
 
 ENTRIES = message_time.entries(Plan())
 
@@ -18,7 +19,7 @@ def made_rows(time, entries=ENTRIES):
     rows = []
     for entry in entries:
         k, at = entry.labels["repeat"], time(entry.labels["setting"], entry.labels["use_hop_count"])
-        rows.append(row_of(entry, Outcome(66, 70, 2800 + k, 60.0 + k, at + k, at + k, 0.0)))
+        rows.append(row_of(entry, Outcome(Measures(66, 70, 2800 + k, 60.0 + k, at + k), at + k, 0.0)))
     return rows
 
 

@@ -1,6 +1,5 @@
 """Searches that advance together: each is what it is alone."""
 
-import json
 import re
 from dataclasses import replace
 
@@ -8,18 +7,17 @@ import pytest
 from helpers_search import SEARCH, contents, pretend
 
 from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate
-from iswarm_mj.experiments.runner import batches, resumable
+from iswarm_mj.experiments.runner import batches, pool
 from iswarm_mj.experiments.runner.optimisers import METHODS
 from iswarm_mj.experiments.runner.pool import Execution
-from iswarm_mj.experiments.runner.replicates import replicate_seed
 from iswarm_mj.experiments.runner.search import (
     BEST,
-    CHECKPOINT,
     TABLE,
     run_search,
     run_searches,
     summary,
 )
+from iswarm_mj.experiments.runner.search_table import replicate_seed
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
@@ -53,13 +51,13 @@ class TestReplicates:
 
     def test_a_generation_of_all_is_one_set_of_jobs(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
-        sets, run_jobs = [], resumable.run_jobs
+        sets, run_jobs = [], pool.run_jobs
 
         def counted(jobs, execution):
             sets.append(len(jobs))
             return run_jobs(jobs, execution)
 
-        monkeypatch.setattr(resumable, "run_jobs", counted)
+        monkeypatch.setattr(pool, "run_jobs", counted)
         self.rows(self.THREE, tmp_path / "out")
         assert sets == [30] * 6
 
@@ -69,8 +67,8 @@ class TestReplicates:
         searches = [replace(SEARCH, method=method, generations=n) for method, n in zip(METHODS, (6, 6, 2), strict=True)]
         for search in searches:
             run_search(search, tmp_path / "alone" / search.method)
-        sets, run_jobs = [], resumable.run_jobs
-        monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
+        sets, run_jobs = [], pool.run_jobs
+        monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
         run_searches({tmp_path / "all" / search.method: search for search in searches})
         assert sets == [10] * 2 + [20] * 6  # two generations of random search, six of the others
         for method in METHODS:
@@ -85,8 +83,8 @@ class TestReplicates:
         pretend(monkeypatch)
         monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         search, execution = replace(SEARCH, method="random"), Execution(engine)
-        found, run_jobs = [], resumable.run_jobs
-        monkeypatch.setattr(resumable, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
+        found, run_jobs = [], pool.run_jobs
+        monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
         run_search(search, tmp_path / "default", execution)
         assert found == ([60] if engine == "planar" else [10] * 6)
         found.clear()
@@ -140,8 +138,8 @@ class TestReplicates:
     def test_another_number_is_refused(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
         for had, wanted, message in (
-            (SEARCH, self.THREE, r"\(replicates: the default there, 3 now\)"),
-            (self.THREE, SEARCH, r"\(replicates: 3 there, the default now\)"),
+            (SEARCH, self.THREE, r"\(replicates: 1 there, 3 now\)"),
+            (self.THREE, SEARCH, r"\(replicates: 3 there, 1 now\)"),
         ):
             out = tmp_path / str(had.replicates)
             run_search(had, out)
@@ -149,11 +147,3 @@ class TestReplicates:
             with pytest.raises(UserError, match=message):
                 run_search(wanted, out, resume=True)
             assert contents(out) == before
-
-    def test_one_has_the_files_of_before(self, monkeypatch, tmp_path):
-        """A checkpoint neither names replicates nor has them in its keys; one best genome."""
-        pretend(monkeypatch)
-        run_search(SEARCH, tmp_path)
-        head, *lines = (tmp_path / CHECKPOINT).read_bytes().splitlines()
-        assert b"replicates" not in head and json.loads(lines[0][9:])[0] == [0, 0, 0]
-        assert sorted(contents(tmp_path)) == [BEST, CHECKPOINT, TABLE]

@@ -15,11 +15,11 @@ from iswarm_mj.experiments.report.reproduction import command
 from iswarm_mj.experiments.report.results import collect
 from iswarm_mj.experiments.report.sections import _at_run_time
 from iswarm_mj.experiments.report.usable import usable
+from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.tables import write_table
 

@@ -6,8 +6,9 @@ import pytest
 
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.report.parts import PUBLISHED
-from iswarm_mj.experiments.runner import resumable
+from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import read_table, write_table
 
 PARTS = ["hop-count", "density", "evolve-random"]
@@ -25,9 +26,9 @@ def jobs(monkeypatch, tmp_path):
     def run_jobs(jobs, execution):
         for index, job in enumerate(jobs):
             seen.append(job)
-            yield index, Outcome(66, 66, 280, 50.0, 100 + job.seed % 50, 150, 5000.0 + job.seed % 100)
+            yield index, Outcome(Measures(66, 66, 280, 50.0, 100 + job.seed % 50), 150, 5000.0 + job.seed % 100)
 
-    monkeypatch.setattr(resumable, "run_jobs", run_jobs)
+    monkeypatch.setattr(pool, "run_jobs", run_jobs)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "README.md").write_text(PAGE)
     return seen
@@ -88,7 +89,7 @@ class TestRuns:
             assert capsys.readouterr().out == f"density  {why}\n"
 
     def test_an_interruption_leaves_the_results_alone_and_loses_no_run(self, jobs, monkeypatch, tmp_path):
-        ordinary = resumable.run_jobs
+        ordinary = pool.run_jobs
 
         def interrupted(jobs, execution):
             for number, item in enumerate(ordinary(jobs, execution)):
@@ -96,19 +97,19 @@ class TestRuns:
                     raise KeyboardInterrupt
                 yield item
 
-        monkeypatch.setattr(resumable, "run_jobs", interrupted)
+        monkeypatch.setattr(pool, "run_jobs", interrupted)
         for name in ("hop-count", "evolve-random"):
             with pytest.raises(SystemExit) as stop:
                 run(only=[name])
             assert stop.value.code == 130 and not (tmp_path / "results" / name).exists()
         n_done = len(jobs)
-        monkeypatch.setattr(resumable, "run_jobs", ordinary)
+        monkeypatch.setattr(pool, "run_jobs", ordinary)
         run(only=["hop-count", "evolve-random"])
         assert len(jobs) == n_done + (6 - 5) + (24 - 5)  # of each, the sixth was done but not kept
 
     def test_what_cannot_be_made_is_left_out_and_named(self, jobs, tmp_path, capsys):
         """Damaged journals of an experiment and a search, and a file in the place of a directory."""
-        for name in ("hop-count/runs.jsonl", "evolve-random/checkpoint.jsonl"):
+        for name in ("hop-count/runs.sqlite", "evolve-random/checkpoint.sqlite"):
             path = tmp_path / "runs/reproduce-quick" / name
             path.parent.mkdir(parents=True)
             path.write_text("something else\n")
@@ -119,7 +120,7 @@ class TestRuns:
         out, error = capsys.readouterr()
         assert stop.value.code == 2 and error.count("\n") == 1 and error.startswith("iswarm: hop-count was not made (")
         assert "; evolve-random was not made (" in error and "; evolve-paper was not made (" in error
-        assert "/hop-count/runs.jsonl is not a checkpoint of iswarm, or damaged: it " in error
+        assert "/hop-count/runs.sqlite is not a journal of iswarm, or damaged" in error
         assert error.endswith("; all other parts are there: make it anew with --only and --again\n")
         assert "hop-count: not made, runs/" in out and "density: made" in out and "report in" in out
         assert {path.parent.name for path in (tmp_path / "results").glob("*/*.parquet")} == {"density", parts[-1]}

@@ -1,5 +1,6 @@
 """The study of grasps by trials: which runs it is made of, and what it finds in made-up rows."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ from iswarm_mj.config import GripperConfig
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.report.result_tables import TABLES
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
-from iswarm_mj.experiments.runner.jobs import Outcome, is_outcome, outcome
+from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import resolved_grasps
 from iswarm_mj.tasks.measures import Measures
 
@@ -22,7 +23,8 @@ def made_rows(time, failed, entries=ENTRIES):
     rows = []
     for entry in entries:
         k, at, vain = entry.labels["repeat"], time(entry.labels), failed(entry.labels)
-        made = Outcome(66, 66, 2800, 60.0, at + k, at + k, 0.0, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
+        found = Measures(66, 66, 2800, 60.0, at + k, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
+        made = Outcome(found, at + k, 0.0)
         rows.append(row_of(entry, made))
     return rows
 
@@ -93,9 +95,9 @@ def test_few_runs_and_none_are_not_judged():
 
 def test_an_outcome_tells_attempts():
     measures = Measures(60, 70, 5, 3.0, None, 90, 20, 7, 67, 2, 0.5, 27.5, 0.2, 3)
-    made = outcome(ENTRIES[0].job, measures, 1200)
-    assert (made.steps, *made[7:]) == (1200, *measures[5:]) and made._fields[7:] == measures._fields[5:]
-    assert is_outcome(list(made)) and is_outcome(list(made._replace(impact=None)))
+    made = Outcome.of(ENTRIES[0].job, measures, 1200)
+    assert made.columns.items() >= measures._asdict().items() and made.columns["steps"] == 1200
+    assert Outcome.read(json.loads(json.dumps(made))) == made
 
 
 def test_table_and_figures(tmp_path):

@@ -1,13 +1,11 @@
 """Searches that end early and go on, whatever ended them; and what is refused."""
 
-import json
 import os
-import re
 import signal
 import subprocess
 import sys
 import time
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,8 +13,9 @@ from helpers_search import SEARCH, contents, pretend
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.experiments.analysis.evolution_best import genome_of
-from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.optimisers import METHODS
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
@@ -25,10 +24,7 @@ from iswarm_mj.experiments.runner.search import (
     TABLE,
     run_search,
 )
-from iswarm_mj.strategy.evolution import Operators
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import read_table
 
 
@@ -110,20 +106,15 @@ class TestResume:
             with pytest.raises(UserError, match=message):
                 run_search(search, tmp_path, resume=resume)
             assert contents(tmp_path) == before
-        whole = (tmp_path / CHECKPOINT).read_bytes()
-        for left in (whole[:20], b""):  # which would begin anew, over the table
-            (tmp_path / CHECKPOINT).write_bytes(left)
-            with pytest.raises(UserError, match="this one lacks its checkpoint"):
-                run_search(SEARCH, tmp_path, resume=True)
         (tmp_path / CHECKPOINT).unlink()
-        with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.jsonl$"):
+        with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.sqlite$"):
             run_search(SEARCH, tmp_path, resume=True)
 
     def test_another_engine_is_refused(self, monkeypatch, tmp_path):
         begun = pretend(monkeypatch)
         for name, one, other, message in (
-            ("c", "mujoco", "mjx", r"\(engine: the default there, mjx now, impl: the default there, jax now\)"),
-            ("mjx", "mjx", "mujoco", r"\(engine: mjx there, the default now, impl: jax there, the default now\)"),
+            ("c", "mujoco", "mjx", r"\(engine: mujoco there, mjx now, impl: None there, jax now\)"),
+            ("mjx", "mjx", "mujoco", r"\(engine: mjx there, mujoco now, impl: jax there, None now\)"),
         ):
             run_search(SEARCH, tmp_path / name, execution=Execution(one))
             before = contents(tmp_path / name)
@@ -133,33 +124,6 @@ class TestResume:
             run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(one))
             assert contents(tmp_path / name) == before and begun == []
         assert read_table(tmp_path / "mjx" / TABLE)[1]["engine"] == "mjx"
-
-    def test_checkpoints_of_before_there_were_engines_orders_and_replicates_go_on(self, monkeypatch, tmp_path):
-        """Their settings name none of these, nor mutations of Booleans; the files in the end do not either."""
-        begun = pretend(monkeypatch)
-        run_search(SEARCH, tmp_path / "whole")
-        settings = to_dict(SEARCH)
-        assert not re.search("engine|update_order|replicates|boolean_mutation", json.dumps(settings))
-        with Journal(tmp_path / "whole" / CHECKPOINT, settings) as journal:
-            runs = dict(list(journal.entries.items())[:27])
-        (tmp_path / "old").mkdir()
-        with Journal(tmp_path / "old" / CHECKPOINT, settings) as journal:
-            for key, entry in runs.items():
-                journal.add(key, entry)
-        begun.clear()
-        run_search(SEARCH, tmp_path / "old", resume=True)
-        assert contents(tmp_path / "old") == contents(tmp_path / "whole") and len(begun) == 33
-
-    def test_a_checkpoint_of_another_program_is_refused(self, monkeypatch, tmp_path):
-        """Of the same settings and versions, but with a genome that does not follow from them."""
-        pretend(monkeypatch)
-        run_search(SEARCH, tmp_path)
-        with Journal(tmp_path / CHECKPOINT, to_dict(SEARCH)) as journal:
-            entry = journal.entries[2, 4, 0]
-            entry["genome"] = list(astuple(Genome()))
-            journal.settle()
-        with pytest.raises(UserError, match=r"another genome in generation 2 than this version of the program"):
-            run_search(SEARCH, tmp_path, resume=True)
 
 
 TINY = [
@@ -180,13 +144,13 @@ def command(out, *flags):
     return [sys.executable, "-m", "iswarm_mj", "evolve", *TINY, *flags, "--out", str(out)]
 
 
-def killed_at(lines, delay, out, *flags):
-    """Run `iswarm evolve` and kill -9 it when the checkpoint has so many lines, a little later; whether it lived."""
+def killed_at(runs, delay, out, *flags):
+    """Run `iswarm evolve` and kill -9 it when the checkpoint has so many runs, a little later; whether it lived."""
     path = out / CHECKPOINT
     with subprocess.Popen(
         command(out, *flags, "--resume"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as process:
-        while process.poll() is None and not (path.exists() and path.read_bytes().count(b"\n") >= lines):
+        while process.poll() is None and not (path.exists() and count(path) >= runs):
             time.sleep(0.002)
         time.sleep(delay)
         lived = process.poll() is None
@@ -199,7 +163,7 @@ def killed_at(lines, delay, out, *flags):
 KILLED = """
 import os, signal, sys
 from iswarm_mj.commands.main import main
-from iswarm_mj.experiments.runner.checkpoint import Journal
+from iswarm_mj.experiments.runner.journal import Journal
 
 add = Journal.add
 
@@ -219,7 +183,7 @@ def test_killed_and_resumed(tmp_path):
     cli.main(command(tmp_path / "whole", *flags)[3:])
     given = [sys.executable, "-c", KILLED, *command(tmp_path / "out", *flags)[3:]]
     assert subprocess.run(given, stdout=subprocess.DEVNULL, timeout=600).returncode == -signal.SIGKILL
-    assert (tmp_path / "out" / CHECKPOINT).read_bytes().count(b"\n") == 6
+    assert count(tmp_path / "out" / CHECKPOINT) == 5
     cli.main([*command(tmp_path / "out", *flags)[3:], "--resume"])
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     rows, _ = read_table(tmp_path / "out" / TABLE)
@@ -244,7 +208,7 @@ def test_generations_as_batches(small, tmp_path):
     assert len(rows) == 4 and max(sizes[:2]) != max(sizes[2:]) and min(sizes[:2]) < max(sizes[:2])
     for row in rows:
         alone = run_job(Job(small, genome_of(row), row["n_robots"], row["seed"], row["steps"]))
-        assert (row["steps"], row["delivered"], row["picked"]) == (6, alone.delivered, alone.picked)
+        assert (row["steps"], row["delivered"], row["picked"]) == (6, *alone.measures[:2])
     assert sum(row["picked"] for row in rows) > 0
     before = contents(out)
     cli.main([*command(out, *flags)[3:], "--resume"])
@@ -260,6 +224,6 @@ def test_killed_at_five_random_moments(tmp_path, method):
     generator = np.random.default_rng()
     moments = [(int(generator.integers(0, 41)), generator.uniform(0, 0.5)) for _ in range(5)]
     lived = [killed_at(*moment, tmp_path / "out", *flags) for moment in sorted(moments)]
-    print(f"{method}: killed at lines and seconds after {sorted(moments)}: {lived}")
+    print(f"{method}: killed at runs and seconds after {sorted(moments)}: {lived}")
     subprocess.run([*command(tmp_path / "out", *flags), "--resume"], check=True, stdout=subprocess.DEVNULL)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")

@@ -10,8 +10,8 @@ from helpers_search import SEARCH, contents, pretend, worth
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.experiments.analysis.evolution_best import best_of, genome_of
+from iswarm_mj.experiments.runner.evolution import Operators, ranges, to_vector
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, generator, optimiser
-from iswarm_mj.experiments.runner.replicates import replicate_seed, run_seed
 from iswarm_mj.experiments.runner.search import (
     BEST,
     CHECKPOINT,
@@ -19,11 +19,9 @@ from iswarm_mj.experiments.runner.search import (
     run_search,
     summary,
 )
-from iswarm_mj.experiments.runner.search_table import Place
-from iswarm_mj.strategy.evolution import Operators, ranges, to_vector
+from iswarm_mj.experiments.runner.search_table import Place, replicate_seed, run_seed
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import read_table
 
 
@@ -70,7 +68,10 @@ class TestTable:
 
     def test_tells_its_settings(self, done):
         _, _, settings, _ = done
-        assert settings == {"version": settings["version"], **json.loads(json.dumps(to_dict(SEARCH)))}
+        assert settings == {
+            "version": settings["version"],
+            **json.loads(json.dumps({**asdict(SEARCH), "engine": "mujoco"})),
+        }
 
     def test_the_best_is_a_genome_file(self, done):
         out, rows, _, _ = done

@@ -12,6 +12,7 @@ from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, N
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome, run_job
 from iswarm_mj.experiments.studies import time_step
+from iswarm_mj.tasks.measures import Measures
 
 ENTRIES = time_step.entries(Plan())
 
@@ -22,7 +23,7 @@ def made_rows(overlap, time=lambda rate: 150, collisions=lambda rate: 2800):
     for entry in ENTRIES:
         rate, k = entry.labels["rate"], entry.labels["repeat"]
         at = time(rate) + k
-        outcome = Outcome(66, 70, collisions(rate) + 10 * k, 60.0 + k, at, at, 0.0)
+        outcome = Outcome(Measures(66, 70, collisions(rate) + 10 * k, 60.0 + k, at), at, 0.0)
         observed = {"overlap": overlap(rate), "ms_per_step": 2.0 + 0.01 * rate} if k < 6 else {}
         rows.append({**row_of(entry, outcome), "overlap": None, "ms_per_step": None, **observed})
     return rows

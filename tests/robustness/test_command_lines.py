@@ -23,15 +23,15 @@ from iswarm_mj.engines.robot_file import models_directory
 
 STARTS = [
     "iswarm_mj.simulation.run.start_loop",
-    "iswarm_mj.experiments.runner.resumable.run_jobs",
+    "iswarm_mj.experiments.runner.pool.run_jobs",
     "iswarm_mj.workflows.grasp.run_trials",
     "iswarm_mj.workflows.grasp.force_curve",
     "iswarm_mj.workflows.benchmark_grasp.speed",
     "iswarm_mj.output.render.Stage",
     "iswarm_mj.output.video.Stage",
-    "jax.distributed.initialize",
+    "iswarm_mj.workflows.shares.connected",
 ]
-"""Where physics, pictures, workers or processes on other hosts would start."""
+"""Where physics, pictures, workers or other machines would start."""
 REFUSAL = re.compile(r"iswarm: [^\n]+\n")
 BOX = re.compile(r"For full helptext, (see|run) iswarm( [a-z]+)? --help\b")
 """Of what the parser says of words that it cannot read."""

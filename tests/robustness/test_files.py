@@ -7,7 +7,7 @@ import warnings
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from helpers_broken_files import garbled, odd_arrays, odd_journal, odd_json, remove, replace_by_no_file
+from helpers_broken_files import garbled, odd_arrays, odd_json, remove, replace_by_no_file
 from helpers_command_lines import WALK
 from helpers_files import little_memory
 
@@ -15,7 +15,7 @@ from iswarm_mj import load
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.experiments.report.writer import report
-from iswarm_mj.experiments.runner import experiment, resumable, search
+from iswarm_mj.experiments.runner import experiment, pool, search
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
@@ -24,6 +24,7 @@ from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
 from iswarm_mj.strategy.pytrees import check_methods
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import UserError
 
 GENOME = b'{"use_hop_count": true, "p_vector_forget": 0.29, "density_of_robots": 0.2, "fraction_scouts": 0.1}\n'
@@ -120,14 +121,14 @@ def test_runs(attack, recorded_run, tmp_path, name, odd):
 
 def same(jobs, *_):
     """Outcomes of jobs that are not computed."""
-    yield from ((index, Outcome(1, 1, 1, 2.0, None, 9, 0.5)) for index in range(len(jobs)))
+    yield from ((index, Outcome(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
 
 
 @pytest.mark.attack(0.04)
 @pytest.mark.parametrize("kind", ["search", "experiment"])
 def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
     """Of a search, and of an experiment."""
-    monkeypatch.setattr(resumable, "run_jobs", same)
+    monkeypatch.setattr(pool, "run_jobs", same)
     for module in (search, experiment):
         monkeypatch.setattr(module, "write_table", lambda *_, **__: None)
     monkeypatch.setattr(search, "draw_fitness", lambda *_: None)
@@ -143,7 +144,7 @@ def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
 
     read()
     path = tmp_path / (search.CHECKPOINT if kind == "search" else experiment.RUNS)
-    attack_file(attack, path, path.read_bytes(), read, odd_journal)
+    attack_file(attack, path, path.read_bytes(), read)
 
 
 TABLES = ["grasp/trials.parquet", "hop-count/hop_count.parquet", "message-time/message_time.parquet"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from iswarm_mj.strategy.evolution import (
+from iswarm_mj.experiments.runner.evolution import (
     IS_BOOLEAN,
     NAMES,
     Operators,

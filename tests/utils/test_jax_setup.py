@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.jax_setup import devices
+
 CONFIGURE = """
 import os, iswarm_mj
 from iswarm_mj.utils.jax_setup import configure_jax
@@ -54,3 +57,10 @@ def test_loading_a_kept_program_prints_nothing(tmp_path):
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
         assert (done.stdout, done.stderr) == ("729.0\n", "")
     assert list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("count", ["²", "٣", "0", "-1", "1.0", "", "two", "1000"])
+def test_devices_that_are_not_there_are_refused(count):
+    with pytest.raises(UserError, match=r"^devices must be all, or between 1 and \d+, .*JAX sees \(cpu\) \(got "):
+        devices(count)
+    assert len(devices("1")) == 1 and devices("all")[:1] == devices("1")

@@ -1,11 +1,9 @@
 """One process at a time writes into a directory."""
 
-import signal
 import subprocess
 import sys
 
 import pytest
-from helpers_signals import heeded
 
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
@@ -44,25 +42,6 @@ def test_the_lock_goes_with_a_process_that_is_killed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_signal_that_python_does_not_notice_leaves_no_file(tmp_path):
-    """A thread ends the process, whose main thread is in a call that comes back late."""
-    code = f"""
-import hashlib
-import threading
-from pathlib import Path
-from iswarm_mj.utils.interruption import interruptible
-from iswarm_mj.utils.lock import locked
-with interruptible(), locked(Path({str(tmp_path)!r})):
-    threading.Timer(2.0, print, ["has it"], {{"flush": True}}).start()  # when the call below has begun
-    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
-"""
-    with heeded(), subprocess.Popen([sys.executable, "-c", code], stdout=-1, text=True) as process:
-        assert process.stdout.readline() == "has it\n" and (tmp_path / ".lock").exists()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=600) == 130
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_error_unlocks(tmp_path):
     for _ in range(2):
         with pytest.raises(RuntimeError), locked(tmp_path):
@@ -77,7 +56,7 @@ from pathlib import Path
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
 out, n_done = Path({str(tmp_path)!r}), 0
-while n_done < 60:
+while n_done < 20:
     try:
         with locked(out):
             (out / "number").write_text(str(int((out / "number").read_text()) + 1))
@@ -87,7 +66,7 @@ while n_done < 60:
 """
     processes = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(4)]
     assert [process.wait(timeout=600) for process in processes] == [0] * 4
-    assert (tmp_path / "number").read_text() == "240"
+    assert (tmp_path / "number").read_text() == "80"
 
 
 def test_a_link_in_the_place_of_the_lock_is_not_followed(tmp_path):

@@ -11,6 +11,7 @@ from iswarm_mj.commands.clean import Clean
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.utils.errors import UserError
 
+MJX = {"engine": "mjx", "worlds": 2, "record_worlds": (1,), "robots": 30}
 DYNAMIC = GripperConfig(resolution="dynamic", grasp_voltage=30.0, relative_humidity=50.0)
 
 
@@ -19,8 +20,6 @@ DYNAMIC = GripperConfig(resolution="dynamic", grasp_voltage=30.0, relative_humid
     [
         ({"gripper": GripperConfig()}, "without `gripper.resolution` dynamic"),
         ({"record": False}, "with --no-record"),
-        ({"worlds": 2}, "with several `worlds`"),
-        ({"engine": "mjx"}, "with trials in compiled programs"),
     ],
 )
 def test_grasps_that_cannot_be_recorded_are_refused(tmp_path, changed, why):
@@ -30,8 +29,10 @@ def test_grasps_that_cannot_be_recorded_are_refused(tmp_path, changed, why):
 
 
 @pytest.mark.slow
-def test_balls_that_were_lifted_are_held_from_the_step_on(tmp_path, capsys):
-    Clean(engine="planar", gripper=DYNAMIC, arena=SMALL.arena, steps=40, out=tmp_path, record_grasps=25).run()
+@pytest.mark.parametrize("how", [{"engine": "planar"}, {"engine": "planar", "worlds": 3, "record_worlds": (1,)}, MJX])
+def test_balls_that_were_lifted_are_held_from_the_step_on(tmp_path, capsys, how):
+    """In a world of several and in compiled programs, too."""
+    Clean(**how, gripper=DYNAMIC, arena=SMALL.arena, steps=40, out=tmp_path, record_grasps=25).run()
     states = np.load(tmp_path / "trajectory.npz")["ball_state"]
     chunks = RrdReader(tmp_path / "clean.rrd").stream().to_chunks()
     log = [row for c in chunks if c.entity_path == "/grasp/log" for row in c.to_record_batch().to_pylist()]

@@ -7,8 +7,8 @@ from dataclasses import fields
 from typing import Any, NamedTuple
 
 from iswarm_mj import config
+from iswarm_mj.experiments.runner import evolution
 from iswarm_mj.gripper.laws import detachment
-from iswarm_mj.strategy import evolution
 
 RULES = (
     "All robots sense the same moment and all move at once; whether they also hear and speak at once or one after the "

@@ -9,6 +9,7 @@ from typing import Any
 from iswarm_mj.experiments.analysis.evolution_best import best_of
 from iswarm_mj.experiments.report.opening import opening
 from iswarm_mj.experiments.runner.experiment import RUNS
+from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.reading import read_result
@@ -57,9 +58,7 @@ def _about(directory: Path) -> Iterator[str]:
         yield from _table(path)
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
-            with (directory / name).open("rb") as file:
-                n_runs = max(sum(1 for _ in file) - 1, 0)
-            kept = f"{n_runs} finished runs of {kind} are kept in {name}"
+            kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
             flag = " with --resume" * (name == CHECKPOINT)
             # A search writes its table as it goes on, and its best genome at the end.
             ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(tables)

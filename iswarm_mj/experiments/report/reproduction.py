@@ -8,10 +8,9 @@ from typing import Any
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS, Result
+from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.utils.serialization import completed
 
 
 def command(result: Result) -> str:
@@ -62,7 +61,7 @@ def _unlike_the_paper(settings: Mapping[str, Any]) -> list[str]:
 def _changed(config: Mapping[str, Any], **others: Mapping[str, Any]) -> str:
     """Flags of the values that differ from the defaults, by groups of the configuration, or `operators`."""
     default = _stored(asdict(SwarmConfig()) | {"operators": asdict(Operators())})
-    groups = _stored(completed(SwarmConfig, config) | others)
+    groups = _stored({**config, **others})
     return "".join(
         f" {_flag(group, name, value)}"
         for group, values in groups.items()

@@ -1,13 +1,13 @@
 """Jobs as worlds of batches, on the devices of this machine."""
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from iswarm_mj.engines.registry import ENGINES, engine_settings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, Outcome, fault_of, outcome
+from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, NumberedOutcomes, Outcome
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.memory_check import most_worlds
 from iswarm_mj.simulation.run import Run
@@ -50,7 +50,7 @@ def first_settings(engine: str, threads: int, refinement: int, prefer_host: bool
     )
 
 
-def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> Generator[tuple[int, Outcome], None, None]:
+def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes:
     """Yield (index of the job, outcome), a batch at a time: jobs with all in common that worlds share are one batch.
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
@@ -69,9 +69,8 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> Generator[tuple[
         alike.setdefault((common(job.config), job.steps, job.stop_at), []).append(index)
     for indices in (part for every in alike.values() for part in _parts(every, jobs, engine)):
         batch = [jobs[index] for index in indices]
-        found = _measured(batch, engine)
-        for index, job, measures in zip(indices, batch, found, strict=True):
-            yield index, outcome(job, measures, measures.finished_at or job.steps)
+        for index, job, measures in zip(indices, batch, _measured(batch, engine), strict=True):
+            yield index, Outcome.of(job, measures, measures.finished_at or job.steps)
 
 
 def _parts(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
@@ -95,27 +94,22 @@ def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job]) -> list[list[i
 
 
 def _measured(jobs: Sequence[Job], engine: EngineSettings) -> list[Measures]:
-    """Measures of jobs of equal settings, with contact buffers as large as they need, if the engine has any."""
+    """Measures of jobs of equal settings, with contact buffers as large as they need; the first fault is raised."""
     while True:
         run = _run(jobs, engine)
-        is_full = [bool(fault.kind & _BUFFER_FULL) for fault in run.faults]
         larger = 2 * getattr(engine, "contact_capacity", math.inf)
-        if not is_full or not all(is_full) or larger > MAX_CAPACITY:
-            return _measures(jobs, run)
+        if not any(fault.kind & _BUFFER_FULL for fault in run.faults) or larger > MAX_CAPACITY:
+            break
         engine = replace(engine, contact_capacity=larger)
+    for job, fault in zip(jobs, run.fault_of_each, strict=True):
+        if fault is not None:
+            raise job.fault(fault)
+    return [run.measures(world) for world in range(len(jobs))]
 
 
 def has_buffers(engine: EngineSettings) -> bool:
     """Return whether an engine has contact buffers, whose room costs time."""
     return hasattr(engine, "contact_capacity")
-
-
-def _measures(jobs: Sequence[Job], run: Run) -> list[Measures]:
-    """Measures of jobs that were run as the worlds of one batch; the first fault is raised."""
-    for job, fault in zip(jobs, run.fault_of_each, strict=True):
-        if fault is not None:
-            raise fault_of(job, fault)
-    return [run.measures(world) for world in range(len(jobs))]
 
 
 def _run(jobs: Sequence[Job], engine: EngineSettings) -> Run:

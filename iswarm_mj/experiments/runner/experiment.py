@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,19 +11,17 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Finding, Rows
-from iswarm_mj.experiments.runner.checkpoint import Journal, Key
-from iswarm_mj.experiments.runner.jobs import Job, Outcome, is_outcome
+from iswarm_mj.experiments.runner.jobs import Job, Outcome
+from iswarm_mj.experiments.runner.journal import Journal, Key
 from iswarm_mj.experiments.runner.limits import Seed
-from iswarm_mj.experiments.runner.pool import Execution, progress
-from iswarm_mj.experiments.runner.resumable import run_missing
+from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.lock import locked
-from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
-RUNS, FINDINGS = "runs.jsonl", "findings.parquet"
+RUNS, FINDINGS = "runs.sqlite", "findings.parquet"
 GOAL_SHARE = 66 / 72
 """A run of the paper's experiments ends when this share of the balls is delivered (section 4.6.1)."""
 TIME_LIMIT = 1200
@@ -91,7 +89,7 @@ def run_experiment(
 ) -> list[Finding]:
     """Run an experiment, write its results into `out`, print the findings.
 
-    Files: the table, a row per run (parquet and CSV); findings.parquet and .csv; figures; runs.jsonl with the finished
+    Files: the table, a row per run (parquet and CSV); findings.parquet and .csv; figures; runs.sqlite with the finished
     runs. A run that is in it is not repeated, whichever experiment of the same version of the package asks for it.
 
     Args:
@@ -107,32 +105,28 @@ def run_experiment(
     """
     execution = execution or Execution()
     with locked(out):
-        return _run(experiment, plan, out, execution, again)
-
-
-def _run(experiment: Experiment, plan: Plan, out: Path, execution: Execution, again: bool) -> list[Finding]:
-    if again:
-        remove(out / RUNS)
-    entries = experiment.entries(plan)
-    outcomes = _outcomes(experiment.name, [entry.job for entry in entries], out, execution)
-    rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-    settings = settings_of(experiment, plan, execution)
-    if experiment.extra is not None:
-        experiment.extra(plan, out, rows)
-    for name in (FINDINGS, Path(FINDINGS).with_suffix(".csv")):
-        remove(out / name)  # those of an earlier table
-    write_table(out / experiment.table, rows, settings, csv=True)
-    findings = experiment.findings(rows)
-    if findings:
-        write_table(out / FINDINGS, [finding._asdict() for finding in findings], settings, csv=True)
-    experiment.draw(rows, out)
-    print(summary(findings, len(rows), out))
+        if again:
+            remove(out / RUNS)
+        entries = experiment.entries(plan)
+        outcomes = _outcomes(experiment.name, [entry.job for entry in entries], out, execution)
+        rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
+        settings = settings_of(experiment, plan, execution)
+        if experiment.extra is not None:
+            experiment.extra(plan, out, rows)
+        for name in (FINDINGS, Path(FINDINGS).with_suffix(".csv")):
+            remove(out / name)  # those of an earlier table
+        write_table(out / experiment.table, rows, settings, csv=True)
+        findings = experiment.findings(rows)
+        if findings:
+            write_table(out / FINDINGS, [finding._asdict() for finding in findings], settings, csv=True)
+        experiment.draw(rows, out)
+        print(summary(findings, len(rows), out))
     return findings
 
 
 def settings_of(experiment: Experiment, plan: Plan, execution: Execution) -> dict[str, Any]:
     """Settings that determine the outcome, as tables contain them."""
-    return {"experiment": experiment.name, "engine": execution.engine, **to_dict(plan), **execution.identity}
+    return {"experiment": experiment.name, **asdict(plan), **execution.identity}
 
 
 def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:
@@ -145,8 +139,8 @@ def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:
         "failed_fraction": job.failed_fraction,
         "max_steps": job.steps,
         "goal": job.stop_at or job.config.arena.n_dust,
-        **outcome._asdict(),
-        "collisions_per_robot": outcome.collisions / job.n_robots,
+        **outcome.columns,
+        "collisions_per_robot": outcome.measures.collisions / job.n_robots,
     }
 
 
@@ -160,15 +154,17 @@ def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
 
 def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -> list[Outcome]:
     """Outcomes of the jobs; those in the journal are not run again."""
-    run_by = " ".join(map(str, execution.identity.values())) or execution.engine
-    keys = [_key(job, run_by) for job in jobs]
-    with Journal(out / RUNS, {"kind": "runs of experiments"}, is_outcome) as journal:
-        with progress(len(keys), name, sum(key in journal.entries for key in keys)) as bar:
-            run_missing([(dict(zip(keys, jobs, strict=True)), journal)], execution, bar, lambda job, outcome: outcome)
-        return [Outcome(*journal.entries[key]) for key in keys]
+    keyed = {_key(job, execution): job for job in jobs}
+    with (
+        Journal(out / RUNS, {"kind": "runs of experiments"}) as journal,
+        progress(len(keyed), name, sum(key in journal.entries for key in keyed)) as bar,
+    ):
+        (outcomes,) = run_missing([(keyed, journal)], execution, bar)
+    found = dict(zip(keyed, outcomes, strict=True))
+    return [found[_key(job, execution)] for job in jobs]
 
 
-def _key(job: Job, run_by: str) -> Key:
+def _key(job: Job, execution: Execution) -> Key:
     """Number of a run, a hash of all that determines its outcome: the job, the engine and its implementation."""
-    text = json.dumps([run_by, to_dict(job)], sort_keys=True).encode()
+    text = json.dumps([execution.identity, asdict(job)], sort_keys=True).encode()
     return (int(hashlib.sha256(text).hexdigest()[:13], 16),)

@@ -1,6 +1,6 @@
 """One world as a job: the input and the output of a worker process."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -33,54 +33,39 @@ class Job:
     failed_fraction: float = 0.0
     """Fraction of the robots that are dead from the start."""
 
+    def fault(self, fault: SimulationFault) -> SimulationFault:
+        """Return a fault that names the job in which it occurred."""
+        return SimulationFault(f"run of {self.n_robots} robots with seed {self.seed}: {fault}")
+
 
 class Outcome(NamedTuple):
-    """Measures of a finished job; all but steps and fitness are those of `Measures`."""
+    """What a finished job came to."""
 
-    delivered: int
-    picked: int
-    collisions: int
-    mean_carriage_steps: float | None
-    finished_at: int | None
+    measures: Measures
     steps: int
     """Number of control steps taken."""
     fitness: float
     """The paper's fitness over the job's steps."""
-    attempts: int = 0
-    """This and the following as in `Measures`."""
-    failed_grasps: int = 0
-    failed_releases: int = 0
-    releases: int = 0
-    broken_off: int = 0
-    postponed: int = 0
-    work_time: float = 0.0
-    lost_time: float = 0.0
-    impact: float | None = None
-    starved: int = 0
 
+    @classmethod
+    def of(cls, job: Job, measures: Measures, steps: int) -> "Outcome":
+        """Return the outcome of a job with these measures after `steps` control steps."""
+        return cls(measures, steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
 
-def is_outcome(values: Any) -> bool:
-    """Whether a list of JSON's is an `Outcome`."""
-    if not isinstance(values, list | tuple) or len(values) != len(Outcome._fields):
-        return False
-    unknown = {"mean_carriage_steps", "finished_at", "impact"}
-    numbers = zip(Outcome._fields, values, strict=True)
-    return all(type(value) in (int, float) or (value is None and name in unknown) for name, value in numbers)
+    @classmethod
+    def read(cls, values: Sequence[Any]) -> "Outcome":
+        """Return the outcome that these values of JSON were."""
+        measures, steps, points = values
+        return cls(Measures(*measures), steps, points)
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """Its values as columns of a table."""
+        return {**self.measures._asdict(), "steps": self.steps, "fitness": self.fitness}
 
 
 NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 """Outcomes with the indices of their jobs, in the order in which they finish."""
-
-
-def outcome(job: Job, measures: Measures, steps: int) -> Outcome:
-    """Outcome of a job with these measures after `steps` control steps."""
-    points = fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps)
-    return Outcome(**measures._asdict(), steps=steps, fitness=points)
-
-
-def fault_of(job: Job, fault: SimulationFault) -> SimulationFault:
-    """Return a fault that names the job in which it occurred."""
-    return SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}")
 
 
 def run_job(job: Job, engine: EngineSettings | None = None) -> Outcome:
@@ -107,5 +92,10 @@ def run_job(job: Job, engine: EngineSettings | None = None) -> Outcome:
     while not run.is_over:
         run.advance()
     if run.faults:
-        raise fault_of(job, run.faults[0])
-    return outcome(job, run.measures(0), run.step)
+        raise job.fault(run.faults[0])
+    return Outcome.of(job, run.measures(0), run.step)
+
+
+def run_numbered(index: int, job: Job, engine: EngineSettings) -> tuple[int, Outcome]:
+    """Run a job in a worker, which returns its number, too."""
+    return index, run_job(job, engine)

@@ -10,7 +10,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from cmaes import CMAwM
 
-from iswarm_mj.strategy.evolution import (
+from iswarm_mj.experiments.runner.evolution import (
     IS_BOOLEAN,
     Individual,
     Operators,

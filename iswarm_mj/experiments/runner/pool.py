@@ -1,23 +1,19 @@
 """Execution of jobs: in worker processes of this machine, on a cluster, or as batches in this process."""
 
-import os
-import threading
-import warnings
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, cast
-
-from joblib import Parallel, cpu_count, delayed
-from joblib.externals.loky.process_executor import BrokenProcessPool
+from typing import Annotated, Any
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import EngineName, engines_with
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner import worker
-from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, run_job
+from iswarm_mj.experiments.runner.batches import first_settings, run_batches
+from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, Outcome, run_numbered
+from iswarm_mj.experiments.runner.journal import Journal, Key
 from iswarm_mj.experiments.runner.limits import Workers
 from iswarm_mj.utils.constraints import check, constraint_of, validate
+from iswarm_mj.utils.pool import Backend, unordered
 from iswarm_mj.utils.progress import Progress
 
 
@@ -30,7 +26,7 @@ class Execution:
     worlds in this process with mjx, and with planar on an NVIDIA GPU."""
     workers: Workers = 0
     """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
-    backend: Literal["processes", "ray"] = "processes"
+    backend: Backend = "processes"
     """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
     refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
     """Of planar, as in `PlanarSettings`."""
@@ -46,8 +42,6 @@ class Execution:
     @property
     def settings(self) -> EngineSettings:
         """Settings of the engine, of one thread on the host."""
-        from iswarm_mj.experiments.runner.batches import first_settings
-
         return first_settings(self.engine, 1, self.refinement, prefer_host=self.backend == "ray")
 
     @property
@@ -57,76 +51,45 @@ class Execution:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Settings that identify an engine in files: empty for the default engine."""
-        identity = self.settings.identity
-        identity.pop("solver_iterations", None)
-        return {} if self.engine == Execution.engine else identity
+        """Settings that identify the engine in files."""
+        return {name: value for name, value in self.settings.identity.items() if name != "solver_iterations"}
 
 
 def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     """Yield (index of the job, outcome) as jobs finish; the longest jobs start first.
 
-    Workers start with the first call and serve later calls too. The jobs of a worker that died are repeated.
     Leaving the iterator early, by an exception or by closing it, stops the workers.
 
     Raises:
-        SimulationFault: a run could not go on, or workers keep dying.
+        SimulationFault: a run could not go on, or a worker was lost.
         UserError: Ray is not installed, or a job is not possible.
     """
     if execution.in_batches:
-        from iswarm_mj.experiments.runner.batches import run_batches
-
         return run_batches(jobs, execution.settings)
     numbered = sorted(enumerate(jobs), key=lambda item: -item[1].n_robots * item[1].steps)
-    if execution.backend == "ray":
-        from iswarm_mj.experiments.runner.ray_pool import run_on_ray
+    given = ((index, job, execution.settings) for index, job in numbered)
+    return unordered(run_numbered, given, execution.workers, execution.backend)
 
-        return run_on_ray(numbered, execution.workers, execution.settings)
-    workers = execution.workers or cpu_count()
-    if workers == 1:
-        return ((index, run_job(job, execution.settings)) for index, job in numbered)
-    return _run_in_processes(numbered, workers, execution.settings)
+
+def run_missing(
+    wanted: Sequence[tuple[Mapping[Key, Job], Journal]], execution: Execution, bar: Progress
+) -> list[list[Outcome]]:
+    """Return the outcomes of jobs, of which those are run that are not in their journal; it has them then.
+
+    Args:
+        wanted: jobs by their keys in a journal, and that journal.
+        execution: how to run the jobs.
+        bar: advanced by each finished run.
+    """
+    missing = [(key, job, log) for jobs, log in wanted for key, job in jobs.items() if key not in log.entries]
+    with closing(run_jobs([job for _, job, _ in missing], execution)) as finished:
+        for index, outcome in finished:
+            key, _, journal = missing[index]
+            journal.add(key, outcome)
+            bar.update()
+    return [[Outcome.read(journal.entries[key]) for key in jobs] for jobs, journal in wanted]
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:
     """Progress with the remaining time, for `total` runs of which `done` are known already."""
     return Progress(total, "run", describe, done, waiting="compiling, and waiting for the first run to end")
-
-
-def _run_in_processes(numbered: Sequence[tuple[int, Job]], workers: int, engine: EngineSettings) -> NumberedOutcomes:
-    # Loky replaces a worker that has grown by 300 MB, as programs for many numbers of robots make it grow.
-    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-    left, losses = dict(numbered), 0
-    options: dict[str, Any] = {"initializer": worker.start, "initargs": (os.getpid(),)}
-    while left:
-        pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
-        tasks = [delayed(worker.work)(index, job, engine) for index, job in left.items()]
-        try:
-            with _closing(cast(NumberedOutcomes, pool(tasks))) as finished:
-                for index, outcome in finished:
-                    del left[index]
-                    losses = 0
-                    yield index, outcome
-        except BrokenProcessPool:
-            losses += 1
-            if losses > worker.MAX_LOSSES:
-                raise worker.lost(losses, next(iter(left.values()))) from None
-
-
-@contextmanager
-def _closing(finished: NumberedOutcomes) -> Generator[NumberedOutcomes, None, None]:
-    """Close an iterator of joblib at the end, without its warning that not all results were consumed.
-
-    Loky's thread ends with a KeyError if it has just accepted a job while its workers are stopped: no loss by then.
-    """
-    try:
-        yield finished
-    finally:
-        hook = threading.excepthook
-        threading.excepthook = lambda error: None if error.exc_type is KeyError else hook(error)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)
-                finished.close()
-        finally:
-            threading.excepthook = hook

@@ -1,9 +1,10 @@
 """The search for fit swarms: its files, and several searches at once."""
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +14,19 @@ from iswarm_mj.experiments.analysis.evolution_best import Best, best_of, by_repl
 from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.runner.batches import has_buffers
-from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
-from iswarm_mj.experiments.runner.pool import Execution, progress
-from iswarm_mj.experiments.runner.replicates import Replicates, entry_of, forget_partial, is_entry
-from iswarm_mj.experiments.runner.resumable import run_missing
+from iswarm_mj.experiments.runner.journal import Journal
+from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import atomic_write, remove, remove_parts
+from iswarm_mj.experiments.runner.search_table import Replicates
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import atomic_write, check_resumable, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
-from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_table
 
 AT_ONCE = 4096
 """Runs of a set of jobs at most, where a search does not learn and several generations can be a batch of planar."""
-CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.jsonl", "evolution.parquet", "best.json", "fitness"
+CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.sqlite", "evolution.parquet", "best.json", "fitness"
 
 
 def run_search(search: Search, out: Path, execution: Execution | None = None, resume: bool = False) -> Best:
@@ -45,7 +44,7 @@ def run_searches(
     """Search, write the results into the directories, print a summary of each.
 
     Files: evolution.parquet, a row per run (see `search_table.rows_of`); best.json, a genome, and with replicates the
-    best of each, best-0.json and so on; fitness.png and .svg; checkpoint.jsonl. The table is written after each
+    best of each, best-0.json and so on; fitness.png and .svg; checkpoint.sqlite. The table is written after each
     set of jobs, the others at the end. A generation of all searches that learn, with all replicates, is one set of
     jobs, and in batches of planar so are several generations of one that does not. Neither the number of workers nor an
     interruption changes a byte of the files. Where a set of jobs is one batch, a generation that a checkpoint contains
@@ -67,7 +66,7 @@ def run_searches(
     """
     execution = execution or Execution()
     with ExitStack() as stack:
-        begun = []
+        begun: list[_Begun] = []
         for out, search in searches.items():
             try:
                 begun.append(stack.enter_context(_begun(out, search, execution, resume, again)))
@@ -82,17 +81,12 @@ def run_searches(
     return best
 
 
-@dataclass
 class _Begun:
     """A search, its directory, settings and journal, and how far it is."""
 
-    search: Search
-    out: Path
-    settings: dict[str, Any]
-    journal: Journal
-
-    def __post_init__(self):
-        self.replicates = Replicates(self.search, self.journal)
+    def __init__(self, search: Search, out: Path, settings: dict[str, Any], journal: Journal):
+        self.search, self.out, self.settings, self.journal = search, out, settings, journal
+        self.replicates = Replicates(search)
 
     def save(self) -> None:
         """Write the table so far."""
@@ -100,7 +94,6 @@ class _Begun:
 
     def end(self) -> Best:
         """Write all files; return the best genome."""
-        self.journal.settle()
         self.save()
         rows = self.replicates.rows
         best = best_of(rows)
@@ -115,11 +108,14 @@ class _Begun:
 @contextmanager
 def _begun(out: Path, search: Search, execution: Execution, resume: bool, again: bool) -> Iterator[_Begun]:
     settings = settings_of(search, execution)
-    with locked(out), _journal(out, settings, resume, again) as journal:
-        remove_parts(out, CHECKPOINT, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg")
-        if execution.in_batches:
-            forget_partial(search, journal)
-        yield _Begun(search, out, settings, journal)
+    with locked(out):
+        check_resumable(out, "search", CHECKPOINT, (BEST, TABLE), resume, again)
+        with Journal(out / CHECKPOINT, settings) as journal:
+            remove_parts(out, TABLE, BEST, best_name("*"), f"{FIGURE}.png", f"{FIGURE}.svg")
+            if execution.in_batches:  # a generation is run as a whole
+                known = Counter(key[0] for key in journal.entries)
+                journal.entries = {k: run for k, run in journal.entries.items() if known[k[0]] == search.n_runs}
+            yield _Begun(search, out, settings, journal)
 
 
 def _run_generations(begun: Sequence[_Begun], execution: Execution) -> None:
@@ -142,17 +138,18 @@ def _run_generations(begun: Sequence[_Begun], execution: Execution) -> None:
 def _advance(going: Sequence[_Begun], generations: Sequence[int], execution: Execution, bar: Progress) -> None:
     """Run the next generations of some searches as one set of jobs."""
     known = [len(each.journal.entries) for each in going]
-    run_missing([(each.replicates.ask(generations), each.journal) for each in going], execution, bar, entry_of)
-    best = max(row["fitness"] for each in going for row in each.replicates.tell())
-    bar.say(f"generation {generations[-1] + 1}, best {best:z.0f}")
+    wanted = [(each.replicates.ask(generations), each.journal) for each in going]
+    outcomes = run_missing(wanted, execution, bar)
+    rows = [row for each, own in zip(going, outcomes, strict=True) for row in each.replicates.tell(own)]
+    bar.say(f"generation {generations[-1] + 1}, best {max(row['fitness'] for row in rows):z.0f}")
     for each, n_known in zip(going, known, strict=True):
         if len(each.journal.entries) > n_known:
             each.save()
 
 
 def settings_of(search: Search, execution: Execution) -> dict[str, Any]:
-    """Settings that determine the outcome, as files contain them; these omit the default engine."""
-    return {**to_dict(search), **execution.identity}
+    """Settings that determine the outcome, as files contain them."""
+    return {**asdict(search), **execution.identity}
 
 
 def best_name(replicate: int | str) -> str:
@@ -192,20 +189,3 @@ def summary(search: Search, rows: Rows, best: Best, out: Path) -> str:
 def _write_genome(path: Path, best: Best) -> None:
     with atomic_write(path) as part:
         part.write_text(json.dumps(asdict(best.genome), indent=2) + "\n", encoding="utf-8")
-
-
-def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) -> Journal:
-    """The search's journal, after what is to be discarded was removed."""
-    if again:
-        for name in (BEST, TABLE, CHECKPOINT):
-            remove(out / name)
-    _check_out(out, resume)
-    return Journal(out / CHECKPOINT, settings, is_entry)
-
-
-def _check_out(out: Path, resume: bool) -> None:
-    """Raise a UserError if `out` contains results that would be overwritten."""
-    if (out / CHECKPOINT).exists() and not resume:
-        raise ConfigError("out", out, "a directory without a search", "continue the search with `resume`")
-    if (out / TABLE).exists() and not is_begun(out / CHECKPOINT):
-        raise ConfigError("out", out, "a directory without a search", f"this one lacks its {CHECKPOINT}")

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, field
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Seed, Steps
 from iswarm_mj.experiments.runner.optimisers import Method
-from iswarm_mj.strategy.evolution import Operators
 from iswarm_mj.utils.constraints import check, validate
-from iswarm_mj.utils.serialization import added_later
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Search:
     seed: Seed = 0
     evaluations: Repeats = 1
     """Runs of each genome in each generation; its fitness is their mean."""
-    replicates: Repeats = added_later(1)  # noqa: RUF009
+    replicates: Repeats = 1
     """Independent repetitions of the search, which advance together. Replicate 0 is the search with one; the others are
     those with the seeds of `replicates.replicate_seed`. In batches this is so up to rounding, see
     `batches.run_batches`."""

@@ -1,8 +1,7 @@
 """The training of a policy: an evolution strategy over the weights that all robots share, in batches of worlds."""
 
-import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, is_dataclass, replace
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.analysis.learning_figure import draw_learning
-from iswarm_mj.experiments.runner.checkpoint import Journal, is_begun
+from iswarm_mj.experiments.runner.journal import Journal
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 from iswarm_mj.simulation.strategies import to_json
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
@@ -24,15 +23,14 @@ from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED
 from iswarm_mj.utils.constraints import check, validate
-from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import remove, remove_parts
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import check_resumable, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
-from iswarm_mj.utils.serialization import to_dict
 from iswarm_mj.utils.tables import write_csv
 from iswarm_mj.workflows.rollout import Rollout, rollout
 
-CHECKPOINT, CURVE, WEIGHTS, FIGURE = "checkpoint.jsonl", "learning.csv", "weights.npz", "learning"
+CHECKPOINT, CURVE, WEIGHTS, FIGURE = "checkpoint.sqlite", "learning.csv", "weights.npz", "learning"
 COUNTED = ("picked", "delivered", "collisions", "faults")
 """What the checkpoint holds of each candidate beside its fitness: means over its worlds; worlds with a fault."""
 EVERY = 25
@@ -70,7 +68,7 @@ def train(
 
     The search is CMA-ES with a diagonal covariance (Ros and Hansen 2008), of the `cmaes` package. It begins with the
     weights that the strategy has. Files: weights.npz, the mean of the search; learning.csv, a row per generation, both
-    written after each; learning.png and .svg at the end; checkpoint.jsonl. An interruption changes no byte of the
+    written after each; learning.png and .svg at the end; checkpoint.sqlite. An interruption changes no byte of the
     files, if the engine rounds reproducibly, as on CPUs.
 
     Args:
@@ -87,34 +85,35 @@ def train(
             be resumed, or a different one.
     """
     made = policy(strategy, training.config, training.robots)
-    settings = {**to_dict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
+    settings = {**asdict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
     del settings["generations"]  # a training may go on for longer
     search = SepCMA(
         np.asarray(made.weights, float), training.spread, seed=training.seed, population_size=training.population
     )
-    with locked(out), _journal(out, settings, resume, again) as journal:
-        remove_parts(out, CHECKPOINT, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
+    with ExitStack() as stack:
+        stack.enter_context(locked(out))
+        check_resumable(out, "training", CHECKPOINT, (CURVE, WEIGHTS), resume, again)
+        journal = stack.enter_context(Journal(out / CHECKPOINT, settings))
+        remove_parts(out, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
         rows: list[dict[str, Any]] = []
-        compiling = "compiling, and waiting for the first generation"
-        with Progress(
-            training.generations, "generation", done=min(len(journal.entries), training.generations), waiting=compiling
-        ) as bar:
-            for generation in range(training.generations):
-                candidates = np.array([search.ask() for _ in range(training.population)])
-                is_new = (generation,) not in journal.entries
-                if is_new:
-                    journal.add((generation,), _tried(training, made, candidates, generation, engine, task))
-                entry = _known(journal.entries[generation,], candidates)
-                search.tell(list(zip(candidates, -entry[:, 0], strict=True)))
-                rows.append(_row(generation, entry, float(candidates.std(axis=0).mean())))
-                if is_new:
-                    write_csv(out / CURVE, rows)
-                    save_weights(out / WEIGHTS, search.mean)
-                    bar.say(f"best {rows[-1]['best']:.0f}, mean {rows[-1]['mean']:.0f}")
-                    bar.update()
-        journal.settle()
-        write_csv(out / CURVE, rows)
-        save_weights(out / WEIGHTS, search.mean)
+        done, compiling = len(journal.entries), "compiling, and waiting for the first generation"
+        bar = stack.enter_context(
+            Progress(training.generations, "generation", done=min(done, training.generations), waiting=compiling)
+        )
+        for generation in range(training.generations):
+            candidates = np.array([search.ask() for _ in range(training.population)])
+            is_new = (generation,) not in journal.entries
+            if is_new:
+                journal.add((generation,), _tried(training, made, candidates, generation, engine, task))
+            found = np.array(journal.entries[generation,])
+            search.tell(list(zip(candidates, -found[:, 0], strict=True)))
+            rows.append(_row(generation, found, float(candidates.std(axis=0).mean())))
+            if is_new or generation == training.generations - 1:
+                write_csv(out / CURVE, rows)
+                save_weights(out / WEIGHTS, search.mean)
+            if is_new:
+                bar.say(f"best {rows[-1]['best']:.0f}, mean {rows[-1]['mean']:.0f}")
+                bar.update()
         draw_learning(rows, out / FIGURE)
     print(f"     fitness  {rows[0]['mean']:.0f} in generation 1, {rows[-1]['mean']:.0f} in generation {len(rows)}")
     print(f"     results  {out}; weights in {out / WEIGHTS}")
@@ -148,8 +147,8 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int) -> Any:
 
 def _tried(
     training: Training, made: Any, candidates: np.ndarray, generation: int, engine: EngineSettings, task: Any
-) -> dict[str, Any]:
-    """What the journal keeps of a generation: which candidates they were, and how well they did."""
+) -> list[list[float]]:
+    """What the journal keeps of a generation: fitness and `COUNTED` of each candidate."""
     n_worlds = training.worlds
     keys = jax.random.split(jax.random.fold_in(jax.random.key(training.seed), generation), n_worlds)
     own = jax.tree.map(lambda a: jnp.broadcast_to(a, (len(candidates) * n_worlds, *jnp.shape(a))), made)
@@ -168,18 +167,7 @@ def _tried(
     faulty = {fault.world for fault in found.faults}
     faults = [world in faulty for world in range(len(own.weights))]
     every = np.stack([points(found), found.picked, found.delivered_after[:, -1], found.collisions, faults], axis=1)
-    means = every.reshape(len(candidates), n_worlds, -1).mean(axis=1)
-    return {"candidates": zlib.crc32(candidates.tobytes()), "found": means.tolist()}
-
-
-def _known(entry: Mapping[str, Any], candidates: np.ndarray) -> np.ndarray:
-    """Fitness and `COUNTED` of each candidate, from the journal."""
-    if entry["candidates"] != zlib.crc32(candidates.tobytes()) or len(entry["found"]) != len(candidates):
-        raise UserError(
-            f"{CHECKPOINT} contains other candidates than this version of the program would try; begin again in "
-            "another `out`."
-        )
-    return np.array(entry["found"])
+    return every.reshape(len(candidates), n_worlds, -1).mean(axis=1).tolist()
 
 
 def _row(generation: int, found: np.ndarray, spread: float) -> dict[str, Any]:
@@ -187,25 +175,3 @@ def _row(generation: int, found: np.ndarray, spread: float) -> dict[str, Any]:
     values = {"best": fitness.max(), "mean": fitness.mean(), "worst": fitness.min()}
     values |= dict(zip(COUNTED, found[:, 1:].mean(axis=0), strict=True))
     return {"generation": generation + 1, **{name: float(value) for name, value in values.items()}, "spread": spread}
-
-
-def _is_entry(entry: Any) -> bool:
-    """Whether a value from the checkpoint is what `_tried` returns."""
-    if not isinstance(entry, dict) or set(entry) != {"candidates", "found"} or not isinstance(entry["found"], list):
-        return False
-    width = 1 + len(COUNTED)
-    return all(
-        isinstance(row, list) and len(row) == width and all(isinstance(x, float | int) for x in row)
-        for row in entry["found"]
-    )
-
-
-def _journal(out: Path, settings: Mapping[str, Any], resume: bool, again: bool) -> Journal:
-    if again:
-        for name in (WEIGHTS, CURVE, CHECKPOINT):
-            remove(out / name)
-    if (out / CHECKPOINT).exists() and not resume:
-        raise ConfigError("out", out, "a directory without a training", "continue the training with `resume`")
-    if (out / CURVE).exists() and not is_begun(out / CHECKPOINT):
-        raise ConfigError("out", out, "a directory without a training", f"this one lacks its {CHECKPOINT}")
-    return Journal(out / CHECKPOINT, settings, _is_entry)

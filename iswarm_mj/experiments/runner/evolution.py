@@ -28,7 +28,6 @@ from jaxtyping import Float
 
 from iswarm_mj.strategy.genome import Genome, Share
 from iswarm_mj.utils.constraints import Above, Within, check, validate
-from iswarm_mj.utils.serialization import added_later
 
 NAMES = [f.name for f in fields(Genome)]
 IS_BOOLEAN = np.array([f.type is bool for f in fields(Genome)])
@@ -52,7 +51,7 @@ class Operators:
     of Table 1, and since a value near zero would hardly move otherwise. The spread of its swarms does not tell: with
     either, and a fitness that depends on hop counts alone, the fraction of scouts has a standard deviation of 0.19
     within an evolution (median of 40), as independent mutations and the first generation decide it."""
-    boolean_mutation: Literal["flip", "redraw", "keep"] = added_later("flip")
+    boolean_mutation: Literal["flip", "redraw", "keep"] = "flip"
     """What a dependent mutation does to a Boolean: flip it, redraw it (true or false with equal probability), or keep
     it. Section 4.6 has a span "of the parent's parameter value" only, which says nothing of Booleans. Its counts say
     more: 464 of 525 and 20 of 675 swarms, 484 of 1200, had no hop counts, though few of these were fit. With a fitness

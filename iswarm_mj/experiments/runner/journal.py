@@ -1,0 +1,127 @@
+"""A journal of finished runs in a file of SQLite, from which what was killed goes on.
+
+Each run is a transaction of its own, on disk before the next begins. All else follows from the runs: random numbers
+from the settings, genomes from the fitness of earlier ones.
+"""
+
+import errno
+import json
+import os
+import sqlite3
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from iswarm_mj import __version__
+from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.files import write_error
+
+Key = tuple[int, ...]
+_REFUSED = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+"""Codes of errors of the disk, not of the content."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides the outcome of a run, beside the settings."""
+    return {"iswarm_mj": __version__, **{name: version(name) for name in ("mujoco", "jax", "numpy")}}
+
+
+class Journal:
+    """Finished runs by their keys; a context manager, to be used in a directory that is `locked`.
+
+    Attributes:
+        entries: by their keys, as JSON has them.
+
+    Args:
+        path: of the file, which is created if it does not exist.
+        settings: that determine the runs, as JSON can represent them.
+
+    Raises:
+        UserError: the file cannot be written, is damaged, or was created with different settings or versions.
+    """
+
+    def __init__(self, path: Path, settings: Mapping[str, Any]):
+        self._path = path
+        wanted = json.loads(json.dumps({"versions": versions(), "settings": settings}))
+        with self._explained():
+            self._file = sqlite3.connect(path)
+            try:
+                with self._file:
+                    self._file.execute("CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, entry TEXT, crc INT)")
+                    self._file.execute("INSERT OR IGNORE INTO runs VALUES (?, ?, ?)", _row((), wanted))
+                rows = list(self._file.execute("SELECT * FROM runs"))
+                self.entries: dict[Key, Any] = {tuple(json.loads(key)): json.loads(entry) for key, entry, _ in rows}
+                if rows != [_row(key, entry) for key, entry in self.entries.items()]:
+                    raise ValueError("a checksum differs")
+                self._compare(self.entries.pop(()), wanted)
+            except BaseException:
+                self._file.close()
+                raise
+
+    def __enter__(self) -> "Journal":
+        """Return the journal."""
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def add(self, key: Key, entry: Any) -> None:
+        """Add a finished run, which is on disk when this returns, in place of an earlier one with this key.
+
+        Raises:
+            UserError: the file cannot be written, for example because the disk is full.
+        """
+        with self._explained(), self._file:
+            self._file.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", _row(key, entry))
+        self.entries[key] = entry
+
+    def _compare(self, had: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+        """Raise a UserError unless the file was created with these settings and versions."""
+        for what in wanted:
+            if different := list(_differences(had[what], wanted[what])):
+                raise UserError(
+                    f"{self._path} was created with different {what} ({', '.join(different[:3])}); "
+                    "resume with those it was created with, or choose another `out`"
+                )
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Raise errors of SQLite, and of content that is none of a journal's, as a UserError."""
+        try:
+            yield
+        except (sqlite3.Error, ValueError, TypeError, KeyError, RecursionError) as error:
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            if code in _REFUSED:
+                full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                raise write_error(self._path, full if code == sqlite3.SQLITE_FULL else OSError(str(error))) from None
+            raise UserError(
+                f"{self._path} is not a journal of iswarm, or damaged ({error}); begin again in another `out`"
+            ) from None
+
+
+def _row(key: Key, entry: Any) -> tuple[str, str, int]:
+    """Row of a table; SQLite itself has no checksums of what a disk changed."""
+    texts = json.dumps(key), json.dumps(entry, sort_keys=True)
+    return *texts, zlib.crc32("".join(texts).encode())
+
+
+def count(path: Path) -> int:
+    """Number of the runs in a journal; 0 if it cannot be read."""
+    try:
+        with sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True) as file:
+            return file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1
+    except sqlite3.Error:
+        return 0
+
+
+def _differences(had: Any, wanted: Any, name: str = "") -> Iterator[str]:
+    """Differences of two JSON values, each as 'name: value there, value now'."""
+    if isinstance(had, dict) and isinstance(wanted, dict):
+        for part in sorted(had.keys() | wanted.keys()):
+            yield from _differences(had.get(part), wanted.get(part), f"{name}.{part}" if name else part)
+    elif had != wanted:
+        yield f"{name}: {shown(had)} there, {shown(wanted)} now"

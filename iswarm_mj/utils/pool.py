@@ -1,0 +1,124 @@
+"""Calls in worker processes, of this machine or of a Ray cluster, by joblib."""
+
+import logging
+import os
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Callable, Generator, Iterable
+from typing import Any, Literal, cast
+
+from joblib import Parallel, cpu_count, delayed
+from joblib.externals.loky.process_executor import BrokenProcessPool
+
+from iswarm_mj.utils.errors import SimulationFault, UserError
+
+Backend = Literal["processes", "ray"]
+_HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncated stream"
+
+
+def unordered(
+    call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int = 0, backend: Backend = "processes"
+) -> Generator[Any, None, None]:
+    """Yield the results of calls as they finish, in whichever order; closing the generator stops the workers.
+
+    Args:
+        call: a function of a module.
+        given: its arguments in each call, in the order in which the calls begin.
+        workers: calls at a time; 0 for one per core, of the cluster with Ray; 1 for this process itself.
+        backend: processes of this machine, which stay for the next call and see no GPU; or ray, the cluster at
+            RAY_ADDRESS.
+
+    Raises:
+        SimulationFault: a worker was lost.
+        UserError: Ray is not installed.
+        Exception: whatever a call raises.
+    """
+    if backend == "ray":
+        return _on_ray(call, given, workers)
+    return _in_processes(call, given, workers or cpu_count())
+
+
+def _in_processes(
+    call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int
+) -> Generator[Any, None, None]:
+    options: dict[str, Any] = {"initializer": _begin, "initargs": (os.getpid(),)} if workers > 1 else {}
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)  # one that has grown by 300 MB
+    pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
+    results = cast(Generator[Any, None, None], pool(delayed(call)(*arguments) for arguments in given))
+    try:
+        for result in results:  # noqa: UP028, since `yield from` would close them here, with a warning
+            yield result
+    except BrokenProcessPool:
+        raise _lost() from None
+    finally:
+        hook = threading.excepthook  # joblib's thread may end by a KeyError when it has just accepted a call
+        threading.excepthook = lambda error: None if error.exc_type is KeyError else hook(error)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that not all results were taken
+            results.close()
+        threading.excepthook = hook
+
+
+def _on_ray(call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int) -> Generator[Any, None, None]:
+    # Not by joblib's backend for Ray, which has no generators.
+    ray = connected(workers)
+    remote = ray.remote(num_cpus=1, max_retries=0, runtime_env={"env_vars": {"JAX_PLATFORMS": "cpu"}})(call)
+    left, running = list(given)[::-1], []
+    try:
+        while left or running:
+            while left and (not workers or len(running) < workers):
+                running.append(remote.remote(*left.pop()))
+            (done, *_), running = ray.wait(running)
+            yield ray.get(done)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause from None
+    except ray.exceptions.RayError:
+        raise _lost() from None
+    finally:
+        for task in running:
+            ray.cancel(task, force=True)
+
+
+def connected(workers: int = 0) -> Any:
+    """Return Ray, connected to the cluster that RAY_ADDRESS names, or else to a new one on this machine.
+
+    Args:
+        workers: processor cores of a new one, 0 for all.
+
+    Raises:
+        UserError: Ray is not installed.
+    """
+    try:
+        import ray  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise UserError("Ray is not installed; run pip install 'iswarm-mj[cluster]'") from None
+    if not ray.is_initialized():
+        local = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": workers or None, "include_dashboard": False}
+        with warnings.catch_warnings():  # JAX warns of each fork, but Ray's children start another program at once
+            warnings.simplefilter("ignore", RuntimeWarning)
+            ray.init(logging_level=logging.ERROR, log_to_driver=False, **local)
+    return ray
+
+
+def _begin(parent: int) -> None:
+    """Prepare a worker: interrupts are its parent's, with which it ends even if that is killed, and so are GPUs."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["JAX_PLATFORMS"] = "cpu"
+    # While one worker writes a compiled program, another may read half of it; it compiles the program itself then.
+    warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
+    threading.Thread(target=_end_with, args=[parent], daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
+
+
+def _lost() -> SimulationFault:
+    return SimulationFault(
+        "a worker process was lost, perhaps since there is too little memory; finished runs are kept: start the "
+        "command again with fewer workers"
+    )

@@ -1,0 +1,121 @@
+"""The journal of finished runs: what is in it stays, what does not fit is refused."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from iswarm_mj.experiments.runner import journal
+from iswarm_mj.experiments.runner.journal import Journal, count
+from iswarm_mj.utils.errors import UserError
+
+SETTINGS = {"seed": 3, "config": {"arena": {"size": 49.0, "n_dust": 72}}}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "checkpoint.sqlite"
+
+
+def entries(path, settings=SETTINGS):
+    with Journal(path, settings) as found:
+        return found.entries
+
+
+@pytest.fixture
+def written(path):
+    """Three runs, not in order, with floats that decimals do not meet."""
+    with Journal(path, SETTINGS) as made:
+        for key in ((0, 1, 0), (0, 0, 0), (1, 0, 0)):
+            made.add(key, {"fitness": key[1] + 0.1 + 0.2, "left": None, "ok": True})
+        return dict(made.entries)
+
+
+def test_what_was_added_comes_back(path, written):
+    assert entries(path) == written and len(written) == count(path) == 3
+    with Journal(path, SETTINGS) as again:
+        again.add((1, 1, 0), 1 / 3)
+        again.add((0, 0, 0), 2 / 3)
+    assert entries(path) == written | {(1, 1, 0): 1 / 3, (0, 0, 0): 2 / 3}
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from iswarm_mj.experiments.runner.journal import Journal
+with Journal(Path(sys.argv[1]), {}) as journal:
+    for n in range(3):
+        journal.add((n,), n)
+    with journal._file:
+        journal._file.execute("DELETE FROM runs WHERE entry = '1'")
+        os.kill(os.getpid(), 9)
+"""
+
+
+def test_each_run_is_kept_where_the_process_is_killed(path):
+    """Also where a transaction has begun by then."""
+    assert subprocess.run([sys.executable, "-c", KILLED, path], check=False).returncode == -signal.SIGKILL
+    assert entries(path, {}) == {(0,): 0, (1,): 1, (2,): 2}
+
+
+@pytest.mark.parametrize("place", [os.mkdir, os.mkfifo])
+def test_what_is_no_file_is_refused(path, place):
+    place(path)
+    with pytest.raises(UserError, match=r"^[^\n]*checkpoint\.sqlite cannot be written [^\n]*$"):
+        Journal(path, SETTINGS)
+
+
+def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):
+    """A limit of the file's size stands for the disk's."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with Journal(path, SETTINGS) as full:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, limits[1]))
+        try:
+            with pytest.raises(UserError, match=r"checkpoint\.sqlite cannot be written"):
+                full.add((2, 0, 0), "much" * 9999)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert full.entries == written
+    assert entries(path) == written
+
+
+def test_a_changed_byte_changes_no_run(path, written):
+    """It is refused, or lies where nothing is."""
+    whole, refused = bytearray(path.read_bytes()), 0
+    generator = np.random.default_rng(0)
+    used = np.flatnonzero(np.frombuffer(whole, np.uint8))
+    for place in generator.choice(used, 150, replace=False):
+        spoilt = whole.copy()
+        spoilt[place] ^= 1 << int(generator.integers(8))
+        path.write_bytes(spoilt)
+        try:
+            assert entries(path) == written
+        except UserError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert refused > 75
+
+
+@pytest.mark.parametrize("content", [b"\n", b"{}\n", b"\xff\xfe\n", b"a note", b"SQLite format 3\0"])
+def test_other_files_are_refused(path, content):
+    path.write_bytes(content)
+    assert count(path) == 0
+    with pytest.raises(UserError, match=r"^[^\n]*damaged[^\n]*$"):
+        entries(path)
+    assert path.read_bytes() == content
+
+
+def test_other_settings_are_refused(path, written):
+    with pytest.raises(UserError, match=r"different settings \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there"):
+        entries(path, {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}})
+
+
+def test_another_version_is_refused(path, written, monkeypatch):
+    monkeypatch.setattr(journal, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
+    with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):
+        entries(path)

@@ -1,0 +1,192 @@
+"""Calls in worker processes: whoever dies, nothing is left running and a sentence is said."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+import zlib
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from joblib.externals.loky.process_executor import _ExecutorManagerThread
+
+from iswarm_mj.utils import pool
+from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.pool import unordered
+
+LIMIT = 600
+"""Longest time for something that has to happen [s]."""
+
+
+def square(number):
+    return number**2
+
+
+def slow_but_first(number):
+    if number:
+        time.sleep(LIMIT)
+    return number
+
+
+def faulty(number):
+    if number == 3:
+        raise SimulationFault("step 8: gone")
+    return number
+
+
+def dying(number):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def environment(name):
+    return os.environ.get(name)
+
+
+def results(call, numbers, *how):
+    with closing(unordered(call, ((number,) for number in numbers), *how)) as found:
+        return sorted(found)
+
+
+def children_of(parent):
+    """Process ids of the loky workers of a process."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            if b"popen_loky" in (path / "cmdline").read_bytes():
+                status = (path / "stat").read_text().rpartition(")")[2].split()
+                if int(status[1]) == parent and status[0] != "Z":
+                    found.append(int(path.name))
+        except OSError:
+            pass
+    return sorted(found)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_call_is_made_once(workers):
+    assert results(square, range(7), workers) == [number**2 for number in range(7)]
+    assert results(square, [], workers) == []
+
+
+def test_workers_start_once_and_see_no_gpu():
+    results(square, [1], 2)
+    before = children_of(os.getpid())
+    assert results(environment, ["JAX_PLATFORMS"], 2) == ["cpu"]
+    assert children_of(os.getpid()) == before and len(before) == 2
+
+
+def test_a_lost_worker_is_told_and_the_next_call_works():
+    with pytest.raises(SimulationFault, match=r"worker process was lost.*fewer workers$"):
+        results(dying, range(3), 2)
+    assert results(square, [3], 2) == [9]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_fault_is_raised_and_the_next_call_works(workers):
+    with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
+        results(faulty, range(9), workers)
+    assert results(square, [3], workers) == [9]
+
+
+@pytest.mark.filterwarnings("error")
+def test_closing_it_early_stops_the_workers(monkeypatch):
+    """Silently, also where a call is just being handed over."""
+    stop = _ExecutorManagerThread.flag_executor_shutting_down
+
+    def stop_with_a_call(self):
+        self.work_ids_queue.put(-1)
+        stop(self)
+
+    monkeypatch.setattr(_ExecutorManagerThread, "flag_executor_shutting_down", stop_with_a_call)
+    with closing(unordered(slow_but_first, ((number,) for number in range(4)), 2)) as found:
+        assert next(found) == 0
+    assert results(square, [3], 2) == [9]
+
+
+def test_programs_read_half_written_are_silent_in_workers():
+    """Nothing else is: neither other errors of the cache nor other warnings."""
+    half = zlib.compress(bytes(1000))[:-8]
+    with pytest.raises(zlib.error) as error:
+        zlib.decompress(half)
+    entry = "Error reading persistent compilation cache entry for 'jit_step'"
+    told = [f"{entry}: error: {error.value}", f"{entry}: PermissionError: no", "truncated stream"]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warnings.filterwarnings("ignore", pool._HALF_WRITTEN, UserWarning)
+        for text in told:
+            warnings.warn(text, stacklevel=1)
+    assert [str(warning.message) for warning in caught] == told[1:]
+
+
+def test_workers_load_the_simulation_with_the_first_call_only():
+    code = "import sys, iswarm_mj.utils.pool; print({'jax', 'mujoco'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=LIMIT)
+    assert done.stdout == "set()\n"
+
+
+SCRIPT = """
+import os, sys, time
+from iswarm_mj.utils.pool import unordered
+
+def work(number):
+    if "HAS_WORKED" in os.environ:  # so that the end comes within calls
+        time.sleep(600)
+    os.environ["HAS_WORKED"] = "1"
+    return os.getpid()
+
+if __name__ == "__main__":
+    workers = set()
+    try:
+        for pid in unordered(work, ((number,) for number in range(99)), 2):
+            if pid not in workers:
+                print("one more", flush=True)
+            workers.add(pid)
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+        sys.exit(130)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_workers_end_with_their_parent(tmp_path, number):
+    script = tmp_path / "many.py"
+    script.write_text(SCRIPT)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, script], **pipes, text=True, start_new_session=True) as process:
+        assert [process.stdout.readline() for _ in range(2)] == ["one more\n"] * 2
+        workers = children_of(process.pid)
+        assert len(workers) == 2
+        if number == signal.SIGINT:  # as a terminal does, to the workers too
+            os.killpg(process.pid, number)
+            out, error = process.communicate(timeout=LIMIT)
+            assert process.returncode == 130 and out.endswith("interrupted\n") and "Traceback" not in error
+        else:
+            process.kill()
+            process.wait(timeout=LIMIT)
+    while any(Path(f"/proc/{worker}").exists() for worker in workers):
+        time.sleep(0.05)
+
+
+def test_a_sentence_names_ray_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(UserError, match=r"^Ray is not installed; .*\[cluster\]'$"):
+        results(square, [1], 1, "ray")
+
+
+@pytest.fixture(scope="module")
+def ray():
+    """Ray, if it is there, stopped in the end."""
+    ray = pytest.importorskip("ray")
+    yield ray
+    ray.shutdown()
+
+
+def test_ray_does_the_same(ray):
+    assert results(square, range(7), 2, "ray") == [number**2 for number in range(7)]
+    assert results(environment, ["JAX_PLATFORMS"], 2, "ray") == ["cpu"]
+    with pytest.raises(SimulationFault, match=r"^step 8: gone$"):
+        results(faulty, range(4), 2, "ray")
+    with pytest.raises(SimulationFault, match="worker process was lost"):
+        results(dying, range(3), 2, "ray")
