@@ -84,7 +84,19 @@ def test_in_turn_news_goes_further_within_a_step():
     Path("gossip.py").write_text(GOSSIP + listen)
     known = []
     for order in ("synchronous", "sequential"):
-        assert gossiping("--engine=planar", "--robots=25", f"--strategy.update-order={order}") == 0
+        assert (
+            code_of(
+                "clean",
+                "--strategy",
+                "gossip.py:Gossip",
+                *FEW[:-2],
+                "--steps=6",
+                "--engine=planar",
+                "--robots=25",
+                f"--strategy.update-order={order}",
+            )
+            == 0
+        )
         known.append(iswarm_mj.load("runs/clean").robots["count"].to_numpy().reshape(7, 25)[2].sum())
     assert known[1] > known[0]
 

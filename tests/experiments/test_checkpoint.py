@@ -9,6 +9,7 @@ import pytest
 from iswarm_mj.experiments.runner import checkpoint
 from iswarm_mj.experiments.runner.checkpoint import Journal
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import LARGEST_FILE
 
 SETTINGS = {"seed": 3, "config": {"arena": {"size": 49.0, "n_dust": 72}}}
 
@@ -73,8 +74,8 @@ def test_a_pipe_in_its_place_is_told_and_not_waited_for(path):
 
 def test_a_file_that_is_too_large_is_to_be_moved_away(path):
     with path.open("wb") as file:
-        file.truncate(checkpoint.LARGEST_FILE + 1)
-    with pytest.raises(UserError, match=r"\(it has more than 4294967296 bytes\); move it away or choose another `out`"):
+        file.truncate(LARGEST_FILE + 1)
+    with pytest.raises(UserError, match=r"\(it has more than 1073741824 bytes\); move it away or choose another `out`"):
         Journal(path, SETTINGS)
 
 

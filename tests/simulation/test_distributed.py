@@ -15,7 +15,7 @@ from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N
 
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.commands.main import main
-from iswarm_mj.commands.swarm_options import GenomeOverrides
+from iswarm_mj.commands.swarm import GenomeOverrides
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.simulation.distributed import HEARTBEAT_S, Hosts, devices, join
 from iswarm_mj.simulation.faults import decode

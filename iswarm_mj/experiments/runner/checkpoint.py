@@ -18,8 +18,6 @@ from iswarm_mj.utils.files import atomic_write, check_file, write_error
 from iswarm_mj.utils.versions import versions
 
 Key = tuple[int, ...]
-LARGEST_FILE = 2**32
-"""Size up to which a journal is read [bytes]."""
 LARGEST_HEAD = 2**24
 """Size up to which its first line is looked for [bytes]."""
 
@@ -57,7 +55,7 @@ class Journal:
         self.entries: dict[Key, Any] = {}
         try:
             if path.exists():
-                check_file(path, LARGEST_FILE)
+                check_file(path)
             self._file = path.open("a+b", buffering=0)
         except OSError as error:
             raise write_error(path, error) from None
