@@ -93,6 +93,10 @@ class ConfigFile:
             return [word, *(self._word(name, part) for part in parts)] if parts else []
         return [f"{word}={self._word(name, value)}"]
 
+    def word(self, name: str) -> str | None:
+        """Return the value of a flag that takes one word; None where there is no value."""
+        return None if name not in self.values else self._word(name, self.values[name])
+
     def _word(self, name: str, value: Any) -> str:
         try:
             if isinstance(value, str | int | float):

@@ -43,10 +43,12 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
         file = ConfigFile.read(Path(path), named) if (path := _value("config", given)) is not None else None
-        words = {word: _value(word, given) or (file and file.values.get(word)) for word in ("reading", *SETTINGS)}
+        words = {word: _value(word, given) for word in ("reading", *SETTINGS)}
+        if file is not None:
+            words = {word: value or file.word(word) for word, value in words.items()}
         settable = {f.name for f in fields(cls)}
         for word in SETTINGS:
-            if file and words[word] and SETTINGS[word] not in settable:
+            if file is not None and word in file.values and SETTINGS[word] not in settable:
                 file.refuse(name, word)
         reading = READINGS.get(str(words["reading"])) if "reading" in settable else None
         default = cls() if reading is None else cls(reading=words["reading"], **vars(reading))

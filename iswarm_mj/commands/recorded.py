@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import tyro
 
 from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.errors import printable
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Inspect:
         """Run the command."""
         from iswarm_mj.experiments.report.inspection import inspection
 
-        print(inspection(self.directory))
+        print("\n".join(map(printable, inspection(self.directory).split("\n"))))
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
+import math
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -92,6 +93,9 @@ def _check_shapes(path: Path, arrays: Arrays) -> None:
         for name in arrays[SCENE + key].tolist():
             if arrays[prefix + name].shape[: len(axes)] != axes:
                 raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
+    columns = [math.prod(arrays[name].shape[2:]) for name in arrays[SCENE + "memory_names"].tolist()]
+    if not np.array_equal(arrays[SCENE + "memory_sizes"], columns):
+        raise UserError(f"{path}: `{SCENE}memory_sizes` does not fit what robots remember; {REMEDY}.")
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
