@@ -50,10 +50,6 @@ def gossiping(*arguments):
     return code_of("clean", "--strategy", "gossip.py:Gossip", *FEW, *arguments)
 
 
-def test_it_is_short():
-    assert len([line for line in GOSSIP.splitlines() if line.strip()]) <= 25
-
-
 @pytest.mark.parametrize("engine", ["mujoco", "planar", pytest.param("mjx", marks=pytest.mark.slow)])
 def test_every_engine_carries_its_messages(engine):
     quiet = [f"--optics.{name}=0" for name in ("error-in-communication", "p-communication-break")]
