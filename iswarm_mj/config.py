@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from iswarm_mj.utils.constraints import PER_WORLD, Above, Within, check, validate
+from iswarm_mj.utils.constraints import PER_WORLD, Above, Needs, Within, check, validate
 from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.obstacles import checked
 
@@ -38,11 +38,12 @@ class ArenaConfig:
         validate(self, "arena")
         object.__setattr__(self, "obstacles", checked(self.obstacles, self.size / 2, self.dump_size / 2))
         half, edge = self.size / 2, self.dust_area_size / 2
-        nearest, farthest = self.dust_area_offset - edge, self.dust_area_offset + edge
+        offset, least, most = self.dust_area_offset, self.dump_size / 2 + edge, half - edge
         check("arena.dump_size", self.dump_size, "at most half of `arena.size`", self.dump_size <= half)
-        is_inside, is_outside = farthest <= half, nearest >= self.dump_size / 2
-        check("arena.dust_area_offset", self.dust_area_offset, "such that the dust lies within the walls", is_inside)
-        check("arena.dust_area_offset", self.dust_area_offset, "such that the dust lies outside the dump", is_outside)
+        is_inside, is_outside = offset + edge <= half, offset - edge >= self.dump_size / 2
+        check("arena.dust_area_offset", offset, f"at most {most:g} rd, for the dust to lie within the walls", is_inside)
+        outside = f"at least {least:g} rd, for the dust to lie outside the dump"
+        check("arena.dust_area_offset", offset, outside, is_outside)
         is_ordered = self.ball_radius_min <= self.ball_radius_max
         check("arena.ball_radius_max", self.ball_radius_max, "at least `arena.ball_radius_min`", is_ordered)
 
@@ -104,6 +105,7 @@ MESSAGE_BITS = 32
 """Length of a message (Table 1)."""
 SENDERS_IN_SIGHT = 5
 """Nearest senders in sight of one side that count where messages take time; those beyond neither jam nor are heard."""
+_IN_SLOTS = Needs("baud_rate")
 
 
 @dataclass(frozen=True)
@@ -116,9 +118,9 @@ class OpticsConfig:
     """Range on the axis of a beam (Table 1) [rd]."""
     led_beam_aperture: Annotated[float, Within(1, 90, "deg")] = 60.0
     """Full opening angle of an LED's beam (Table 1) [deg]."""
-    photodiode_aperture: Annotated[float, Within(1, 90, "deg")] = 90.0
+    photodiode_aperture: Annotated[float, Within(1, 90, "deg"), Needs("mode", ("sector",))] = 90.0
     """Full width of a side's photodiode sector in `sector` mode [deg]."""
-    photodiode_splay: Annotated[float, Within(1, 44, "deg")] = 30.0
+    photodiode_splay: Annotated[float, Within(1, 44, "deg"), Needs("mode", ("power",))] = 30.0
     """Angle by which each of a side's two photodiodes looks away from the side's normal in `power` mode [deg]."""
     line_of_sight: bool = True
     """A robot that stands between two others blocks their link."""
@@ -141,16 +143,16 @@ class OpticsConfig:
     """Rate at which an LED sends the 32 bits of a message [bit/s]; 0: messages take no time and do not interfere.
     Otherwise all robots stop in each control step for a window of `slots`, each as long as one message ("they
     frequently stop in order to emit some light impulses", section 4.1). No rate is given: 0 is a choice."""
-    slots: Annotated[int, Within(4, 64)] = 8
+    slots: Annotated[int, Within(4, 64), _IN_SLOTS] = 8
     """Slots of the window in which messages are sent. A robot lights its LEDs in four consecutive ones ("the LEDs will
     be serially activated", section 4.1), from a slot on that it draws anew in each control step."""
-    photodiodes_while_emitting: Literal["front", "none", "all"] = "front"
+    photodiodes_while_emitting: Annotated[Literal["front", "none", "all"], _IN_SLOTS] = "front"
     """Sides whose photodiodes are on in the four slots in which a robot emits ("all photodiodes off, except those on
     the front side of the robot in order to detect an obstacle", section 4.1). A side whose own LED is lit receives no
     message, but sees the wall that reflects its light."""
-    serial_photodiodes: bool = False
+    serial_photodiodes: Annotated[bool, _IN_SLOTS] = False
     """While a robot does not emit, the photodiodes of one side after the other are on, a slot each; otherwise all."""
-    capture_ratio: Annotated[float, Within(0, 100)] = 0.0
+    capture_ratio: Annotated[float, Within(0, 100), _IN_SLOTS] = 0.0
     """Of the senders that one side receives in the same slot the nearest is understood if the others are at least this
     many times as far away; 0: never."""
 

@@ -81,8 +81,8 @@ if version("jaxlib") < "0.11":  # later ones do not know it, and end the process
 def pytest_addoption(parser):
     """Of the attacks in `robustness/`; here, since pytest reads no other folder's options early enough."""
     group = parser.getgroup("attacks")
-    group.addoption("--budget", default="10s", help="time for all attacks together, such as 60s, 10m or 2h")
-    group.addoption("--case", default="0-", help="number of the only case of each attack, or of the first one as `7-`")
+    group.addoption("--cases", type=int, help="cases of each attack; by default as many as its marker says")
+    group.addoption("--first", type=int, default=0, help="number of the first case")
 
 
 def pytest_configure(config):

@@ -113,7 +113,6 @@ MEASURED = {
     ("docs/policies.md", "Against the paper's strategy"),
     ("docs/policies.md", "Training"),
     ("docs/robustness.md", "Long runs"),
-    ("docs/robustness.md", "The attacks"),
     ("docs/robustness.md", "What contacts do to the limits of the drive"),
     ("docs/tasks.md", "Obstacles"),
 }

@@ -144,9 +144,9 @@ def test_a_value_just_above_0_is_told_what_is_least():
 
 
 def test_dust_lies_between_dump_and_walls():
-    with pytest.raises(UserError, match="lies within the walls"):
+    with pytest.raises(UserError, match="within the walls"):
         ArenaConfig(dust_area_offset=22)
-    with pytest.raises(UserError, match="lies outside the dump"):
+    with pytest.raises(UserError, match="outside the dump"):
         ArenaConfig(dust_area_offset=5)
 
 

@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from iswarm_mj.commands.config_options import ConfigOptions
+from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.rerun_names import NAMES
 from iswarm_mj.output.tables import TABLES, memory_columns

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from iswarm_mj.commands.flags import changed
-from iswarm_mj.commands.ignored import refuse_ignored
-from iswarm_mj.commands.swarm_options import Swarm
+from iswarm_mj.commands.flags import changed, refuse
+from iswarm_mj.commands.swarm import Swarm
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.utils.constraints import Within, check, constraint_of
+from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
 
 _OF_GRASP = ("what", "worlds", "engine", "impl", "seed")
 """Settings that apply to `what` grasp."""
+_IN_CHUNKS = Needs("is_compiled", why="with engines that take one step a call")
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Bench(Swarm):
     """Control steps that are timed."""
     warm_up: Annotated[int, Within(1, 100_000)] = 20
     """Control steps before that."""
-    chunk: Annotated[int, constraint_of(MjxSettings, "chunk")] = 20
+    chunk: Annotated[int, constraint_of(MjxSettings, "chunk"), _IN_CHUNKS] = 20
     """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
     record: bool = False
     """Record too, to a temporary file."""
@@ -39,8 +39,6 @@ class Bench(Swarm):
         config, genome, n_robots = self.checked()
         from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.benchmark import bench
-
-        refuse_ignored(self, [(("chunk",), not self.is_compiled, "with engines that take one step a call")])
 
         chunk = min(self.chunk, self.steps) if self.is_compiled else 1
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
@@ -55,7 +53,7 @@ class Bench(Swarm):
         check("impl", self.impl, "jax or warp", self.impl in ("default", "jax", "warp"))
         check("seed", self.seed, "between 0 and 2^32 - 1", 0 <= self.seed < 2**32)
         check("worlds", self.worlds, "between 1 and 100000", 1 <= self.worlds <= 100_000)
-        refuse_ignored(self, [(("impl",), self.engine == "mujoco", "with `engine` mujoco")])
+        refuse(self, ["impl"] if self.engine == "mujoco" else [], "with `engine` mujoco")
         from iswarm_mj.utils.jax_setup import configure_jax
         from iswarm_mj.workflows.benchmark_grasp import speed
 

@@ -1,15 +1,22 @@
-"""`iswarm clean`."""
+"""`iswarm clean` and `iswarm run`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from iswarm_mj.commands.ignored import refuse_ignored
-from iswarm_mj.commands.swarm_options import Swarm
+import tyro
+
+from iswarm_mj.commands.flags import refuse, usual
+from iswarm_mj.commands.swarm import Swarm
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.utils.constraints import Within, check, constraint_of
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.lock import locked
+
+_RECORDED = Needs("record", why="with --no-record")
+_DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")
 
 
 @dataclass(frozen=True)
@@ -26,17 +33,22 @@ class Clean(Swarm):
     """Directory for the results; those of an earlier run in it are replaced."""
     record: bool = True
     """Record to trajectory.npz and clean.rrd."""
-    record_worlds: Annotated[tuple[int, ...], Within(0)] = (0,)
+    record_worlds: Annotated[tuple[int, ...], Within(0), _RECORDED] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
-    record_grasps: Annotated[int, Within(0, 10_000)] = 0
+    record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
     """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many;
     with --gripper.resolution dynamic."""
-    lanes: Annotated[tuple[int, ...], Within(0)] = ()
+    lanes: Annotated[tuple[int, ...], Within(0), _RECORDED] = ()
     """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
     hosts: Annotated[int, Within(1, 10_000)] = 1
     """Machines that share the worlds: this one and others of a Ray cluster (the one at RAY_ADDRESS, if that is set)."""
-    live: bool = False
+    live: Annotated[bool, _RECORDED] = False
     """Show the first recorded world while it runs, in a viewer that listens to this machine alone."""
+
+    @property
+    def has_trials(self) -> bool:
+        """Whether attempts to lift and release are trials on the bench."""
+        return self.gripper.resolution == "dynamic"
 
     def goal(self, config: SwarmConfig) -> int | None:
         """Return the progress that finishes a world; None for the task's own."""
@@ -52,11 +64,6 @@ class Clean(Swarm):
         from iswarm_mj.workflows.recorder import Shown
         from iswarm_mj.workflows.shares import computed, parts
 
-        rules = [
-            (("record_worlds", "record_grasps", "lanes", "live"), not self.record, "with --no-record"),
-            (("record_grasps",), config.gripper.resolution != "dynamic", "without `gripper.resolution` dynamic"),
-        ]
-        refuse_ignored(self, rules)
         check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
@@ -65,7 +72,7 @@ class Clean(Swarm):
         with locked(self.out):  # refused before anything is compiled
             pass
         makers = [self.maker_of(config, genome, settings, share, is_here=False) for share in rest]
-        with computed(makers, (self.own_strategy, self.task)) as others:
+        with computed(makers, (self.own, self.task)) as others:
             run = self.run_of(config, genome, settings, share=first)
             viewer = self._viewer() if self.live else None
             clean(run, settings, self.out, Shown(self.lanes, viewer, self.record_grasps), others)
@@ -75,3 +82,45 @@ class Clean(Swarm):
         from iswarm_mj.output.viewer import open_viewer
 
         return open_viewer()[0]
+
+
+@dataclass(frozen=True)
+class Run(Clean):
+    """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
+
+    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "live", "out")
+
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
+    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
+    """Finish with this progress of the task; by default when nothing is left to do."""
+    out: Path = Path("runs/task")
+    """Directory for the results; those of an earlier run in it are replaced."""
+    own_task: Any = None
+    """The task with the values of its flags, where `task_name` names one."""
+
+    @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        return super().task if self.own_task is None else self.own_task
+
+    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+        """See `Swarm.checked`."""
+        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
+            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
+            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
+            refuse(self, idle, f"in the task {type(self.task).__name__}")
+        return super().checked()
+
+    def _could_be_usual(self, group: str, name: str) -> bool:
+        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
+        try:
+            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
+        except ConfigError:
+            return False
+        return True
+
+    def goal(self, config: SwarmConfig) -> int | None:
+        """See `Clean.goal`."""
+        return self.stop_at

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from iswarm_mj.commands.config_options import ManyRunsOptions
-from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.limits import Generations, Population, Repeats, Steps
 
@@ -42,8 +42,9 @@ class Evolve(ManyRunsOptions):
         from iswarm_mj.experiments.runner.search import run_search
         from iswarm_mj.experiments.runner.search_settings import Search
 
-        rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
-        refuse_ignored(self, [(rates, self.method != "paper", f"with `method` {self.method}")])
+        if self.method != "paper":
+            rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
+            refuse(self, rates, f"with `method` {self.method}")
         search = Search(
             config=self.config,
             operators=self.operators,

@@ -1,15 +1,16 @@
-"""`iswarm experiment`."""
+"""`iswarm experiment` and `iswarm infer`."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import tyro
 
-from iswarm_mj.commands.config_options import ManyRunsOptions
-from iswarm_mj.commands.flags import changed
-from iswarm_mj.commands.ignored import refuse_ignored
-from iswarm_mj.strategy.genome import load_genome
+from iswarm_mj.commands.flags import changed, refuse
+from iswarm_mj.commands.options import ManyRunsOptions
+from iswarm_mj.experiments.runner.limits import Combinations, Repeats
+from iswarm_mj.strategy.genome import Genome, load_genome
+from iswarm_mj.utils.constraints import Needs, validate
 from iswarm_mj.utils.errors import UserError
 
 OWN_GENOMES = ("types", "time-step")
@@ -40,19 +41,45 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
         from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 
-        others = [name for name in changed(self) if name not in ("list", "name")]
-        rules = [
-            (others, self.list, "with `list`"),
-            (("genome",), self.name in OWN_GENOMES, f"in the experiment {self.name}, which has its own"),
-        ]
-        refuse_ignored(self, rules)
-        if self.list and self.name:
-            raise UserError(f"--list takes no name; leave out {self.name}")
         if self.list:
+            refuse(self, [name for name in changed(self) if name not in ("list", "name")], "with `list`")
+            if self.name:
+                raise UserError(f"--list takes no name; leave out {self.name}")
             print(listing())
             return
+        if self.name in OWN_GENOMES:
+            refuse(self, ["genome"], f"in the experiment {self.name}, which has its own")
         if not self.name:
             raise UserError(f"no experiment was named; choose {', '.join(EXPERIMENTS)}, which --list describes")
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
         out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
         run_experiment(experiment(self.name), plan, out, self.execution, self.again)
+
+
+@dataclass(frozen=True)
+class Infer(ManyRunsOptions):
+    """Run combinations of readings on the paper's figures, and tell which choices agree with its numbers."""
+
+    MAIN: ClassVar = ("combinations", "repeats", "quick", "seed", "engine", "workers", "again", "out")
+
+    combinations: Annotated[Combinations, Needs("quick", (False,))] = 512
+    """Combinations of readings, drawn evenly over all choices."""
+    repeats: Annotated[Repeats, Needs("quick", (False,))] = 1
+    """Runs of each setting for each combination."""
+    quick: bool = False
+    """A version of about a minute, with 8 combinations and short runs."""
+    again: bool = False
+    """Do runs again that were kept in --out."""
+    out: Path = Path("runs/infer")
+    """Directory for the results. A run that was interrupted goes on where it was."""
+
+    def __post_init__(self):
+        validate(self)
+
+    def run(self) -> None:
+        """Run the command."""
+        from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
+        from iswarm_mj.experiments.studies.infer import experiment_of
+
+        plan = Plan(self.config, Genome(), self.seed, self.quick)
+        run_experiment(experiment_of(self.combinations, self.repeats), plan, self.out, self.execution, self.again)

@@ -1,50 +1,96 @@
-"""Errors in the words of the command line: settings as flags."""
+"""Settings of a command as its flags: which there are, which were given to no effect, how messages call them."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from iswarm_mj.config import READINGS
+from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
-RENAMED = {"n_robots": "robots", "n_worlds": "worlds"}
-"""Settings whose flag is called otherwise."""
-NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
+SETTINGS = {"strategy": "controller", "task": "task_name"}
+"""Flags whose settings are called otherwise."""
+_SAME = {"n_robots": "robots", "n_worlds": "worlds", **{name: flag for flag, name in SETTINGS.items()}}
+"""Settings in messages whose flags are called otherwise."""
+_NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""
+_UNNAMED = ("override", "own", "own_task")
+"""Groups whose flags have no prefix."""
 
 
-def in_flags(error: UserError | SimulationFault, commands: Iterable[type], given: Any = None) -> str:
-    """Return an error's message with flags of the commands, as `--arena.size`, in place of the settings it names.
+def settings(command: Any) -> Iterator[tuple[str, Any, Any, str]]:
+    """Settings of a command, groups included: names as `robots` and `arena.size`, values, and whose fields they are."""
+    for name in [f.name for f in fields(command)] if is_dataclass(command) else getattr(command, "_fields", ()):
+        value = getattr(command, name)
+        if (is_dataclass(value) and not isinstance(value, type)) or hasattr(value, "_fields"):
+            prefix = "" if name in _UNNAMED else f"{name}."
+            yield from ((prefix + inner, of, owner, part) for inner, of, owner, part in settings(value))
+        elif name not in _UNNAMED:
+            yield name, value, command, name
 
-    Settings without a flag keep their names.
+
+def flag(name: str) -> str:
+    """Return the flag of a setting."""
+    return f"--{_SAME.get(name, name).replace('_', '-')}"
+
+
+def names(arguments: Iterable[str]) -> list[str]:
+    """Names of the flags among arguments, as `arena.n_dust`, also of those that are switched off by `no-`."""
+    found = [re.match(r"--([\w-]+\.)?(?:no[-_])?([\w-]+)(?==|$)", word) for word in arguments]
+    return [((match[1] or "") + match[2]).replace("-", "_") for match in found if match]
+
+
+def in_flags(error: UserError | SimulationFault, known: Collection[str]) -> str:
+    """Return an error's message with flags, as `--arena.size`, in place of the settings that it names.
 
     Args:
         error: its message.
-        commands: all of them.
-        given: the command that raised it, with the flags of its own strategy and task; None if there was none yet.
+        known: settings of the command; others keep their names.
     """
-    known = [command() for command in commands] + ([] if given is None else [given])
-    flags = {name: "--" + name.replace("_", "-") for command in known for name, _ in _values(command)}
-    flags |= {"controller": "--strategy", "task_name": "--task"}
-    flags |= {name: flags[flag] for name, flag in RENAMED.items() if flag in flags}
-    if isinstance(error, ConfigError) and error.field in flags:
-        error = ConfigError(flags[error.field], error.value, error.constraint, error.remedy)
-    return NAME.sub(lambda found: flags.get(found[1], found[0]), str(error))
+    known = {*known, *(name for name, same in (_SAME | SETTINGS).items() if same in known)}
+    if isinstance(error, ConfigError) and error.field in known:
+        error = ConfigError(flag(error.field), error.value, error.constraint, error.remedy)
+    return _NAME.sub(lambda found: flag(found[1]) if found[1] in known else found[0], str(error))
+
+
+def usual(command: Any) -> Any:
+    """Return a command with the defaults of its flags, those of its `reading` included."""
+    if not hasattr(command, "reading"):
+        return type(command)()
+    return type(command)(reading=command.reading, **vars(READINGS[command.reading]))
 
 
 def changed(command: Any) -> list[str]:
-    """Names of the settings of a command that differ from their defaults, as `robots` and `arena.size`."""
-    defaults = dict(_values(type(command)()))
-    return [name for name, value in _values(command) if value != defaults[name]]
+    """Names of the settings of a command that differ from their defaults."""
+    known = {(name, type(owner)): value for name, value, owner, _ in settings(usual(command))}
+    return [name for name, value, owner, _ in settings(command) if value != known.get((name, type(owner)), value)]
 
 
-def _values(settings: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of the settings of a command, groups included."""
-    names = [f.name for f in fields(settings)] if is_dataclass(settings) else settings._fields
-    for name in names:
-        value = getattr(settings, name)
-        if is_dataclass(value) or hasattr(value, "_fields"):
-            group = "" if name in ("override", "own", "own_task") else f"{name}."
-            yield from ((f"{group}{part}", inner) for part, inner in _values(value))
-        else:
-            yield name, value
+def refuse(command: Any, names: Iterable[str], why: str) -> None:
+    """Refuse settings that differ from their defaults and have no effect.
+
+    Args:
+        command: that has them.
+        names: of the settings.
+        why: to be read after "has no effect".
+
+    Raises:
+        UserError: there is one.
+    """
+    given = set(changed(command))
+    if idle := [name for name in names if name in given]:
+        raise UserError(f"`{idle[0]}` has no effect {why}; leave it out")
+
+
+def check_effects(command: Any) -> None:
+    """Refuse settings that differ from their defaults, and lack what their annotations say that they need.
+
+    Raises:
+        UserError: there is one.
+    """
+    given = set(changed(command))
+    for full, _, owner, name in settings(command):
+        for need in needs_of(type(owner)).get(name, ()) if full in given else ():
+            if why := need.unmet(owner, full.removesuffix(name)):
+                raise UserError(f"`{full}` has no effect {why}; leave it out")

@@ -4,15 +4,15 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from iswarm_mj.commands.flags import changed
-from iswarm_mj.commands.ignored import refuse_ignored
+from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.laws.roughness import Surface
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import Needs, Within, check, validate
 
 OF_CURVES = {"start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time"}
 """Settings of the protocol that force-distance curves follow."""
+_OF_TRIALS = Needs("force_curve", (False,))
 _GAP = Within(0.5e-6, 50e-6, "m")
 
 
@@ -26,25 +26,25 @@ class Grasp:
     """Radii of the balls, a list or start:stop:count [m]."""
     rh: Annotated[tuple[float, ...], Within(0, 100, "%")] = (10.0, 30.0, 50.0)
     """Relative humidities [%]."""
-    repeats: Annotated[int, Within(1, 100_000)] = 5
+    repeats: Annotated[int, Within(1, 100_000), _OF_TRIALS] = 5
     """Trials at each radius and humidity, each with its own works of adhesion."""
-    seed: Annotated[int, Within(0, 2**32 - 1)] = 0
+    seed: Annotated[int, Within(0, 2**32 - 1), _OF_TRIALS] = 0
     """Seed of the works of adhesion."""
-    gap: Annotated[tuple[float, ...], _GAP] = (5e-6,)
+    gap: Annotated[tuple[float, ...], _GAP, _OF_TRIALS] = (5e-6,)
     """Gaps to the plate at which a ball is released [m]."""
-    no_contact_gap: Annotated[tuple[float, ...], _GAP] = (1e-6, 2e-6, 5e-6)
+    no_contact_gap: Annotated[tuple[float, ...], _GAP, _OF_TRIALS] = (1e-6, 2e-6, 5e-6)
     """Gaps to the ball at which the tool stops in attempts without contact [m]."""
-    engine: Literal["mujoco", "mjx"] = "mujoco"
+    engine: Annotated[Literal["mujoco", "mjx"], _OF_TRIALS] = "mujoco"
     """Physics engine: mujoco (C, on CPUs), or mjx (JAX, on GPUs and CPUs)."""
-    impl: Literal["jax", "warp"] = "jax"
+    impl: Annotated[Literal["jax", "warp"], _OF_TRIALS, Needs("engine", ("mjx",))] = "jax"
     """Implementation of mjx."""
-    threads: Annotated[int, Within(0, 1024)] = 0
+    threads: Annotated[int, Within(0, 1024), _OF_TRIALS, Needs("engine", ("mujoco",))] = 0
     """Threads of the C engine, 0 for one per core; the results do not depend on it."""
-    record: Annotated[tuple[int, ...], Within(0)] = (0,)
+    record: Annotated[tuple[int, ...], Within(0), _OF_TRIALS] = (0,)
     """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
     force_curve: bool = False
     """Write force-distance curves of the radii at the first humidity instead of running trials."""
-    voltages: Annotated[tuple[float, ...], Within(0, 200, "V")] = (0.0, 10.0, 20.0)
+    voltages: Annotated[tuple[float, ...], Within(0, 200, "V"), Needs("force_curve")] = (0.0, 10.0, 20.0)
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
@@ -89,17 +89,12 @@ class Grasp:
             run_grasp(settings, self.out, tuple(dict.fromkeys(self.record)))
 
     def _check_effects(self) -> None:
-        """Refuse what would have no effect."""
-        of_trials = ("repeats", "seed", "gap", "no_contact_gap", "engine", "impl", "threads", "record")
-        speeds = [f"protocol.{f.name}" for f in fields(Protocol) if f.name not in OF_CURVES]
-        contacts = [f"{name}.{part}" for name in ("contacts", "tool", "plate") for part in getattr(self, name)._fields]
-        rules = [
-            (("voltages",), not self.force_curve, "without `force_curve`"),
-            ((*of_trials, *speeds, *contacts), self.force_curve, "with `force_curve`"),
-            (("impl",), self.engine == "mujoco", "with `engine` mujoco"),
-            (("threads",), self.engine == "mjx", "with `engine` mjx"),
-        ]
-        refuse_ignored(self, rules)
+        """Refuse what force-distance curves do not use."""
+        if self.force_curve:
+            speeds = [f"protocol.{f.name}" for f in fields(Protocol) if f.name not in OF_CURVES]
+            groups = ("contacts", "tool", "plate")
+            contacts = [f"{name}.{part}" for name in groups for part in getattr(self, name)._fields]
+            refuse(self, [*speeds, *contacts], "with `force_curve`")
         many = self.force_curve and len(self.rh) > 1 and "rh" in changed(self)
         check("rh", self.rh, "one relative humidity with `force_curve`", not many)
 

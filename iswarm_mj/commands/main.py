@@ -6,63 +6,35 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from itertools import pairwise
-from typing import Protocol
+from typing import Any
 
 import tyro
 
 from iswarm_mj import __version__
-from iswarm_mj.commands.arguments import check_choices, flag_kinds, with_booleans, without_config
 from iswarm_mj.commands.bench import Bench
-from iswarm_mj.commands.clean import Clean
-from iswarm_mj.commands.config_file import named_in, read
-from iswarm_mj.commands.config_options import with_reading
+from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.evolve import Evolve
-from iswarm_mj.commands.experiment import Experiment
-from iswarm_mj.commands.flags import in_flags
+from iswarm_mj.commands.experiment import Experiment, Infer
+from iswarm_mj.commands.flags import check_effects, in_flags, settings
 from iswarm_mj.commands.grasp import Grasp
-from iswarm_mj.commands.help import shown
-from iswarm_mj.commands.infer import Infer
-from iswarm_mj.commands.inspect import Inspect
-from iswarm_mj.commands.mistakes import check_numbers, misspelt, unknown
-from iswarm_mj.commands.picture import Picture
-from iswarm_mj.commands.report import Report
-from iswarm_mj.commands.reproduce import Reproduce
-from iswarm_mj.commands.run import Run
-from iswarm_mj.commands.strategy_options import explained_flags, with_own
+from iswarm_mj.commands.parser import explained
+from iswarm_mj.commands.parser import parse as parsed
+from iswarm_mj.commands.recorded import Inspect, Picture, Video
+from iswarm_mj.commands.report import Report, Reproduce
 from iswarm_mj.commands.train import Train
-from iswarm_mj.commands.video import Video
-from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.errors import SimulationFault, UserError, printable, shown
 from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
 
-
-class Command(Protocol):
-    """A subcommand: a dataclass of its flags."""
-
-    def run(self) -> None:
-        """Run the command."""
-        ...
-
-
-COMMANDS: dict[str, type[Command]] = {
-    "clean": Clean,
-    "run": Run,
-    "inspect": Inspect,
-    "picture": Picture,
-    "bench": Bench,
-    "grasp": Grasp,
-    "evolve": Evolve,
-    "train": Train,
-    "experiment": Experiment,
-    "infer": Infer,
-    "report": Report,
-    "reproduce": Reproduce,
-    "video": Video,
+COMMANDS: dict[str, type] = {
+    cls.__name__.lower(): cls
+    for cls in (
+        *(Clean, Run, Inspect, Picture, Bench, Grasp, Evolve, Train, Experiment, Infer, Report, Reproduce, Video),
+    )
 }
+"""Subcommands by their names: dataclasses of their flags with a method `run`."""
 
 
-def parse(arguments: Sequence[str]) -> Command:
+def parse(arguments: Sequence[str]) -> Any:
     """Return the command that the arguments describe.
 
     Raises:
@@ -72,35 +44,15 @@ def parse(arguments: Sequence[str]) -> Command:
     name, *rest = arguments or [""]
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
-        rest, path = without_config(rest)
-        content = None if path is None else read(path, rest)
-        rest = [*named_in(content, name, dict(flag_kinds(COMMANDS[name])), rest), *rest]
-        command = with_own(COMMANDS[name], rest)
-        if (page := shown(command, rest)) is not None:
-            return tyro.cli(page[0], prog=f"iswarm {name}", args=page[1])
-        kinds = dict(flag_kinds(command))
-        if content is not None:
-            rest = [*content.arguments(name, kinds, rest), *rest]
-        # Of the flags of a strategy or a task only the parser knows all, and leaves what is none of them.
-        if command is COMMANDS[name] and (left := misspelt(kinds, rest)):
-            raise unknown(name, kinds, left)
-        rest = with_booleans(kinds, rest)
-        check_choices(kinds, rest)
-        check_numbers(kinds, rest)
-        _check_paths(rest)
-        default = with_reading(command, rest)
-        with explained_flags(command):
-            made, left = tyro.cli(command, prog=f"iswarm {name}", args=rest, default=default, return_unknown_args=True)
-        if left:
-            raise unknown(name, kinds, left)
-        return made
+        return parsed(name, COMMANDS[name], rest)
     if name == "--version":
         print(f"iswarm {__version__}")
         raise SystemExit(0)
     if name.startswith("-"):  # help, or the completion of a shell
-        return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="iswarm", description=__doc__, args=arguments)
+        cli = tyro.extras.subcommand_cli_from_dict
+        return explained(cli, COMMANDS, prog="iswarm", description=__doc__, args=arguments)
     similar = "".join(f"; perhaps you meant {match}" for match in difflib.get_close_matches(name, COMMANDS, n=1))
-    fact = f"{name!r} is not a command{similar}" if name else "no command was given"
+    fact = f"{shown(name)!r} is not a command{similar}" if name else "no command was given"
     raise UserError(f"{fact}. Commands: {', '.join(COMMANDS)}; `iswarm --help` describes them.")
 
 
@@ -115,6 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # names of files may be no text
         command = parse(given)
+        check_effects(command)
         command.run()
         sys.stdout.flush()
     except BaseException as error:
@@ -131,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise SystemExit(code) from None
 
 
-def _kept(command: Command | None) -> str:
+def _kept(command: Any) -> str:
     """What is left of a command that was interrupted."""
     match command:
         case Clean():  # and run
@@ -143,11 +96,12 @@ def _kept(command: Command | None) -> str:
     return ""
 
 
-def _user_code(error: BaseException, command: Command | None) -> int | None:
+def _user_code(error: BaseException, command: Any) -> int | None:
     """Explain an error of a command on the standard error, and return the exit code; None for what is no user's."""
     match error:
         case UserError() | SimulationFault():
-            words = in_flags(error, COMMANDS.values(), command)
+            known = () if command is None else [name for name, *_ in settings(command)]
+            words = in_flags(error, known)
             code = 2 if isinstance(error, UserError) else 1
         case BrokenPipeError():  # whatever read the output, such as `head`, has ended
             _discard_output()
@@ -161,14 +115,8 @@ def _user_code(error: BaseException, command: Command | None) -> int | None:
             words, code = f"there is not enough memory ({error or 'none is left'}); use fewer worlds or robots.", 2
         case _:
             return None
-    print(f"iswarm: {' '.join(words.splitlines())}", file=sys.stderr)  # names of files may have several lines
+    print(f"iswarm: {printable(' '.join(words.splitlines()))}", file=sys.stderr)
     return code
-
-
-def _check_paths(arguments: Sequence[str]) -> None:
-    """Check that no file or directory to write has an empty name, which would be the working directory."""
-    is_named = "--out=" not in arguments and ("--out", "") not in pairwise(arguments)
-    check("out", "", "the name of a file or directory, `.` for this one", is_named)
 
 
 def _discard_output() -> None:

@@ -1,9 +1,15 @@
-"""`iswarm report`."""
+"""`iswarm report` and `iswarm reproduce`."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
-from iswarm_mj.utils.constraints import check
+from iswarm_mj.commands.flags import changed, refuse
+from iswarm_mj.commands.grasp import Grasp, parse_radii
+from iswarm_mj.commands.options import ManyRunsOptions
+from iswarm_mj.experiments.runner.limits import Repeats
+from iswarm_mj.utils.constraints import Needs, Within, check, validate
 
 
 @dataclass(frozen=True)
@@ -25,3 +31,113 @@ class Report:
         from iswarm_mj.experiments.report.writer import report
 
         report(self.results, self.out, self.beside)
+
+
+@dataclass(frozen=True)
+class Reproduce(ManyRunsOptions):
+    """Make all results, the findings on them, the report, and the tables of README and docs. What is there is kept."""
+
+    MAIN: ClassVar = (
+        "only",
+        "list",
+        "tables",
+        "figures",
+        "quick",
+        "again",
+        "reading",
+        "engine",
+        "results",
+        "out",
+    )
+
+    only: tuple[str, ...] = ()
+    """Parts to make, such as density or evolve-paper; --list names them. All by default."""
+    list: bool = False
+    """Say which parts are there, and why the others have to be made."""
+    tables: bool = False
+    """Make no runs; write the findings and the tables anew from the results that are there."""
+    figures: bool = False
+    """Make no runs; draw the figures of the results anew from their tables."""
+    quick: bool = False
+    """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
+    again: bool = False
+    """Make also what is there, from the beginning."""
+    same_engine: bool = False
+    """Make again what another engine than --engine computed."""
+    replicates: Annotated[Repeats, Needs("quick", (False,))] = 16
+    """Of each search."""
+    trials: Annotated[int, Within(1, 10_000), Needs("quick", (False,))] = 20
+    """Grasps at each radius and humidity."""
+    results: Path | None = None
+    """Directory of the results: results by default, and runs/reproduce-quick/results with --quick."""
+    beside: Path | None = None
+    """Directory of other results, such as those with another --reading, beside which the report puts these."""
+    out: Path | None = None
+    """Directory in which they are made, with all that is not kept, and of report.html; runs/reproduce by default."""
+    pages: tuple[Path, ...] | None = None
+    """Markdown files whose tables are written; README.md, docs/*.md and results/README.md by default, if they exist."""
+
+    def __post_init__(self):
+        validate(self)
+
+    def run(self) -> None:
+        """Run the command."""
+        allowed = {"tables": {"results", "beside", "out", "pages"}, "figures": {"results"}}
+        for mode in [mode for mode in allowed if getattr(self, mode)]:
+            others = [name for name in changed(self) if name not in allowed[mode] | {mode}]
+            refuse(self, others, f"with `{mode}`, which makes no runs")
+        refuse(self, ["again", "beside"] if self.list else [], "with `list`")
+        check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
+        from iswarm_mj.experiments.report.parts import parts_of
+        from iswarm_mj.experiments.report.reproduce import Places, chosen, listing, reproduce, rewrite
+
+        out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
+        results = self.results or (out / "results" if self.quick else Path("results"))
+        places = Places(results, out, self._pages, self.beside)
+        if self.figures:
+            from iswarm_mj.experiments.report.redraw import redraw
+
+            print("\n".join(map(str, redraw(results))))
+            return
+        if self.tables:
+            rewrite(places)
+            return
+        parts = chosen(parts_of(self._plans, self.execution), self.only)
+        if self.list:
+            print(listing(parts, results, self.same_engine))
+        else:
+            reproduce(parts, places, self.again, self.same_engine)
+
+    @property
+    def _pages(self) -> Sequence[Path]:
+        """Pages whose tables are written."""
+        if self.pages is not None or self.quick:
+            return self.pages or ()
+        return [
+            path
+            for path in (Path("README.md"), *sorted(Path("docs").glob("*.md")), Path("results/README.md"))
+            if path.is_file()
+        ]
+
+    @property
+    def _plans(self) -> Any:
+        """Settings of all parts; the quick ones are just enough for each step to be taken."""
+        from iswarm_mj.experiments.report.parts import Plans
+        from iswarm_mj.experiments.runner.experiment import Plan
+        from iswarm_mj.experiments.runner.search_settings import Search
+        from iswarm_mj.workflows.grasp_settings import GraspSettings
+
+        search, grasp = Search(self.config, seed=self.seed, replicates=self.replicates), Grasp()
+        repeats = self.trials
+        if self.quick:
+            search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
+        trials = GraspSettings(
+            parse_radii(grasp.radius),
+            grasp.rh,
+            repeats,
+            self.seed,
+            grasp.gap,
+            grasp.no_contact_gap,
+            protocol=grasp.protocol,
+        )
+        return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials)

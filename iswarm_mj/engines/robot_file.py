@@ -17,8 +17,6 @@ from iswarm_mj.utils.files import check_file
 from iswarm_mj.utils.robot import SIDES, Point, Robot, Sides
 
 MIN_LEDS = 2
-LARGEST_FILE = 2**26
-"""Size up to which a robot's file is read [bytes]."""
 _TYPES = {"body": "bodies", "joint": "joints", "geom": "geoms", "site": "sites"}
 _NEEDED = {
     "body": ["robot", "visual"],
@@ -50,7 +48,7 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
     path = own if path is None else path
     keep_no_log()
     try:
-        check_file(path, LARGEST_FILE)
+        check_file(path)
         check_plain(path)
         spec = mujoco.MjSpec.from_file(str(path))
         found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}

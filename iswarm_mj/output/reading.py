@@ -1,6 +1,5 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
-import json
 import math
 import zipfile
 from collections.abc import Mapping
@@ -24,12 +23,10 @@ from iswarm_mj.output.trajectory import (
     Scene,
 )
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import check_file
+from iswarm_mj.utils.files import check_file, from_json, read_json
 from iswarm_mj.utils.memory import check_memory
 
 REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
-LARGEST_RESULT = 2**28
-"""Size up to which a result.json is read [bytes]."""
 LARGEST_TRAJECTORY = 2**36
 """Size up to which a trajectory.npz is read, if its arrays fit into memory [bytes]."""
 _NEEDED: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
@@ -40,35 +37,13 @@ _NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
 """Fields of `Scene` that name further arrays, and their prefixes."""
 
 
-def parsed(text: str | bytes) -> Any:
-    """Return the content of JSON.
-
-    Raises:
-        ValueError: it is none, or has a number that no float can hold.
-        RecursionError: it is nested too deep.
-    """
-
-    def finite(number: str) -> int | float:
-        if not math.isfinite(value := float(number)):
-            raise ValueError(f"a number of {len(number)} digits")
-        return int(number) if number.lstrip("-").isdigit() else value
-
-    return json.loads(text, parse_int=finite, parse_float=finite)
-
-
 def read_result(path: Path) -> dict[str, Any]:
     """Return the content of result.json.
 
     Raises:
         UserError: there is no such file, or it is no run's.
     """
-    try:
-        check_file(path, LARGEST_RESULT)
-        return _of_a_run(path, parsed(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path} is cut off or no JSON ({error}); {REMEDY}.") from None
+    return _of_a_run(path, read_json(path, REMEDY))
 
 
 def _of_a_run(path: Path, content: Any) -> dict[str, Any]:
@@ -118,6 +93,9 @@ def _check_shapes(path: Path, arrays: Arrays) -> None:
         for name in arrays[SCENE + key].tolist():
             if arrays[prefix + name].shape[: len(axes)] != axes:
                 raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
+    columns = [math.prod(arrays[name].shape[2:]) for name in arrays[SCENE + "memory_names"].tolist()]
+    if not np.array_equal(arrays[SCENE + "memory_sizes"], columns):
+        raise UserError(f"{path}: `{SCENE}memory_sizes` does not fit what robots remember; {REMEDY}.")
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
@@ -141,10 +119,10 @@ def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
     for place in (path.parent, path.parent.parent)[: 2 if path.parent.name.startswith("world-") else 1]:
         if (place / RESULT).exists():
             return read_result(place / RESULT)
-    try:
-        return _of_a_run(path, parsed(arrays[ABOUT].item()))
-    except (KeyError, ValueError, TypeError, RecursionError) as error:
-        raise UserError(f"{path} does not state its run ({error}), and no {RESULT} lies beside it; {REMEDY}.") from None
+    about = arrays.get(ABOUT, np.zeros(0))
+    if about.ndim or about.dtype.kind not in "SU":
+        raise UserError(f"{path} does not state its run, and no {RESULT} lies beside it; {REMEDY}.")
+    return _of_a_run(path, from_json(about.item(), f"`{ABOUT}` in {path}", REMEDY))
 
 
 def no_trajectory(directory: Path, result: Mapping[str, Any]) -> UserError:

@@ -38,4 +38,4 @@ class RunSettings:
         recorded = self.record_worlds
         known = isinstance(recorded, tuple) and all(world in range(self.n_worlds) for world in recorded)
         distinct = known and len(set(recorded)) == len(recorded)
-        check("record_worlds", recorded, f"a tuple of distinct worlds from 0 to {self.n_worlds - 1}", distinct)
+        check("record_worlds", recorded, f"distinct worlds from 0 to {self.n_worlds - 1}", distinct)

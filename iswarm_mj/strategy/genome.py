@@ -1,14 +1,13 @@
 """The evolved parameters of a swarm, as the paper's Table 2 lists them."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from iswarm_mj.utils.constraints import Within, validate
-from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import check_file
+from iswarm_mj.utils.errors import ConfigError, UserError, shown
+from iswarm_mj.utils.files import read_json
 
 Share = Annotated[float, Within(0, 1)]
 
@@ -75,10 +74,6 @@ PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
 """The two fit types that evolved in the paper (Table 2), and the fittest of `results/evolve-paper`."""
 
 
-LARGEST_FILE = 2**20
-"""Size up to which a genome's file is read [bytes]."""
-
-
 def load_genome(name: str) -> Genome:
     """Return a preset by its name, or the genome in a JSON file, whose keys are the names of the fields.
 
@@ -92,14 +87,10 @@ def load_genome(name: str) -> Genome:
     if name in PRESETS:
         return PRESETS[name]
     path, example = Path(name), '{"use_hop_count": true, "p_vector_forget": 0.29}'
-    if not path.is_file():
-        raise ConfigError("genome", name, f"a preset ({', '.join(PRESETS)}) or the path of a JSON file")
-    try:
-        check_file(path, LARGEST_FILE)
-        values = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique)
-    except (OSError, ValueError, RecursionError) as error:
-        fact = f"is not readable JSON ({error})"
-        raise UserError(f"genome file {name} {fact}; write one object such as {example}.") from None
+    if not path.exists():
+        fact = f"there is no file {shown(name)}" if path.suffix == ".json" else None
+        raise ConfigError("genome", name, f"a preset ({', '.join(PRESETS)}) or the path of a JSON file", fact)
+    values = read_json(path, f"write one object such as {example}", what="genome file ")
     if not isinstance(values, dict):
         fact = f"holds a {type(values).__name__}"
         raise UserError(f"genome file {name} {fact}; write one JSON object such as {example}.")
@@ -113,18 +104,6 @@ def load_genome(name: str) -> Genome:
         return replace(TYPE1, **values)
     except UserError as error:
         raise UserError(f"genome file {name}: {error}") from None
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The object of these pairs.
-
-    Raises:
-        ValueError: a name occurs twice.
-    """
-    names = [name for name, _ in pairs]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise ValueError(f"{twice[0]!r} occurs twice")
-    return dict(pairs)
 
 
 def overridden(genome: Genome, values: Mapping[str, float | bool | None]) -> Genome:

@@ -13,9 +13,6 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
 from iswarm_mj.utils.files import check_file
 
-LARGEST_FILE = 2**24
-"""Size up to which a file of strategies or tasks is read [bytes]."""
-
 
 class Offer(NamedTuple):
     """What users and packages offer."""
@@ -104,7 +101,7 @@ def _imported(offer: Offer, path: Path) -> ModuleType:
     fault = "does not exist"
     try:
         if is_there := path.is_file():
-            check_file(path, LARGEST_FILE)
+            check_file(path)
             fault = "is not Python"
     except OSError as error:
         is_there, fault = False, f"cannot be read ({error.strerror or error})"

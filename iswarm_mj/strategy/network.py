@@ -12,10 +12,8 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_file
 
-LARGEST_FILE = 2**20
-"""Size up to which a file of weights is written and read [bytes]."""
-MOST_WEIGHTS = LARGEST_FILE // 4 - 1024
-"""Weights that fit into it, of four bytes each."""
+MOST_WEIGHTS = 2**18
+"""In a file."""
 
 
 class Shape(NamedTuple):
@@ -62,9 +60,9 @@ def load_weights(path: Path | str) -> Float[np.ndarray, "W"]:
         UserError: it does not exist, is too large, or holds something else.
     """
     try:
-        check_file(Path(path), LARGEST_FILE)
+        check_file(Path(path))
         with np.load(path, allow_pickle=False) as content:
-            if sum(part.file_size for part in content.zip.infolist()) > LARGEST_FILE:
+            if sum(part.file_size for part in content.zip.infolist()) > 8 * MOST_WEIGHTS:
                 raise ValueError("it expands to much more than its size")
             found = content["weights"]
     except OSError as error:

@@ -77,8 +77,11 @@ def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
     k = arena.n_dust
     offset = rng.uniform(-0.5, 0.5, (k, 2)) * arena.dust_area_size
     offset[:, 0] += np.where(np.arange(k) < k // 2, -1, 1) * arena.dust_area_offset
-    if arena.obstacles and (distances(offset, numbers(arena.obstacles)) == 0).any():
-        raise ConfigError("arena.obstacles", arena.obstacles, "outside the dust areas, where balls lie")
+    if hit := [box for box in arena.obstacles if (distances(offset, numbers([box])) == 0).any()]:
+        size, far = arena.dust_area_size, arena.dust_area_offset
+        where = f"squares of {size:g} rd about ({far:g}, 0) and ({-far:g}, 0) rd, where balls lie"
+        given = " ".join(f"{value:g}" for value in hit[0])
+        raise ConfigError("arena.obstacles", given, f"outside the dust areas, {where}")
     return offset * RD
 
 

@@ -71,6 +71,25 @@ class Above(Within):
         return f"above {_text(self.low)} and at most {_text(self.high)}"
 
 
+@dataclass(frozen=True)
+class Needs:
+    """In an annotation: a setting has an effect only where another one of its class has one of some values."""
+
+    setting: str
+    values: tuple[Any, ...] = ()
+    """Which; where there are none, any but None, False and 0."""
+    why: str = ""
+    """When there is no effect, to be read after "has no effect", where name and value of the other do not say it."""
+
+    def unmet(self, settings: Any, group: str = "") -> str:
+        """Return why the setting has no effect in an object; nothing if it has one."""
+        value, name = getattr(settings, self.setting), f"`{group}{self.setting}`"
+        if value in self.values if self.values else value:
+            return ""
+        shown = "" if value is True or not value else f" {value}"
+        return self.why or f"{'with' if value else 'without'} {name}{shown}"
+
+
 def check(name: str, value: Any, constraint: str, ok: bool) -> None:
     """Raise a `ConfigError` unless `ok`, or if the value is a float that is not finite."""
     if not ok or (isinstance(value, float) and not math.isfinite(value)):
@@ -145,6 +164,13 @@ def constraint_of(cls: type, name: str) -> Within | None:
     """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""
     found = next((constraint for known, _, constraint in _rules(cls) if known == name), None)
     return found if found is None or found.source is not None else replace(found, source=(cls, name))
+
+
+@functools.cache
+def needs_of(cls: type) -> dict[str, list[Needs]]:
+    """What the settings of a class need in order to have an effect, by their names."""
+    found = {name: getattr(kind, "__metadata__", ()) for name, kind in get_type_hints(cls, include_extras=True).items()}
+    return {name: [one for one in extras if isinstance(one, Needs)] for name, extras in found.items()}
 
 
 @functools.cache

@@ -10,10 +10,15 @@ MAX_LISTED = 10
 """Robots that a message lists at most."""
 
 
+def printable(text: str) -> str:
+    """A line of text in which what could control a terminal is escaped."""
+    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else ascii(c)[1:-1] for c in text)
+
+
 def shown(value: Any) -> str:
     """A value in a message: one line, and no more than a part of it if it is long."""
     try:
-        text = " ".join(str(value).split())
+        text = printable(" ".join(str(value).split()))
     except ValueError:  # Python refuses to print whole numbers of thousands of digits
         text = "a number of too many digits"
     return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."

@@ -1,15 +1,21 @@
-"""Output directories, and files that are replaced in one step."""
+"""Files that are read with care, output directories, and files that are replaced in one step."""
 
 import errno
+import json
+import math
 import os
 import re
 import stat
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.errors import ConfigError, UserError, shown
 
+LARGEST_FILE = 2**30
+"""Size up to which files are read, but for trajectories [bytes]."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _PART = re.compile(r"\.[0-9]+-")
 """How the names of temporary files begin: with the number of the process."""
@@ -36,7 +42,7 @@ def make_output_directory(out: Path, given: Path | None = None, setting: str = "
         raise ConfigError(setting, given or out, constraint, f"choose another ({error.strerror})") from None
 
 
-def check_file(path: Path, most: int) -> None:
+def check_file(path: Path, most: int = LARGEST_FILE) -> None:
     """Raise an OSError unless the path is a file that ends; a pipe or a device may not.
 
     Args:
@@ -50,6 +56,59 @@ def check_file(path: Path, most: int) -> None:
         raise OSError("it is a pipe or a device, not a file")
     if found.st_size > most:
         raise OSError(f"it has more than {most} bytes")
+
+
+def read_text(path: Path, remedy: str, what: str = "") -> str:
+    """Return the text of a file.
+
+    Args:
+        path: of the file.
+        remedy: what the user can do if it cannot be read.
+        what: stands before its name in errors.
+
+    Raises:
+        UserError: it cannot be read, has no end, or is no text.
+    """
+    try:
+        check_file(path)
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise UserError(f"{what}{path} cannot be read ({error.strerror or error}); {remedy}.") from None
+    except ValueError:
+        raise UserError(f"{what}{path} is no text; {remedy}.") from None
+
+
+def read_json(path: Path, remedy: str, what: str = "") -> Any:
+    """Return the content of a JSON file, see `read_text` and `from_json`."""
+    return from_json(read_text(path, remedy, what), f"{what}{path}", remedy)
+
+
+def from_json(text: str | bytes, name: str, remedy: str) -> Any:
+    """Return the content of JSON.
+
+    Args:
+        text: the JSON.
+        name: of what has it, for errors.
+        remedy: what the user can do if it is none.
+
+    Raises:
+        UserError: it is cut off or none, is nested too deep, names a value twice, or has a number that no float holds.
+    """
+
+    def number(digits: str) -> int | float:
+        if not math.isfinite(value := float(digits)):
+            raise ValueError(f"a number of {len(digits)} digits")
+        return int(digits) if digits.lstrip("-").isdigit() else value
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        if twice := [key for key, n in Counter(key for key, _ in pairs).items() if n > 1]:
+            raise ValueError(f"{shown(twice[0])} occurs twice")
+        return dict(pairs)
+
+    try:
+        return json.loads(text, parse_int=number, parse_float=number, object_pairs_hook=unique)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{name} is cut off or no JSON ({shown(error)}); {remedy}.") from None
 
 
 def write_error(path: Path, error: OSError) -> UserError:

@@ -1,6 +1,5 @@
 """Boxes that stand in the arena, as numbers: where they are, how far points are from them; lists of them in files."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,13 +9,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import check_file
+from iswarm_mj.utils.files import read_json
 
 Obstacle = tuple[float, float, float, float, float]
 """x and y of the centre, half the edges along the box's own x and y [rd], yaw [deg]."""
 FIELDS = ("x", "y", "half_x", "half_y", "yaw")
-LARGEST_FILE = 2**24
-"""Size up to which a file of boxes is read [bytes]."""
 
 
 def checked(given: Any, half_arena: float, half_dump: float) -> tuple[Obstacle, ...]:
@@ -95,15 +92,7 @@ def read_obstacles(path: Path) -> list[list[float]]:
         UserError: it cannot be read, or holds something else.
     """
     form = f"a list of objects with {', '.join(FIELDS[:4])} [rd] and, if not 0, yaw [deg]"
-    try:
-        check_file(path, LARGEST_FILE)
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(
-            f"--obstacles {path} cannot be read ({error.strerror or error}); name a JSON file of boxes"
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"--obstacles {path} is not JSON ({' '.join(str(error).split())}); write {form}") from None
+    content = read_json(path, f"write {form}", what="--obstacles ")
     is_list = isinstance(content, list) and all(isinstance(one, Mapping) for one in content)
     if not is_list or any(set(one) - {"yaw"} != set(FIELDS[:4]) for one in content):
         raise UserError(f"--obstacles {path} must be {form}")

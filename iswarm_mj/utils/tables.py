@@ -13,8 +13,6 @@ from iswarm_mj import __version__
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_file
 
-LARGEST_FILE = 2**32
-"""Size up to which a table is read [bytes]."""
 MOST_VALUES = 10**8
 """Values up to which it is, which compressed may take little room in a file."""
 _KEY = b"iswarm_mj"
@@ -59,7 +57,7 @@ def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         UserError: the file does not exist, or `write_table` did not write it.
     """
     try:
-        check_file(path, LARGEST_FILE)
+        check_file(path)
         about = pyarrow.parquet.read_metadata(path)
         if about.num_rows * about.num_columns > MOST_VALUES:
             raise ValueError("it has more values than experiments make")

@@ -85,27 +85,15 @@ class TestRefusals:
                 "--robots 217",
                 r"--robots must be between 1 and 216 .*217\); use fewer robots or a larger --arena\.size",
             ),
-            ("--robots 0", r"--robots must be .*\(got 0\)"),
-            ("--robots -5", r"--robots must be .*\(got -5\)"),
             ("--density 0", r"--density must be above 0 and at most 1 \(got 0\.0\)$"),
-            ("--density 1.5", r"--density must be .*\(got 1\.5\)"),
-            ("--density -0.1", r"--density must be .*\(got -0\.1\)"),
             ("--density nan", r"--density must be .*\(got nan\)"),
-            ("--density inf", r"--density must be .*\(got inf\)"),
             ("--density 0.1 --robots 10", r"--robots and --density exclude each other"),
             ("--steps -1", r"--steps must be a whole number between 1 and 1000000 \(got -1\)"),
-            ("--steps 0", r"--steps must be .*\(got 0\)"),
             ("--seed -1", r"--seed must be .*\(got -1\)"),
-            ("--seed 4294967295", r"--seed must be .*\(got 4294967295\)"),
-            ("--worlds 0", r"--worlds must be .*\(got 0\)"),
-            ("--threads -1", r"--threads must be .*\(got -1\)"),
             ("--stop-at 100", r"--stop-at must be between 1 and the number of balls, 24.*\(got 100\)"),
-            ("--stop-at 0", r"--stop-at must be .*\(got 0\)"),
-            ("--arena.dump-size 9", r"--arena\.dump-size must be .*\(got 9\.0\)"),
-            ("--drive.control-period -1", r"--drive\.control-period must be .*\(got -1\.0\)"),
             ("--genome type3", r"--genome must be a preset \(type1, type2, evolved\) .*got 'type3'"),
-            ("--genome nowhere.json", r"\(got 'nowhere\.json'\)"),
-            ("--genome .", r"\(got '\.'\)"),
+            ("--genome nowhere.json", r"there is no file nowhere\.json"),
+            ("--genome .", "genome file . cannot be read"),
             ("--p-vector-forget 1.5", r"--p-vector-forget must be .*\(got 1\.5\)"),
         ],
     )
@@ -113,29 +101,17 @@ class TestRefusals:
         base = ARENA_FLAGS if "--robots" in flags or "--density" in flags else SMALL
         assert re.search(message, refused(capfd, here, "clean", *base, *flags.split()))
 
-    @pytest.mark.parametrize("command", ["clean", "bench"])
     @pytest.mark.parametrize(
-        ("flag", "engine", "says"),
+        ("impl", "engine", "says"),
         [
-            ("--solver-iterations 20", "mujoco", "--engine must be mjx with --solver-iterations (got 'mujoco')"),
-            ("--contact-capacity 2", "planar", "--engine must be mjx with --contact-capacity (got 'planar')"),
-            *(
-                (
-                    "--devices 1",
-                    engine,
-                    f"--engine must be mjx, or planar with --impl warp, with --devices (got '{engine}')",
-                )
-                for engine in ("mujoco", "planar")
-            ),
-            ("--impl warp", "mujoco", "--impl must be left out with --engine mujoco (got 'warp')"),
-            ("--impl jax", "planar", "--impl must be numba or warp with --engine planar (got 'jax')"),
-            ("--impl numba", "mjx", "--impl must be jax or warp with --engine mjx (got 'numba')"),
-            ("--impl numba --devices 1", "planar", "--engine must be mjx, or planar with --impl warp, with --devices"),
+            ("warp", "mujoco", "left out with --engine mujoco"),
+            ("jax", "planar", "numba or warp with --engine planar"),
+            ("numba", "mjx", "jax or warp with --engine mjx"),
         ],
     )
-    def test_flags_of_other_engines(self, capfd, here, command, flag, engine, says):
-        error = refused(capfd, here, command, *SMALL, "--engine", engine, *flag.split())
-        assert error.startswith(f"iswarm: {says}")
+    def test_implementations_of_other_engines(self, capfd, here, impl, engine, says):
+        error = refused(capfd, here, "bench", *FLAGS, "--engine", engine, "--impl", impl)
+        assert error == f"iswarm: --impl must be {says} (got '{impl}')\n"
 
     @pytest.mark.parametrize("engine", ["planar", "mjx"])
     def test_warp_that_is_not_installed(self, capfd, here, monkeypatch, engine):
@@ -144,20 +120,11 @@ class TestRefusals:
         error = refused(capfd, here, "clean", *FLAGS, "--robots=30", "--engine", engine, "--impl", "warp")
         assert error == "iswarm: --impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.\n"
 
-    def test_the_flag_of_planar_without_it(self, capfd, here):
-        error = refused(capfd, here, "clean", *SMALL, "--refinement", "2")
-        assert error.startswith("iswarm: --engine must be planar with --refinement (got 'mujoco')")
-
     def test_physics_steps_that_are_too_long(self, capfd, here):
         error = refused(capfd, here, "clean", *SMALL, "--drive.step-length", "1")
         assert re.match(
             r"iswarm: --drive.walk-substeps must be at least 12 with --drive.step-length 1, so .*\(got 6\)", error
         )
-
-    @pytest.mark.parametrize("chunk", [0, -1, 10_001])
-    def test_chunks_of_a_benchmark(self, capfd, here, chunk):
-        error = refused(capfd, here, "bench", *SMALL, "--engine", "mjx", f"--chunk={chunk}")
-        assert f"--chunk must be a whole number between 1 and 10000 (got {chunk})" in error
 
     @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
     def test_every_float_must_be_finite(self, capfd, here, value):
@@ -170,14 +137,11 @@ class TestRefusals:
     @pytest.mark.parametrize(
         "text, message",
         [
-            ('{"p_vector_forget": ', "not readable JSON"),
-            ("", "not readable JSON"),
+            ('{"p_vector_forget": ', "no JSON"),
             ("[]", "holds a list"),
-            ('{"fraction_scouts": 0.1, "fraction_scouts": 0.2}', "'fraction_scouts' occurs twice"),
+            ('{"fraction_scouts": 0.1, "fraction_scouts": 0.2}', "fraction_scouts occurs twice"),
             ('{"wings": 2}', "names 'wings'; allowed names are density_of_robots, "),
             ('{"fraction_scouts": 2}', "fraction_scouts must be between 0 and 1 (got 2)"),
-            ('{"fraction_scouts": "few"}', "fraction_scouts must be between 0 and 1 (got 'few')"),
-            ('{"use_hop_count": 0}', "use_hop_count must be true or false (got 0)"),
             ('{"fraction_scouts": NaN}', "fraction_scouts must be between 0 and 1 (got nan)"),
         ],
     )
@@ -192,54 +156,6 @@ class TestRefusals:
             error = refused(capfd, here, "clean", *SMALL, "--steps", 2, "--out", out)
             assert f"--out must be a writable directory (got {out}); choose another (" in error
         assert (here / "file").read_text() == "mine"
-
-    @pytest.mark.parametrize(
-        "flags", ["--robots many", "--steps 1.5", "--engine xyz", "--optics.mode laser", "--wings 2", "extra"]
-    )
-    def test_what_cannot_be_parsed(self, capfd, here, flags):
-        assert code_of("clean", *flags.split()) == 2
-        out, error = capfd.readouterr()
-        assert out == "" and flags.split()[0].removeprefix("--") in error and "Traceback" not in error
-        assert list(here.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    "arguments, facts",
-    [
-        ("clean --out", ["--out", "iswarm clean --help"]),
-        (
-            "--verssion",
-            [
-                "Available subcommands: clean, run, inspect, picture, bench, grasp, evolve, train, experiment, ",
-                "infer, report, reproduce, video",
-            ],
-        ),
-    ],
-)
-def test_the_parser_explains_what_it_cannot_read_in_a_few_lines(arguments, facts, capfd, here):
-    assert code_of(*arguments.split()) == 2
-    out, error = capfd.readouterr()
-    assert out == "" and error.count("\n") < 20 and "Traceback" not in error
-    text = re.sub(r"[\s│─]+", " ", error)
-    assert [fact for fact in facts if fact not in text] == []
-    assert "iswarm bench" not in text and not list(here.iterdir())
-
-
-@pytest.mark.parametrize(
-    "arguments, fact",
-    [
-        (
-            ["claen"],
-            "'claen' is not a command; perhaps you meant clean. Commands: clean, run, inspect, picture, bench, ",
-        ),
-        (["experimnt", "types"], "'experimnt' is not a command; perhaps you meant experiment. "),
-        (["wash"], "'wash' is not a command. Commands: clean, "),
-        ([], "no command was given. Commands: clean, "),
-    ],
-)
-def test_unknown_commands(arguments, fact, capfd, here):
-    error = refused(capfd, here, *arguments)
-    assert error.startswith(f"iswarm: {fact}") and "`iswarm --help`" in error
 
 
 def test_a_number_is_no_file_of_a_robot(capfd, here):

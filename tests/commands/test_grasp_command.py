@@ -35,14 +35,8 @@ def test_writes_table_figures_and_recordings(here, capfd):
     assert code_of("grasp", *FAST, "--radius", "15e-6:25e-6:2", "--rh", 10, 50, "--repeats", 2, "--record", 5) == 0
     out = here / "runs" / "grasp"
     names = {path.name for path in out.iterdir()}
-    assert {
-        TABLE,
-        "trials.csv",
-        "trial-0005.rrd",
-        "trial-0005.png",
-        "grasp_voltage.png",
-        "release_voltage.svg",
-    } <= names
+    made = {"trials.csv", "trial-0005.rrd", "trial-0005.png", "grasp_voltage.png", "release_voltage.svg"}
+    assert made | {TABLE} <= names
     assert not any(name.startswith(".") for name in names)
     rows, told = read_table(out / TABLE)
     assert set(rows[0]) == set(COLUMNS.split())
@@ -90,14 +84,6 @@ def test_a_ball_that_cannot_be_lifted(capfd):
     rows = {row["experiment"]: row for row in from_path("out")}
     assert set(rows) == {"grasp", "no_contact"} and rows["grasp"]["voltage"] is None
     assert "1 of 1 not up to 10 V" in capfd.readouterr().out
-
-
-@pytest.mark.usefixtures("tables_only")
-def test_the_highest_rung_is_not_above_the_limit():
-    flags = ["--radius", "20e-6", "--rh", 10, "--repeats", 1, "--protocol.grasp-limit", 11, "--out", "out"]
-    assert code_of("grasp", "--protocol.step-voltage=4", *flags) == 0
-    (row,) = (row for row in from_path("out") if row["experiment"] == "grasp")
-    assert (row["voltage"], row["limit_voltage"], row["step_voltage"]) == (None, 8, 4)
 
 
 @pytest.mark.usefixtures("tables_only")
@@ -166,29 +152,15 @@ def test_columns_of_force_curves_have_units(here):
     "flags, message",
     [
         ("--radius 15e-6:25e-6", r"--radius must be radii from 10e-6 to 50e-6 m.*\(got '15e-6:25e-6'\)"),
-        ("--radius a:b:c", r"--radius must be .*\(got 'a:b:c'\)"),
         ("--radius 1e-6", r"--radius must be .*\(got 1e-06\)"),
         ("--radius 15e-6:25e-6:0", r"--radius must be .*\(got '15e-6:25e-6:0'\)"),
-        ("--radius nan", r"--radius must be .*\(got nan\)"),
         ("--radius", r"--radius must be one or more radii"),
         ("--rh", r"--rh must be one or more relative humidities"),
         ("--rh 101", r"--rh must be between 0 and 100 % \(got 101\.0\)"),
-        ("--rh nan", r"--rh must be .*\(got nan\)"),
-        ("--repeats 0", r"--repeats must be .*\(got 0\)"),
-        ("--seed -1", r"--seed must be .*\(got -1\)"),
-        ("--threads -1", r"--threads must be .*\(got -1\)"),
-        ("--gap 1e-8", r"--gap must be .*\(got 1e-08\)"),
         ("--no-contact-gap 1", r"--no-contact-gap must be .*\(got 1\.0\)"),
         ("--record 75", r"--record must be the index of a trial, 0 to 74.*\(got 75\)"),
-        ("--force-curve --voltages 500", r"--voltages must be .*\(got 500\.0\)"),
         ("--force-curve --voltages", r"--voltages must be such that there are 1 to 100 curves"),
-        ("--protocol.step-voltage 0", r"--protocol.step-voltage must be between 0\.002 and 200 V \(got 0\.0\)"),
-        ("--protocol.step-voltage 1e-9", r"--protocol.step-voltage must be .*\(got 1e-09\)"),
         ("--protocol.ramp-rate inf", r"--protocol.ramp-rate must be .*\(got inf\)"),
-        ("--protocol.ramp-rate 1e-3", r"--protocol.ramp-rate must be between 1000 and 1e\+07 V/s \(got 0\.001\)"),
-        ("--protocol.approach-time 1e9", r"--protocol.approach-time must be .*\(got 1000000000\.0\)"),
-        ("--protocol.press 1e-3", r"--protocol.press must be .*\(got 0\.001\)"),
-        ("--protocol.grasp-limit 201", r"--protocol.grasp-limit must be between 0\.1 and 200 V \(got 201\.0\)"),
         (
             "--protocol.step-voltage 100",
             r"--protocol.step-voltage must be below --protocol.grasp-limit, 80 \(got 100\.0\)",
@@ -204,18 +176,6 @@ def test_values_out_of_range(flags, message, capfd, here):
     assert re.fullmatch(r"iswarm: [^\n]*\n", error) and re.search(message, error), error
 
 
-@pytest.mark.parametrize("flags, choices", [("--engine arena", "mujoco or mjx"), ("--impl c", "jax or warp")])
-def test_choices_are_listed(flags, choices, capfd):
-    assert code_of("grasp", *flags.split()) == 2
-    assert f"must be {choices} (got" in capfd.readouterr().err
-
-
-def test_a_directory_that_cannot_be(here, capfd):
-    (here / "file").write_text("mine")
-    assert code_of("grasp", "--out", "file/below") == 2
-    assert "--out must be a writable directory (got file/below)" in capfd.readouterr().err
-
-
 def test_bench_prints_one_line(capfd, here, monkeypatch):
     monkeypatch.setattr("iswarm_mj.workflows.benchmark_grasp.STEPS", 50)
     assert code_of("bench", "--what", "grasp", "--worlds", 3) == 0
@@ -229,13 +189,10 @@ def test_bench_prints_one_line(capfd, here, monkeypatch):
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--what lunch", "--what must be swarm or grasp (got 'lunch')"),
-        ("--impl x", "--impl must be default or numba or warp or jax (got 'x')"),
         ("--impl numba", "--impl must be jax or warp (got 'numba')"),
         ("--robots 5", "--what must be swarm with --robots (got 'grasp')"),
         ("--arena.n-dust 24", "--what must be swarm with --arena.n-dust (got 'grasp')"),
         ("--fraction-scouts 0.3", "--what must be swarm with --fraction-scouts (got 'grasp')"),
-        ("--threads 1", "--what must be swarm with --threads (got 'grasp')"),
     ],
 )
 def test_bench_refuses(flags, message, capfd):

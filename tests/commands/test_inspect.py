@@ -164,3 +164,19 @@ def test_a_pipe_is_no_result(tmp_path):
     os.mkfifo(tmp_path / "result.json")
     with pytest.raises(UserError, match="holds no results"):
         inspection(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["hop-count/hop_count.parquet", "evolve-cmaes/evolution.parquet"])
+def test_a_table_without_a_column_is_named(tmp_path, name):
+    table = pyarrow.parquet.read_table(ROOT / "results" / name)
+    path = tmp_path / Path(name).name
+    for column in table.column_names:
+        pyarrow.parquet.write_table(table.drop_columns([column]), path)
+        assert str(path.name) in inspection(tmp_path)
+
+
+def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
+    content = json.loads((run / "result.json").read_text())
+    (tmp_path / "result.json").write_text(json.dumps({**content, "version": "\x1b[2J", "faults": ["\x1b[2J"]}))
+    main(["inspect", str(tmp_path)])
+    assert "\x1b" not in capfd.readouterr().out

@@ -8,12 +8,12 @@ import sys
 
 import numpy as np
 import pytest
-from helpers_cli import CONFIG_FLOATS, GENOME_FLOATS, SMALL, code_of, result
+from helpers_cli import SMALL, code_of, result
 from helpers_rrd import read
 from helpers_worlds import begin_with, start_of
 
 from iswarm_mj.commands.main import parse
-from iswarm_mj.commands.swarm_options import Swarm
+from iswarm_mj.commands.swarm import Swarm
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 
 
@@ -81,25 +81,6 @@ cli.main()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr.splitlines()[-1].startswith("iswarm: interrupted")
-
-
-class TestHelp:
-    @pytest.mark.parametrize("arguments", [["--help"], ["clean", "--help"], ["bench", "--help"]])
-    def test_is_quick_and_imports_little(self, arguments):
-        code = (
-            "import sys\nfrom iswarm_mj.commands.main import main\n"
-            f"try:\n    main({arguments})\n"
-            "except SystemExit as end:\n"
-            "    print('code', end.code, sorted({'jax', 'mujoco', 'rerun', 'scipy'} & set(sys.modules)))\n"
-        )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        assert done.stdout.rstrip().endswith("code 0 []") and done.stderr == ""
-
-    def test_lists_every_option(self, capfd):
-        assert code_of("clean", "--help-all") == 0
-        out = capfd.readouterr().out
-        names = [*CONFIG_FLOATS, *GENOME_FLOATS, "stop_at", "arena.n_dust", "optics.mode", "record", "out", "worlds"]
-        assert [name for name in names if f"--{name.replace('_', '-')}" not in out] == []
 
 
 class TestProcess:

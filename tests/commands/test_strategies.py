@@ -72,11 +72,6 @@ def walked(*flags, name="walk.py:Walk"):
         return dict(file)
 
 
-def test_the_walk_is_short():
-    lines = [line for line in WALK.splitlines() if line.strip() and not line.strip().startswith('"""')]
-    assert len(lines) <= 25
-
-
 @pytest.mark.parametrize(
     "engine",
     [

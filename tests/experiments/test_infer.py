@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from iswarm_mj.commands.infer import Infer
+from iswarm_mj.commands.experiment import Infer
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
 from iswarm_mj.experiments.analysis.statistics import Interval

@@ -1,19 +1,23 @@
 """Files that are cut off, garbled, foreign, endless, or no files at all: each is read, or refused in a sentence."""
 
 import io
+import json
+import os
+import re
 import shutil
 import warnings
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from helpers_broken_files import garbled, odd_arrays, odd_json, remove, replace_by_no_file
-from helpers_command_lines import WALK
 from helpers_files import little_memory
+from helpers_odd import ODD_VALUES
 
 from iswarm_mj import load
-from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.robot_file import models_directory
+from iswarm_mj.commands.main import parse
+from iswarm_mj.engines.robot_file import models_directory, read_robot
+from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner import experiment, pool, search
 from iswarm_mj.experiments.runner.jobs import Outcome
@@ -23,46 +27,131 @@ from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
-from iswarm_mj.strategy.pytrees import check_methods
+from iswarm_mj.strategy.network import load_weights, save_weights
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.obstacles import read_obstacles
 
 GENOME = b'{"use_hop_count": true, "p_vector_forget": 0.29, "density_of_robots": 0.2, "fraction_scouts": 0.1}\n'
+BOXES = b'[{"x": 8, "y": 8, "half_x": 2, "half_y": 0.5, "yaw": 30}, {"x": 0, "y": 9, "half_x": 1, "half_y": 1}]'
+CONFIG = b'steps = 8\nrecord = false\nlanes = [0, 1]\nreading = "initial"\n[arena]\nsize = 55\nn_dust = 24\n'
+STRATEGY = b"class Walk:\n    init = picks = act = print\n"
+FOREIGN = [GENOME, STRATEGY, b"PAR1" * 9, b"PK\3\4" + bytes(60), b"\x89PNG\r\n", b"<mujoco/>", b"[]", b"{}", b""]
+NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
+ODD_NUMBERS = [b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"-0.0", b"9" * 400, b"x", b"1 2", b"0x7f"]
 
 
-def attack_file(attack, path, good, read, odd=None, least=3):
-    """Put odd files where a good one belongs, and read them.
+def pick(rng, values):
+    return values[rng.integers(len(values))]
 
-    Args:
-        attack: that draws the cases.
-        path: of the file.
-        good: its content, which can be read.
-        read: reads it; may raise a UserError of one line.
-        odd: makes content of the right format that says something else.
-        least: cases in any case.
-    """
+
+def garbled(rng, content):
+    """Bytes of a file after something went wrong with them."""
+    at, to = np.sort(rng.integers(0, len(content) + 1, 2))
+    flipped = bytearray(content)
+    for place in rng.integers(len(flipped), size=rng.integers(1, 9)):
+        flipped[place] ^= 1 << rng.integers(8)
+    numbers = list(NUMBER.finditer(content)) or [re.match(b"", content)]
+    number = pick(rng, numbers)
+    made = [
+        *(bytes(flipped), content[:at], content[:at] + content[to:], content[:at] + bytes(to - at) + content[to:]),
+        *(content[:to] + content[at:], pick(rng, FOREIGN), content[:at] + rng.bytes(rng.integers(50)) + content[at:]),
+        *(
+            content + rng.bytes(rng.integers(5000)),
+            content.decode("latin-1").encode(pick(rng, ["utf-16", "utf-8-sig"])),
+        ),
+        content[: number.start()] + pick(rng, ODD_NUMBERS) + content[number.end() :],
+    ]
+    return pick(rng, made)
+
+
+def odd_json(rng, content):
+    """JSON of which a value is another one, gone, of another name, or only brackets."""
+    tree = place = json.loads(content)
+    while True:
+        key = pick(rng, list(place) if isinstance(place, dict) else range(len(place)))
+        if not isinstance(place[key], dict | list) or not place[key] or rng.random() < 0.2:
+            break
+        place = place[key]
+    match rng.integers(6):
+        case 0 | 1 | 2:
+            place[key] = pick(rng, ODD_VALUES)
+        case 3:
+            del place[key]
+        case 4:
+            place[key] = [place[key]]
+        case 5:
+            return pick(rng, [b"[" * 100_000, b'{"a":' * 100_000, b'{"a": 1, "a": 2}', b"9" * 5000])
+    return json.dumps(tree).encode()
+
+
+def odd_arrays(rng, content):
+    """A file of arrays of which one is odd."""
+    arrays = dict(np.load(io.BytesIO(content)))
+    name = pick(rng, list(arrays))
+    values = np.atleast_1d(arrays[name])
+    spoilt = values.copy()
+    if values.size and values.dtype.kind in "iuf":
+        spoilt.reshape(-1)[rng.integers(values.size)] = np.array(pick(rng, [-1, 10**6, 1000])).astype(values.dtype)
+    kind = pick(rng, ["U3", "S2", "M8[s]", "c16", "f2"])
+    odd = [
+        values[:-1],
+        values[None],
+        np.zeros(values.shape, kind),
+        np.full(values.shape, np.nan),
+        np.zeros((0, 0)),
+        spoilt,
+    ]
+    odd += [np.array([{"an": "object"}]), pick(rng, list(arrays.values())), values[..., :0], np.array("[" * 9999)]
+    arrays[name] = pick(rng, odd)
+    if rng.random() < 0.1:
+        del arrays[name]
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def odd_table(rng, content):
+    """A table of which a column or a setting is odd."""
+    table = pq.read_table(io.BytesIO(content))
+    at, n = int(rng.integers(table.num_columns)), len(table)
+    name, metadata = table.column_names[at], dict(table.schema.metadata)
+    column = pick(rng, [pa.nulls(n), pa.array(["x|<b>"] * n), pa.array([float("nan")] * n), pa.array([[1]] * n), None])
+    table = table.drop_columns([name]) if column is None else table.set_column(at, name, column)
+    if rng.random() < 0.3:
+        metadata[b"iswarm_mj"] = odd_json(rng, metadata[b"iswarm_mj"])
+    file = io.BytesIO()
+    pq.write_table(table.slice(0, pick(rng, [n, n, 0, 2])).replace_schema_metadata(metadata), file)
+    return file.getvalue()
+
+
+def no_file(rng, path):
+    """Put something at the path that is no plain file of a fair size; return what."""
+    kind = pick(rng, ["pipe", "folder", "loop", "endless", "gone", "forbidden", "sparse"])
+    match kind:
+        case "pipe":
+            os.mkfifo(path)
+        case "folder":
+            path.mkdir()
+        case "loop" | "endless":
+            path.symlink_to(path.name if kind == "loop" else "/dev/zero")
+        case "forbidden" | "sparse":
+            path.touch(0 if kind == "forbidden" else 0o600)
+            os.truncate(path, 2**40 if kind == "sparse" else 0)
+    return kind
+
+
+def attack_file(attack, path, good, read, odd):
+    """Put odd files where a good one belongs, and read them; `read` may raise a UserError of one line."""
     path.write_bytes(good)
     read()
-    others = [
-        good,
-        GENOME,
-        WALK.encode(),
-        b"PAR1" * 9,
-        b"PK\3\4" + bytes(60),
-        b"\x89PNG\r\n",
-        b"<mujoco/>",
-        b"[]",
-        b"{}",
-    ]
-    for rng in attack.generators(least):
+    for rng in attack.generators():
         kind, luck = "garbled", rng.random()
+        path.unlink()
         if luck < 0.08:
-            kind = replace_by_no_file(rng, path)
-        elif luck < 0.5 and odd is not None:
-            kind = "odd"
-            path.write_bytes(odd(rng, good))
+            kind = no_file(rng, path)
         else:
-            path.write_bytes(garbled(rng, good, others))
+            path.write_bytes(odd(rng, good) if luck < 0.5 else garbled(rng, good))
         with attack.case(kind, 60) as outcome, warnings.catch_warnings(), little_memory(2**31):
             warnings.simplefilter("ignore")
             try:
@@ -71,52 +160,64 @@ def attack_file(attack, path, good, read, odd=None, least=3):
             except UserError as error:
                 assert "\n" not in str(error) and len(str(error)) < 3000, error
                 outcome.append("refused")
-        remove(path)
+        path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+        path.touch()
 
 
-@pytest.mark.attack(0.03)
-def test_genomes(attack, tmp_path):
-    path = tmp_path / "genome.json"
-    attack_file(attack, path, GENOME, lambda: load_genome(str(path)), odd_json)
+def parsed(flag, path, command="clean"):
+    """A command line that names the file, parsed."""
+    try:
+        parse([command, flag, str(path)])
+    except SystemExit as end:  # the parser has explained a value
+        if end.code != 2:
+            raise
+        raise UserError("explained") from None
 
 
-@pytest.mark.attack(0.04)
-@pytest.mark.parametrize("name", ["robot.xml", "robot6.xml"])
-def test_robots(attack, tmp_path, name):
-    path = tmp_path / name
-    attack_file(attack, path, (models_directory() / name).read_bytes(), lambda: read_robot(path))
-
-
-@pytest.mark.attack(0.03)
-def test_strategies(attack, tmp_path):
-    path = tmp_path / "walk.py"
-    attack_file(attack, path, WALK.encode(), lambda: check_methods(find_strategy(f"{path}:Walk")))
+@pytest.mark.attack(8)
+@pytest.mark.parametrize("kind", ["genome", "robot", "strategy", "boxes", "config", "weights"])
+def test_what_users_write(attack, tmp_path, kind):
+    save_weights(tmp_path / "good.npz", np.arange(9.0))
+    robot, weights = (models_directory() / "robot6.xml").read_bytes(), (tmp_path / "good.npz").read_bytes()
+    name, good, read, odd = {
+        "genome": ("x.json", GENOME, lambda path: load_genome(str(path)), odd_json),
+        "robot": ("x.xml", robot, read_robot, garbled),
+        "strategy": ("x.py", STRATEGY, lambda path: find_strategy(f"{path}:Walk"), garbled),
+        "boxes": ("x.json", BOXES, read_obstacles, odd_json),
+        "config": ("x.toml", CONFIG, lambda path: parsed("--config", path), garbled),
+        "weights": ("x.npz", weights, load_weights, odd_arrays),
+    }[kind]
+    attack_file(attack, tmp_path / name, good, lambda: read(tmp_path / name), odd)
 
 
 def read_everything(out):
     """A run by all that reads runs; refused if one of them refuses it."""
     refusals = []
-    for read in (tables_of, recorded):
+
+    def tables():
+        run = load(out)
+        assert run.units and run.scene and all(map(len, (run.robots, run.balls, run.links, run.steps)))
+
+    for read in (tables, lambda: recorded(out), lambda: inspection(out), lambda: parsed("--config", out / RESULT)):
         try:
-            read(out)
+            read()
         except UserError as error:
             refusals.append(error)
     if refusals:
         raise refusals[0]
 
 
-def tables_of(out):
-    run = load(out)
-    for table in (run.robots, run.balls, run.links, run.steps):
-        assert len(table)
-    assert run.units and run.scene
-
-
-@pytest.mark.attack(0.04)
-@pytest.mark.parametrize(("name", "odd"), [(RESULT, odd_json), (TRAJECTORY, odd_arrays)])
-def test_runs(attack, recorded_run, tmp_path, name, odd):
+@pytest.mark.attack(12)
+@pytest.mark.parametrize("name, alone", [(RESULT, False), (TRAJECTORY, False), (TRAJECTORY, True)])
+def test_runs(attack, recorded_run, tmp_path, name, alone):
+    """Trajectories with and without a result.json, which says what they are."""
     out = shutil.copytree(recorded_run, tmp_path / "run")
-    attack_file(attack, out / name, (out / name).read_bytes(), lambda: read_everything(out), odd)
+    good = (out / name).read_bytes()
+    if alone:
+        (out / RESULT).unlink()
+        attack_file(attack, out / name, good, lambda: load(out).robots, odd_arrays)
+    else:
+        attack_file(attack, out / name, good, lambda: read_everything(out), odd_json if name == RESULT else odd_arrays)
 
 
 def same(jobs, *_):
@@ -124,20 +225,19 @@ def same(jobs, *_):
     yield from ((index, Outcome(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(6)
 @pytest.mark.parametrize("kind", ["search", "experiment"])
 def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
-    """Of a search, and of an experiment."""
     monkeypatch.setattr(pool, "run_jobs", same)
     for module in (search, experiment):
         monkeypatch.setattr(module, "write_table", lambda *_, **__: None)
     monkeypatch.setattr(search, "draw_fitness", lambda *_: None)
-    found, plan = Search(generations=3, population=4), experiment.Plan(quick=True)
+    plan = experiment.Plan(quick=True)
     made = experiment.Experiment("x", "", "", EXPERIMENTS["hop-count"].entries, lambda _: [], lambda *_: [])
 
     def read():
         if kind == "search":
-            search.run_search(found, tmp_path, resume=True)
+            search.run_search(Search(generations=3, population=4), tmp_path, resume=True)
         else:
             experiment.run_experiment(made, plan, tmp_path)
         capsys.readouterr()
@@ -147,14 +247,10 @@ def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
     attack_file(attack, path, path.read_bytes(), read)
 
 
-TABLES = ["grasp/trials.parquet", "hop-count/hop_count.parquet", "message-time/message_time.parquet"]
-
-
-@pytest.mark.attack(0.04)
-@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.attack(4)
+@pytest.mark.parametrize("name", ["grasp/trials.parquet", "hop-count/hop_count.parquet", "types/types.parquet"])
 def test_tables(attack, tmp_path, name, capsys):
-    """What cannot be used is left out of a report, and named."""
-    good = (models_directory().parent / "results" / name).read_bytes()
+    """What cannot be used is left out of a report, and named; a directory of it is inspected all the same."""
     path = tmp_path / name
     path.parent.mkdir()
 
@@ -163,30 +259,4 @@ def test_tables(attack, tmp_path, name, capsys):
         if path.name in str(capsys.readouterr().out):
             raise UserError("left out")
 
-    attack_file(attack, path, good, read, odd_table)
-
-
-def odd_table(rng, content):
-    """A table of which a column or a setting is odd."""
-    table = pq.read_table(io.BytesIO(content))
-    at = int(rng.integers(table.num_columns))
-    name = table.column_names[at]
-    metadata = dict(table.schema.metadata)
-    match rng.integers(7):
-        case 0:
-            table = table.drop_columns([name])
-        case 1:
-            table = table.set_column(at, name, pa.nulls(len(table)))
-        case 2:
-            table = table.set_column(at, name, pa.array(["x|<b>"] * len(table)))
-        case 3:
-            table = table.set_column(at, name, pa.array([float("nan")] * len(table)))
-        case 4:
-            table = table.slice(0, int(rng.integers(0, 3)))
-        case 5:
-            table = table.set_column(at, name, pa.array([[1]] * len(table)))
-        case 6:
-            metadata[b"iswarm_mj"] = odd_json(rng, metadata[b"iswarm_mj"])
-    file = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata(metadata), file)
-    return file.getvalue()
+    attack_file(attack, path, (models_directory().parent / "results" / name).read_bytes(), read, odd_table)

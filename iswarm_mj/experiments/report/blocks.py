@@ -14,8 +14,6 @@ from iswarm_mj.utils.files import atomic_write, check_file
 
 START = re.compile(r"^<!-- (results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *-->$")
 END = "<!-- end -->"
-LARGEST_PAGE = 2**26
-"""Size up to which a page is read [bytes]."""
 
 Fill = Callable[[str, str, str | None], str | None]
 """Content of a block from its directory, its name, and the other directory if it has one; None leaves the block as it
@@ -68,7 +66,7 @@ def new_texts(pages: Iterable[Path], fill: Fill) -> dict[Path, str]:
     found = {}
     for page in pages:
         try:
-            check_file(page, LARGEST_PAGE)
+            check_file(page)
             text = page.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError):
             raise UserError(f"{page} is not a readable page; give Markdown files.") from None

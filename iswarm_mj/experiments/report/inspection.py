@@ -14,7 +14,7 @@ from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.clean import summary
 from iswarm_mj.workflows.grasp import CURVES
@@ -55,7 +55,10 @@ def _about(directory: Path) -> Iterator[str]:
         yield from _run(read_result(directory / RESULT), directory)
     tables = [directory / name for name in _TABLES if (directory / name).is_file()]
     for path in tables:
-        yield from _table(path)
+        try:
+            yield from list(_table(path))
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            yield f"{path} is not a readable table of this version ({type(error).__name__}: {shown(error)})"
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"

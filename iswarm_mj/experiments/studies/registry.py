@@ -1,5 +1,7 @@
 """All experiments by their names."""
 
+from difflib import get_close_matches
+
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import (
     density,
@@ -12,7 +14,7 @@ from iswarm_mj.experiments.studies import (
     swarm_types,
     time_step,
 )
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import UserError, shown
 
 EXPERIMENTS = {
     module.EXPERIMENT.name: module.EXPERIMENT
@@ -37,8 +39,8 @@ def experiment(name: str) -> Experiment:
         UserError: there is none of this name.
     """
     if name not in EXPERIMENTS:
-        known = ", ".join(EXPERIMENTS)
-        raise UserError(f"The experiment was {name!r}; there are {known}: choose one of these.")
+        similar = "".join(f"; perhaps you meant {match}" for match in get_close_matches(name, EXPERIMENTS, 1))
+        raise UserError(f"there is no experiment {shown(name)!r}{similar}; choose {', '.join(EXPERIMENTS)}")
     return EXPERIMENTS[name]
 
 

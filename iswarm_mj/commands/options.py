@@ -1,15 +1,9 @@
-"""Flags of the configuration, and those of commands that run many swarms."""
+"""Flags that several commands share: the configuration, many runs, engines."""
 
-from argparse import ArgumentParser
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
-import tyro
-
-from iswarm_mj.commands.ignored import refuse_ignored
 from iswarm_mj.config import (
-    READINGS,
     ArenaConfig,
     DriveConfig,
     EnergyConfig,
@@ -18,10 +12,15 @@ from iswarm_mj.config import (
     StrategyConfig,
     SwarmConfig,
 )
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.registry import EngineName
+from iswarm_mj.engines.registry import EngineName, engines_with
 from iswarm_mj.experiments.runner.limits import Seed, Workers
-from iswarm_mj.utils.constraints import constraint_of
+from iswarm_mj.utils.constraints import Needs, constraint_of
+
+_ENGINE = {name: Needs("engine", tuple(engines_with(name))) for name in ("refinement", "threads")}
+Refinement: TypeAlias = Annotated[int, constraint_of(PlanarSettings, "refinement"), _ENGINE["refinement"]]
+Threads: TypeAlias = Annotated[int, constraint_of(MujocoSettings, "threads"), _ENGINE["threads"]]
 
 
 @dataclass(frozen=True)
@@ -47,16 +46,6 @@ class ConfigOptions:
         return SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy, self.energy)
 
 
-def with_reading(command: Any, arguments: Sequence[str]) -> Any:
-    """Return a command with the defaults that `--reading` among the arguments gives its flags; none without such."""
-    if not issubclass(command, ConfigOptions):
-        return tyro.MISSING_NONPROP
-    parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--reading", nargs="?")
-    name = parser.parse_known_args(list(arguments))[0].reading
-    return command(reading=name, **vars(READINGS[name])) if name in READINGS else command()
-
-
 @dataclass(frozen=True)
 class ManyRunsOptions(ConfigOptions):
     """How and where many runs are executed."""
@@ -69,21 +58,20 @@ class ManyRunsOptions(ConfigOptions):
     engine: EngineName = "mujoco"
     """Physics: mujoco (C, on CPUs), planar (faster; many times so in batches on an NVIDIA GPU if there is one) or mjx
     (JAX, runs batched on a GPU)."""
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
-    workers: Workers = 0
+    refinement: Refinement = PlanarSettings.refinement
+    workers: Annotated[Workers, Needs("in_processes", why="with runs in batches, which take one process")] = 0
     """Worker processes, but of batches, 0 for one per core; the results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
 
     @property
     def execution(self) -> Any:
-        """The `Execution` of the runs.
-
-        Raises:
-            UserError: a setting is out of range or does not apply to the engine.
-        """
+        """The `Execution` of the runs."""
         from iswarm_mj.experiments.runner.pool import Execution
 
-        execution = Execution(self.engine, self.workers, self.backend, self.refinement)
-        refuse_ignored(self, [(("workers",), execution.in_batches, "with runs in batches, which take one process")])
-        return execution
+        return Execution(self.engine, self.workers, self.backend, self.refinement)
+
+    @property
+    def in_processes(self) -> bool:
+        """Whether runs are computed one by one, by workers."""
+        return not self.execution.in_batches

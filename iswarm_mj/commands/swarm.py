@@ -9,17 +9,15 @@ from typing import Annotated, Any, ClassVar, cast
 
 import tyro
 
-from iswarm_mj.commands.config_options import ConfigOptions
-from iswarm_mj.commands.ignored import of_optics, refuse_ignored
-from iswarm_mj.commands.strategy_options import OWN, check_flags
+from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.options import ConfigOptions, Refinement, Threads
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_settings, engines_with
+from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_settings
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
-from iswarm_mj.utils.constraints import Above, check, constraint_of, validate
+from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import read_obstacles
 from iswarm_mj.utils.progress import waiting
@@ -34,7 +32,9 @@ GenomeOverrides = make_dataclass(
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
-_COMPILED_ONLY = ("devices",)
+_OF_MJX = Needs("engine", ("mjx",))
+_COMPILED = Needs("is_compiled", why="but with --engine mjx, and planar with --impl warp")
+_ON_HOST = Needs("is_on_host", why="with --impl warp, which uses no threads")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Swarm(ConfigOptions):
     controller: Annotated[str | None, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = None
     """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
     package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help."""
-    genome: str = "type1"
+    genome: Annotated[str, Needs("controller", (None,), "with `strategy`")] = "type1"
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
@@ -68,14 +68,20 @@ class Swarm(ConfigOptions):
     impl: ImplName = "default"
     """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
     (everywhere, the default) or warp (NVIDIA GPUs)."""
-    solver_iterations: Annotated[int, constraint_of(MjxSettings, "solver_iterations")] = MjxSettings.solver_iterations
-    contact_capacity: Annotated[float, constraint_of(MjxSettings, "contact_capacity")] = MjxSettings.contact_capacity
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
-    devices: str = "all"
+    solver_iterations: Annotated[int, constraint_of(MjxSettings, "solver_iterations"), _OF_MJX] = (
+        MjxSettings.solver_iterations
+    )
+    contact_capacity: Annotated[float, constraint_of(MjxSettings, "contact_capacity"), _OF_MJX] = (
+        MjxSettings.contact_capacity
+    )
+    refinement: Refinement = PlanarSettings.refinement
+    devices: Annotated[str, _COMPILED] = "all"
     """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
-    threads: Annotated[int, constraint_of(MujocoSettings, "threads")] = 0
+    threads: Annotated[Threads, _ON_HOST] = 0
     """Number of threads of mujoco and numba, 0 for one per core; results do not depend on it."""
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
+    own: Any = None
+    """The strategy with the values of its flags, where `controller` names one; an object of `Genome`, or another."""
 
     def __post_init__(self):
         validate(self)
@@ -87,31 +93,34 @@ class Swarm(ConfigOptions):
             return super().config
         if self.arena.obstacles:
             raise UserError("--obstacles and --arena.obstacles exclude each other; give one of them.")
-        config = super().config
         boxes: Any = read_obstacles(self.obstacles)
-        return replace(config, arena=replace(config.arena, obstacles=boxes))
+        config = super().config
+        try:
+            return replace(config, arena=replace(config.arena, obstacles=boxes))
+        except UserError as error:
+            raise UserError(f"--obstacles {self.obstacles}: {error}") from None
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """Return the configuration, the genome and the number of robots.
 
         Raises:
-            UserError: a setting is out of range, does not apply to the engine, or contradicts another one.
+            UserError: a setting is out of range, or contradicts another one.
         """
-        self._check_engine()
-        own = self.own_strategy
-        check_flags(own)
-        genome = own if isinstance(own, Genome) else overridden(load_genome(self.genome), vars(self.override))
+        known = ENGINES[self.engine].implementations
+        constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
+        check("impl", self.impl, constraint, self.impl in ("default", *known))
+        if self.impl == "warp" and importlib.util.find_spec("warp") is None:
+            raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
+        if self.robots is not None or self.density is not None:
+            refuse(self, ["density_of_robots"], "with `robots` or `density`")
+        is_genome = isinstance(self.own, Genome)
+        genome = self.own if is_genome else overridden(load_genome(self.genome), vars(self.override))
         config = self.config
         n_robots = self._n_robots(config, genome)
         n_worlds = MAX_ROBOTS["devices" if self.is_compiled else "host"] // n_robots
         constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
         check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
         return config, genome, n_robots
-
-    @property
-    def own_strategy(self) -> Any:
-        """The strategy that --strategy names, with the values of its flags; None for that of --genome."""
-        return getattr(self, OWN, None)
 
     @property
     def task(self) -> Any:
@@ -130,28 +139,10 @@ class Swarm(ConfigOptions):
         """Whether control steps are taken in chunks, by a compiled program."""
         return not engine_settings(self.engine, impl=self.implementation).on_host
 
-    def _check_engine(self) -> None:
-        known = ENGINES[self.engine].implementations
-        own = [f.name for f in fields(Swarm) if f.name not in ("impl", *_COMPILED_ONLY) and engines_with(f.name)]
-        changed = {name for name in (*own, *_COMPILED_ONLY) if getattr(self, name) != getattr(Swarm, name)}
-        constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
-        check("impl", self.impl, constraint, self.impl in ("default", *known))
-        for name in own:
-            engines = engines_with(name)
-            applies = self.engine in engines or name not in changed
-            check("engine", self.engine, f"{' or '.join(engines)} with `{name}`", applies)
-        for name in _COMPILED_ONLY:
-            applies = self.is_compiled or name not in changed
-            check("engine", self.engine, f"mjx, or planar with --impl warp, with `{name}`", applies)
-        if self.impl == "warp" and importlib.util.find_spec("warp") is None:
-            raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
-        drawn = self.override.density_of_robots is None or (self.robots is None and self.density is None)
-        rules = [
-            *of_optics(self.optics),
-            (("density_of_robots",), not drawn, "with `robots` or `density`"),
-            (("threads",), self.is_compiled, f"with `impl` {self.implementation}, which uses no threads"),
-        ]
-        refuse_ignored(self, rules)
+    @property
+    def is_on_host(self) -> bool:
+        """Whether threads of the CPU do all."""
+        return not self.is_compiled
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
         from iswarm_mj.engines.robot_file import read_robot
@@ -213,7 +204,7 @@ class Swarm(ConfigOptions):
             replace(settings, n_worlds=len(numbers), record_worlds=recorded),
             self._engine(chunk, is_here),
             worlds=[worlds[number] for number in numbers],
-            strategy=None if isinstance(self.own_strategy, Genome) else self.own_strategy,
+            strategy=None if isinstance(self.own, Genome) else self.own,
             task=self.task,
             robot_file=self.robot,
         )

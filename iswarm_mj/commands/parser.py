@@ -1,0 +1,140 @@
+"""What arguments of a command say: its flags, those of own strategies and tasks, of a file, and of a reading."""
+
+import sys
+from argparse import ArgumentParser
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr
+from dataclasses import MISSING, fields, is_dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from iswarm_mj.commands.config_file import ConfigFile
+from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
+from iswarm_mj.commands.rules import Rules
+from iswarm_mj.config import READINGS
+from iswarm_mj.utils.errors import UserError, printable
+
+HELP = {"-h", "--help"}
+HELP_ALL = {"--help-all", "--help_all"}
+_MOST_LINES = 24
+"""Of tyro's explanation of an error, which repeats arguments."""
+
+
+def parse(name: str, cls: type, given: Sequence[str]) -> Any:
+    """Return the command that arguments describe.
+
+    Args:
+        name: of the command.
+        cls: of its flags.
+        given: the arguments.
+
+    Raises:
+        UserError: a value is not allowed, a file cannot be read, or a flag is given twice.
+        SystemExit: help was printed, or tyro has explained why it cannot read the arguments.
+    """
+    known: dict[str, Any] = {}
+    try:
+        arguments, named = list(given), names(given)
+        if twice := [one for one, n in Counter(named).items() if n > 1]:
+            word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
+            raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
+        file = ConfigFile.read(Path(path), named) if (path := _value("config", given)) is not None else None
+        words = {word: _value(word, given) for word in ("reading", *SETTINGS)}
+        if file is not None:
+            words = {word: value or file.word(word) for word, value in words.items()}
+        settable = {f.name for f in fields(cls)}
+        for word in SETTINGS:
+            if file is not None and word in file.values and SETTINGS[word] not in settable:
+                file.refuse(name, word)
+        reading = READINGS.get(str(words["reading"])) if "reading" in settable else None
+        default = cls() if reading is None else cls(reading=words["reading"], **vars(reading))
+        known = {name: value for name, value, *_ in settings(default)}
+        own = _own({word: value for word, value in words.items() if SETTINGS.get(word) in settable and value})
+        if "own" in own:  # in place of the genome
+            known = {
+                name: value
+                for name, value, owner, _ in settings(default)
+                if owner is not getattr(default, "override", None)
+            }
+        for found in own.values():
+            known |= _flags_of(found, name, known)
+        if file is not None:
+            arguments = [*file.arguments(name, known, named), *arguments]
+        asked = {*given} & {*HELP, *HELP_ALL}
+        rules = Rules(cls, own, everything=not asked or bool(asked & HELP_ALL))
+        arguments = ["--help"] if asked else arguments
+        named = {"prog": f"iswarm {name}", "description": cls.__doc__}
+        return explained(tyro.cli, cls, default=default, registry=rules, args=arguments, **named)
+    except UserError as error:
+        raise UserError(in_flags(error, known)) from None
+
+
+def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
+    """Return what one of tyro's parsers does; what it says of mistakes is short, and harmless on a terminal.
+
+    Raises:
+        UserError: a completion is asked for a shell that there is none for.
+        SystemExit: help was printed, or an error explained.
+    """
+    said = StringIO()
+    try:
+        with redirect_stderr(said):
+            return cli(*arguments, **settings)
+    except AssertionError as error:
+        if "Shell should be" not in str(error):
+            raise
+        raise UserError(f"there are completions for the shells bash, zsh, tcsh and fish ({error})") from None
+    finally:
+        lines = [printable(line) for line in said.getvalue().splitlines()]
+        more = ["..."] * (len(lines) > _MOST_LINES)
+        print("\n".join([*lines[:_MOST_LINES], *more]), file=sys.stderr, end="\n" if lines else "")
+
+
+def _value(word: str, arguments: Sequence[str]) -> str | None:
+    """Value of a flag among arguments, for which there is no parser yet."""
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument(f"--{word}", nargs="?", dest="value")
+    return parser.parse_known_args(list(arguments))[0].value
+
+
+def _own(named: dict[str, str]) -> dict[str, Any]:
+    """The strategy and the task of these names, classes or objects, by the command's fields that hold them."""
+    found = {}
+    if "strategy" in named:
+        from iswarm_mj.strategy.genome import Genome
+        from iswarm_mj.strategy.library import find_strategy
+        from iswarm_mj.strategy.pytrees import check_methods
+
+        found["own"] = find_strategy(named["strategy"])
+        if not isinstance(found["own"], Genome):
+            check_methods(found["own"])
+    if "task" in named:
+        from iswarm_mj.tasks.library import find_task
+        from iswarm_mj.tasks.signatures import check_methods
+
+        found["own_task"] = find_task(named["task"])
+        check_methods(found["own_task"])
+    return found
+
+
+def _flags_of(found: Any, command: str, known: dict[str, Any]) -> dict[str, Any]:
+    """Flags of a strategy or a task and their defaults, None for those that must be given.
+
+    Raises:
+        UserError: one is a flag of the command, too.
+    """
+    cls = found if isinstance(found, type) else type(found)
+    if not is_dataclass(cls):
+        return {}
+    own = {f.name: None if f.default is MISSING else f.default for f in fields(cls)}
+    if clashes := [flag(name) for name in own if flag(name) in map(flag, known)]:
+        name = clashes[0].removeprefix("--").replace("-", "_")
+        raise UserError(
+            f"{cls.__name__} has a field {name}, but {clashes[0]} is already a flag of iswarm {command}; "
+            "rename the field"
+        )
+    return own

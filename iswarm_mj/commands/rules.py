@@ -1,0 +1,157 @@
+"""How tyro makes flags of settings: with their ranges and units, the main ones alone where help is short."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import tyro
+from tyro.constructors import (
+    MISSING_NONPROP,
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
+
+from iswarm_mj.utils.constraints import constraint_of, validate
+from iswarm_mj.utils.docstrings import field_docs
+
+_UNIT = re.compile(r"\s*\[[^\]]*\]\.?$")
+
+
+class Common(NamedTuple):
+    """Flags that each command has; `parser.parse` has used them."""
+
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Defaults of all flags: a TOML file, or the result.json of an earlier run."""
+    help_all: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Show all flags, with their groups."""
+
+
+class Rules(ConstructorRegistry):
+    """Rules for one command.
+
+    Args:
+        command: class of its flags; `MAIN` names the main ones, of a few all are.
+        own: classes or objects, whose values are defaults, that take the places of its fields of these names.
+        everything: whether there are all flags, or the main ones.
+    """
+
+    def __init__(self, command: type, own: dict[str, Any], everything: bool = True):
+        super().__init__()
+        self._main = () if everything else getattr(command, "MAIN", ())
+        self._command, self._own = command, own
+        self.struct_rule(self._struct)
+        self.primitive_rule(_number)
+        self.primitive_rule(_path)
+
+    def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
+        """Flags of a dataclass or a named tuple."""
+        cls: Any = info.type
+        own = next((one for one in self._own.values() if cls in (one, type(one))), None)
+        if own is None and not (isinstance(cls, type) and (is_dataclass(cls) or hasattr(cls, "_fields"))):
+            return None
+        if cls is self._command:
+            return self._of_command(info.default)
+        made = [_flag(cls, *member) for member in _members(cls, info.default if own in (None, cls) else own)]
+        return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
+
+    def _of_command(self, default: Any) -> StructConstructorSpec:
+        hidden = {"own", "own_task"}
+        if "own" in self._own:  # in place of the genome
+            hidden |= {"override"} | ({"genome"} if self._main else set())
+        made = {
+            name: _flag(self._command, name, kind, usual)
+            for name, kind, usual in _members(self._command, default)
+            if name not in hidden and (not self._main or name in self._main)
+        }
+        made = {name: made[name] for name in self._main or made if name in made}
+        for name, found in self._own.items():
+            cls: Any = found if isinstance(found, type) else type(found)
+            made[name] = StructFieldSpec(name, _annotated(cls, tyro.conf.arg(name="")), MISSING_NONPROP)
+        common = [_flag(Common, *member) for member in _members(Common, None)]
+        shown = common if self._main else common[:1]
+
+        def command(**given: Any) -> Any:
+            return self._command(**{name: value for name, value in given.items() if name not in Common._fields})
+
+        return StructConstructorSpec(command, (*made.values(), *shown))
+
+
+def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Name, annotation and default of each field of a dataclass or a named tuple; none of another class."""
+    hints = get_type_hints(cls, include_extras=True)
+    usual: dict[str, Any] = dict(getattr(cls, "_field_defaults", {}))
+    for f in fields(cls) if is_dataclass(cls) else ():
+        usual[f.name] = f.default if f.default_factory is MISSING else f.default_factory()
+    for name in [f.name for f in fields(cls) if f.init] if is_dataclass(cls) else getattr(cls, "_fields", ()):
+        value = getattr(default, name) if type(default) is cls else usual.get(name, MISSING)
+        yield name, hints[name], MISSING_NONPROP if value is MISSING else value
+
+
+def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
+    """A flag with its text, range, unit and default; without the unit in brackets where the range has it."""
+    described = getattr(cls, "described_by", cls)
+    limits, text = constraint_of(described, name), field_docs(described).get(name)
+    if text is None and limits is not None and limits.source is not None:  # the setting that the flag sets
+        text = field_docs(limits.source[0])[limits.source[1]]
+    text = _UNIT.sub(".", text or "") if limits is not None and limits.unit else text or ""
+
+    def hint(shown: str) -> str:
+        has_default = shown not in ("None", "") and cls is not Common
+        facts = [str(limits or "").split(", since")[0], f"default {shown}" * has_default]
+        return f"({'; '.join(filter(None, facts))})" * any(facts)
+
+    return StructFieldSpec(name, _annotated(kind, tyro.conf.arg(help_behavior_hint=hint)), default, text)
+
+
+def _annotated(kind: Any, extra: object) -> Any:
+    return Annotated[kind, extra]
+
+
+def _explained(cls: type) -> Callable[..., Any]:
+    """What makes a strategy or a task: the values are checked, and errors of its own code explained."""
+    from iswarm_mj.strategy.user_code import user_code
+
+    def make(**given: Any) -> Any:
+        with user_code(cls.__name__):
+            made = cls(**given)
+        if is_dataclass(made):
+            validate(made)
+        return made
+
+    return make
+
+
+def _number(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+    """Numbers in ASCII digits; Python takes others, and underscores, too."""
+    kind: Any = info.type
+    if kind not in (int, float):
+        return None
+
+    def read(words: list[str]) -> Any:
+        if not words[0].isascii() or "_" in words[0]:
+            raise ValueError(f"{words[0]!r} is no {'whole ' * (kind is int)}number")
+        return kind(words[0])
+
+    def fits(value: Any) -> bool:
+        return isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)
+
+    return PrimitiveConstructorSpec(1, kind.__name__.upper(), read, fits, lambda value: [str(value)])
+
+
+def _path(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+    """Names of files; none is empty, which would be the working directory."""
+    if info.type is not Path:
+        return None
+
+    def read(words: list[str]) -> Path:
+        if not words[0] or "\0" in words[0]:
+            raise ValueError("it must be the name of a file or directory, `.` for this one")
+        return Path(words[0])
+
+    return PrimitiveConstructorSpec(1, "PATH", read, lambda value: isinstance(value, Path), lambda value: [str(value)])
