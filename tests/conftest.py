@@ -81,7 +81,8 @@ if version("jaxlib") < "0.11":  # later ones do not know it, and end the process
 def pytest_addoption(parser):
     """Of the attacks in `robustness/`; here, since pytest reads no other folder's options early enough."""
     group = parser.getgroup("attacks")
-    group.addoption("--budget", default="10s", help="time for all attacks together, such as 60s, 10m or 2h")
+    group.addoption("--times", type=int, default=1, help="so many times the usual number of cases of each attack")
+    group.addoption("--budget", default="10s", help="time of a soak, such as 60s, 10m or 2h")
     group.addoption("--case", default="0-", help="number of the only case of each attack, or of the first one as `7-`")
 
 

@@ -1,7 +1,6 @@
-"""Attacks: cases drawn one after the other by their numbers until the time is up, and counted."""
+"""Attacks: cases drawn one after the other by their numbers, and counted."""
 
 import signal
-import time
 import traceback
 from collections import Counter
 from contextlib import contextmanager
@@ -43,25 +42,21 @@ class Attack:
         counts: of the cases, by what became of them: `broken`, or what the test calls it.
     """
 
-    def __init__(self, name, budget_s, first=0, alone=False):
+    def __init__(self, name, n_cases, first=0, alone=False):
         """Begin.
 
         Args:
             name: of the test, as pytest is given it.
-            budget_s: time for all cases; the first ones are tried in any case.
+            n_cases: how many.
             first: number of the first case.
             alone: there are no others.
         """
-        self._name, self._end, self._next, self._alone = name, time.monotonic() + budget_s, first, alone
+        self._name, self._first, self._next, self._last = name, first, first, first + (1 if alone else n_cases)
         self.counts, self.finds = Counter(), []
 
-    def generators(self, least=1, most=None):
-        """Yield the random generators of the cases, `least` of them even where the time is up."""
-        first = self._next
-        while self._next == first or not self._alone:
-            tried = self._next - first
-            if tried >= least and (time.monotonic() > self._end or tried == most):
-                return
+    def generators(self, most=None):
+        """Yield the random generators of the cases, at most so many."""
+        while self._next < self._last and self._next - self._first != most:
             yield np.random.default_rng([self._next, *self._name.encode()])
             self._next += 1
 

@@ -1,7 +1,7 @@
-"""Attacks are given their part of the budget, and their counts are told at the end."""
+"""Attacks are given their number of cases, and their counts are told at the end."""
 
 import pytest
-from helpers_attack import Attack, numbers, seconds
+from helpers_attack import Attack, numbers
 
 from iswarm_mj import MujocoSettings, Run, RunSettings
 from iswarm_mj.workflows.clean import clean
@@ -11,11 +11,11 @@ KEY = "attack"
 
 @pytest.fixture
 def attack(request):
-    """The attack of a test, whose marker `attack` states its part of the budget."""
-    (part,) = request.node.get_closest_marker("attack").args
+    """The attack of a test, whose marker `attack` states its number of cases."""
+    (n_cases,) = request.node.get_closest_marker("attack").args
     config = request.config.option
     first, alone = numbers(config.case)
-    found = Attack(request.node.nodeid, part * seconds(config.budget), first, alone)
+    found = Attack(request.node.nodeid, n_cases * config.times, first, alone)
     yield found
     request.node.user_properties.append((KEY, dict(found.counts)))
     found.check()

@@ -92,12 +92,12 @@ def check(code, out, error):
     return "answered"
 
 
-@pytest.mark.attack(0.2)
+@pytest.mark.attack(60)
 def test_each_is_done_or_refused(attack, place, monkeypatch):
     for name in STARTS:
         monkeypatch.setattr(name, reach)
     names = list(COMMANDS)
-    for number, rng in enumerate(attack.generators(least=len(names))):
+    for number, rng in enumerate(attack.generators()):
         line = command_line(rng, names[number] if number < len(names) else None)
         with attack.case(line) as outcome:
             outcome.append(check(*answer(line)))
@@ -127,10 +127,10 @@ def finite(out):
         assert all(np.isfinite(file[name]).all() for name in ("pose", "ball_position", "mean_speed") if name in file)
 
 
-@pytest.mark.attack(0.1)
+@pytest.mark.attack(30)
 def test_what_is_accepted_runs(attack, place):
     """To its end, or to a fault in a sentence; what it records is finite."""
-    for rng in attack.generators(least=2):
+    for rng in attack.generators():
         line = for_real(rng)
         if any(huge(word) for word in line):
             continue
@@ -155,7 +155,7 @@ ENOUGH_S = 20
 """What a process runs that long was accepted."""
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(20)
 def test_as_a_process(attack, place):
     """With the interpreter's own handling of what nobody catches, and of text that is none."""
     for rng in attack.generators():

@@ -30,7 +30,7 @@ from iswarm_mj.utils.errors import UserError
 GENOME = b'{"use_hop_count": true, "p_vector_forget": 0.29, "density_of_robots": 0.2, "fraction_scouts": 0.1}\n'
 
 
-def attack_file(attack, path, good, read, odd=None, least=3):
+def attack_file(attack, path, good, read, odd=None):
     """Put odd files where a good one belongs, and read them.
 
     Args:
@@ -39,7 +39,6 @@ def attack_file(attack, path, good, read, odd=None, least=3):
         good: its content, which can be read.
         read: reads it; may raise a UserError of one line.
         odd: makes content of the right format that says something else.
-        least: cases in any case.
     """
     path.write_bytes(good)
     read()
@@ -54,7 +53,7 @@ def attack_file(attack, path, good, read, odd=None, least=3):
         b"[]",
         b"{}",
     ]
-    for rng in attack.generators(least):
+    for rng in attack.generators():
         kind, luck = "garbled", rng.random()
         if luck < 0.08:
             kind = replace_by_no_file(rng, path)
@@ -74,20 +73,20 @@ def attack_file(attack, path, good, read, odd=None, least=3):
         remove(path)
 
 
-@pytest.mark.attack(0.03)
+@pytest.mark.attack(12)
 def test_genomes(attack, tmp_path):
     path = tmp_path / "genome.json"
     attack_file(attack, path, GENOME, lambda: load_genome(str(path)), odd_json)
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(15)
 @pytest.mark.parametrize("name", ["robot.xml", "robot6.xml"])
 def test_robots(attack, tmp_path, name):
     path = tmp_path / name
     attack_file(attack, path, (models_directory() / name).read_bytes(), lambda: read_robot(path))
 
 
-@pytest.mark.attack(0.03)
+@pytest.mark.attack(12)
 def test_strategies(attack, tmp_path):
     path = tmp_path / "walk.py"
     attack_file(attack, path, WALK.encode(), lambda: check_methods(find_strategy(f"{path}:Walk")))
@@ -112,7 +111,7 @@ def tables_of(out):
     assert run.units and run.scene
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(12)
 @pytest.mark.parametrize(("name", "odd"), [(RESULT, odd_json), (TRAJECTORY, odd_arrays)])
 def test_runs(attack, recorded_run, tmp_path, name, odd):
     out = shutil.copytree(recorded_run, tmp_path / "run")
@@ -124,7 +123,7 @@ def same(jobs, *_):
     yield from ((index, Outcome(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(12)
 @pytest.mark.parametrize("kind", ["search", "experiment"])
 def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
     """Of a search, and of an experiment."""
@@ -150,7 +149,7 @@ def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
 TABLES = ["grasp/trials.parquet", "hop-count/hop_count.parquet", "message-time/message_time.parquet"]
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(12)
 @pytest.mark.parametrize("name", TABLES)
 def test_tables(attack, tmp_path, name, capsys):
     """What cannot be used is left out of a report, and named."""

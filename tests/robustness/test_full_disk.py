@@ -45,7 +45,7 @@ def filled(filler, arguments, out, after):
     return process, int(np.frombuffer(count.read_bytes(), np.int64)[0])
 
 
-@pytest.mark.attack(0.1)
+@pytest.mark.attack(3)
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 def test_at_any_write(attack, filler, recorded_run, tmp_path):
     """It ends with a sentence; what was there before, or is new, is whole."""
@@ -75,7 +75,7 @@ def test_at_any_write(attack, filler, recorded_run, tmp_path):
             outcome.append(told)
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(2)
 def test_a_directory_vanishes(attack, recorded_run, tmp_path):
     """Removed, moved away, or replaced by a file, while a command writes into it."""
     out, names = tmp_path / "out", list(WRITING)
@@ -108,7 +108,7 @@ def wait_for_work(process, out, rng):
     time.sleep(rng.random() ** 3)
 
 
-@pytest.mark.attack(0.05)
+@pytest.mark.attack(2)
 def test_two_in_one_directory(attack, recorded_run, tmp_path):
     """One of them is refused, or comes after the other; the files are of one of them."""
     out = tmp_path / "out"

@@ -120,10 +120,10 @@ def misuse(rng, small):
             return f"load({value!r:.60})", lambda: load(value)
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(20)
 def test_each_is_refused_or_makes_sense(attack, small, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for rng in attack.generators(least=20):
+    for rng in attack.generators():
         about, call = misuse(rng, small)
         with attack.case(about) as outcome, warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -17,7 +17,7 @@ LATEST_S = 12.0
 """After the start; most commands begin with some seconds of loading and compiling."""
 
 
-@pytest.mark.attack(0.15)
+@pytest.mark.attack(4)
 def test_at_any_moment(attack, recorded_run, tmp_path):
     """What became of a process by its signal, and how long that took at most, are told."""
     out, names, slowest = tmp_path / "out", list(LONG), 0.0

@@ -113,7 +113,7 @@ def compiled(small):
         Run(small, settings=RunSettings(N_ROBOTS, 1), engine=engine).advance()
 
 
-@pytest.mark.attack(0.04)
+@pytest.mark.attack(10)
 @pytest.mark.usefixtures("compiled")
 def test_numbers_stay_finite(attack, small):
     for rng in attack.generators():
