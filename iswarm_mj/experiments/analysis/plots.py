@@ -157,7 +157,7 @@ def draw_samples(panels: Sequence[Sample], path: Path, caption: str, columns: in
         for axes, (label, groups, (low, high)) in zip(drawn, panels, strict=False):
             for place, found in enumerate(groups.values()):
                 across = place + rng.uniform(-0.15, 0.15, len(found))
-                axes.plot(across, found, "o", color=GREY if place else BLUE, markersize=3, alpha=0.7)
+                axes.plot(across, found, "o", color=BLUE, markersize=3, alpha=0.7)
                 if len(found):
                     axes.hlines(np.median(found), place - 0.3, place + 0.3, color=ORANGE, linewidth=1.8)
             most = max((max(found) for found in groups.values() if len(found)), default=1.0)

@@ -14,6 +14,7 @@ from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, Sample, draw_samples
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import Combination, accepted
+from iswarm_mj.output.palette import BLUE as STRONG
 from iswarm_mj.output.palette import DARK, GREEN
 from iswarm_mj.output.plot_style import figure
 
@@ -134,11 +135,11 @@ def draw_support(
     height = max(4.0, 0.17 * (sum(map(len, shares.values())) + len(shares)))
     with figure(path, columns=3, size=(4.6, height), caption=caption) as (left, middle, right):
         counts, total = Counter(sum(c.answers) for c in sample), len(asked)
-        left.bar(list(counts), list(counts.values()), color=PALE, edgecolor=BLUE, linewidth=0.8)
+        left.bar(list(counts), list(counts.values()), color=PALE, edgecolor=STRONG, linewidth=0.8)
         left.xaxis.set_major_locator(MaxNLocator(integer=True))
         left.set(xlabel=f"statements reproduced, of {total}", ylabel="combinations")
         place = np.arange(total)[::-1]
-        for group, shift, hue in ((sample, 0.2, PALE), (kept, -0.2, BLUE)):
+        for group, shift, hue in ((sample, 0.2, PALE), (kept, -0.2, STRONG)):
             middle.barh(place + shift, np.mean([c.answers for c in group], axis=0), 0.4, color=hue)
         for k, (hue, dashes, one) in enumerate(zip(_MARKERS, _DASHES, named, strict=False)):
             left.axvline(sum(one.answers), color=hue, linestyle=dashes, linewidth=2, label=f"reading {one.reading}")
@@ -155,7 +156,7 @@ def draw_support(
             top, prior = at, 1 / len(labels)
             for label, (estimate, low, high) in labels.items():
                 at -= 1
-                hue = ORANGE if low > prior else BLUE if high < prior else DARK
+                hue = ORANGE if low > prior else STRONG if high < prior else DARK
                 right.errorbar(estimate, at, xerr=[[estimate - low], [high - estimate]], fmt="o", color=hue, ms=4)
                 places.append(at)
                 texts.append(f"{factor.replace('_', ' ')}: {label}")
