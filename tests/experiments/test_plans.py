@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from iswarm_mj.config import READINGS, DriveConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.statements import refusals
+from iswarm_mj.experiments.analysis.beyond_statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan, run_seed
 from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS

@@ -8,9 +8,9 @@ import pytest
 from helpers_outcomes import PLAN, done, rows_of, type_rows
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.analysis.beyond_statements import changes
 from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, NOT_RUN, PREDICTED, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.analysis.measures import latest_finish
-from iswarm_mj.experiments.analysis.statements import changes
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome, run_job
 from iswarm_mj.experiments.studies import observed, plans

@@ -17,20 +17,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from iswarm_mj.experiments.analysis.findings import (
-    CONSTRUCTED,
     FAILS,
-    FITTED,
     HOLDS,
-    NOT_IN_PAPER,
-    PREDICTED,
-    SLIP,
     UNDECIDED,
     Judged,
     Rows,
-    Statement,
+    Test,
     number,
     percent,
     span,
+    stated,
 )
 from iswarm_mj.experiments.analysis.judge import Estimate, always, averages, differences, judged, shares
 from iswarm_mj.experiments.analysis.measures import VOLTAGE, by, select, values
@@ -74,14 +70,12 @@ _MELTED = 15e-6
 # --- Laws; they need no results ---
 
 
-def _law(
-    claim: str, source: str, paper: str, kind: str, fact: Callable[[], tuple[str, str, bool | np.bool_]]
-) -> Statement:
+def _law(fact: Callable[[], tuple[str, str, bool | np.bool_]]) -> Test:
     def test(results: object) -> Judged:
         ours, how, holds = fact()
         return Judged(ours, how, HOLDS if holds else FAILS)
 
-    return Statement("laws", claim, source, paper, kind, test)
+    return test
 
 
 def _square():
@@ -312,88 +306,31 @@ def _melting(rows: Rows) -> Judged | None:
     return Judged(ours, tested, HOLDS if does else FAILS)
 
 
-_THEORY, _SEEN = "section 3.2.1", "section 3.2.3"
-_ROWS = (
-    ("Without contact no ball is lifted below 50 V, even at 10 % RH", _SEEN, "none", FITTED, _without_contact),
-    ("With contact, grasping is achieved all the times", _SEEN, "all", FITTED, _always),
-    ("The grasp voltage at 10 % RH ranges from 20 to 30 V", f"{_SEEN}, Fig. 8", "20 to 30 V", FITTED, _grasp_band),
-    (
-        "The radius does not really influence the grasp voltage",
-        f"{_SEEN}, Figs. 8 and 9",
-        "no trend",
-        CONSTRUCTED,
-        _flat("grasp"),
-    ),
-    *(
-        (
-            f"The grasp voltage is higher at {rh:g} % RH than at 10 %",
-            f"{_SEEN}, Fig. 9",
-            "optimum at 10 % RH",
-            CONSTRUCTED,
-            _humid(rh),
-        )
-        for rh in (30.0, 50.0)
-    ),
-    ("The release voltage at 10 % RH and 5 µm ranges from 37 to 47 V", _SEEN, "37 to 47 V", FITTED, _release_band),
-    ("The release is highly reliable and repeatable", _SEEN, "highly", FITTED, _reliable),
-    (
-        "The release voltage is smaller than the theory's 70 V",
-        _SEEN,
-        "37 to 47 V instead of 70 V",
-        FITTED,
-        _below_theory,
-    ),
-    ("The radius does not influence the release voltage", NOT_IN_PAPER, "not reported", CONSTRUCTED, _flat("release")),
-    (
-        "Grasping and releasing take voltages of the same typical amplitude",
-        _THEORY,
-        "by symmetry",
-        FITTED,
-        _alike,
-    ),
-    ("A ball of 15 µm melts at 70 V in contact", f"{_SEEN}, Fig. 10", "70 V", FITTED, _melting),
-)
-STATEMENTS = (
-    _law("The Coulomb force is proportional to the voltage squared", _THEORY, "V^2", CONSTRUCTED, _square),
-    _law("It depends on the shape of the system, not on its size", _THEORY, "shape factor alone", CONSTRUCTED, _scale),
-    _law("It has a peak where the tool's radius is nearly the ball's", _THEORY, "R_m close to R_s", PREDICTED, _peak),
-    _law(
-        "Eq. 2, for small gaps, gives the force at 5 µm",
-        f"{_THEORY}, Eq. 2",
-        "valid for D below R_s, going to zero",
-        SLIP,
-        _asymptote,
-    ),
-    _law("The pull-off force lies between JKR and DMT", f"{_THEORY}, Eq. 1", "3/2 to 2 pi R W", CONSTRUCTED, _bounds),
-    _law("The constant of Eq. 3 is 5.49e5", f"{_THEORY}, Eq. 3", "5.49e5", SLIP, _constant),
-    _law(
-        "Releasing across 5 µm takes 120 to 1200 V for W of 0.01 to 1 J/m^2",
-        f"{_THEORY}, Eq. 4",
-        "120 to 1200 V",
-        SLIP,
-        _range,
-    ),
-    _law("Gravity is negligible beside adhesion", _SEEN, "yes", FITTED, _gravity),
-    _law(
-        "Adhesion at 10 % RH is around half of that in air of 70 to 90 % RH",
-        _THEORY,
-        "around half, after ref. 54",
-        CONSTRUCTED,
-        _half,
-    ),
-    _law(
-        "At 10 % RH releasing takes 70 to 350 V instead of the 100 to 500 V in air",
-        _THEORY,
-        "70 to 350 V",
-        CONSTRUCTED,
-        _drier,
-    ),
-    _law(
-        "Fitness is at most 2860 unless all dust is delivered, and 8360 in 250 steps",
-        "section 4.6",
-        "2860, 8360",
-        SLIP,
-        _points,
-    ),
-    *(Statement("grasp", *one) for one in _ROWS),
-)
+LAWS = {
+    "voltage squared": _square,
+    "scale": _scale,
+    "peak": _peak,
+    "small gaps": _asymptote,
+    "pull-off bounds": _bounds,
+    "constant": _constant,
+    "release range": _range,
+    "gravity": _gravity,
+    "half adhesion": _half,
+    "drier air": _drier,
+    "points": _points,
+}
+TRIALS = {
+    "no contact": _without_contact,
+    "always lifts": _always,
+    "grasp band": _grasp_band,
+    "grasp flat": _flat("grasp"),
+    "humid 30": _humid(30.0),
+    "humid 50": _humid(50.0),
+    "release band": _release_band,
+    "reliable": _reliable,
+    "below theory": _below_theory,
+    "release flat": _flat("release"),
+    "alike voltages": _alike,
+    "melting": _melting,
+}
+STATEMENTS = stated({name: _law(fact) for name, fact in LAWS.items()} | TRIALS)

@@ -32,7 +32,6 @@ from iswarm_mj.experiments.analysis.evolution import (
 )
 from iswarm_mj.experiments.analysis.findings import (
     FAILS,
-    FITTED,
     HOLDS,
     NOT_IN_PAPER,
     PREDICTED,
@@ -40,8 +39,10 @@ from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Judged,
     Statement,
+    Test,
     number,
     span,
+    stated,
 )
 from iswarm_mj.experiments.analysis.judge import RARE, Estimate, judged, shares
 from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS
@@ -69,16 +70,12 @@ Told = Callable[[Evolutions], str]
 
 
 def _median(
-    claim: str,
-    source: str,
-    paper: str,
     value: Callable[[Evolution], float | None],
     told: Told,
     low: float = -math.inf,
     high: float = math.inf,
     unit: str = "",
-    kind: str = PREDICTED,
-) -> Statement:
+) -> Test:
     """A statement on the median over evolutions."""
 
     def test(samples: Samples) -> Judged | None:
@@ -97,10 +94,10 @@ def _median(
         notes = [] if enough else [f"{_ONE}no interval from {len(found)}, needs {EVOLUTIONS} (--replicates)"]
         return judged([one], "median over evolutions", unit, "; ".join(notes + [lacking] * (len(found) < len(every))))
 
-    return Statement("evolution", claim, f"section 4.6{source}", paper, kind, test)
+    return test
 
 
-def _property(claim: str, paper: str, has: Callable[[Genome], bool], *names: str) -> Statement:
+def _property(has: Callable[[Genome], bool], *names: str) -> Test:
     """A statement that most of the evolutions have a property of their best genome."""
 
     def test(samples: Samples) -> Judged | None:
@@ -111,10 +108,10 @@ def _property(claim: str, paper: str, has: Callable[[Genome], bool], *names: str
         said = {"": f" by their best genomes, {_best(*names)(every)}"}
         return shares(counts, 0.5, said=said, least=EVOLUTIONS, of="evolutions")
 
-    return Statement("evolution", claim, "section 4.6.1, Table 2", paper, PREDICTED, test)
+    return test
 
 
-def _against(claim: str, method: str, is_judged: bool) -> Statement:
+def _against(method: str, is_judged: bool) -> Test:
     """The best runs of the evolutions against those of another method's searches.
 
     Not the last generations, which are told beside them: those of random search are as its first.
@@ -137,7 +134,7 @@ def _against(claim: str, method: str, is_judged: bool) -> Statement:
         verdict = found.verdict if found and min(n) >= EVOLUTIONS else TOO_FEW
         return found._replace(verdict=verdict * is_judged) if found else None
 
-    return Statement("evolution", claim, NOT_IN_PAPER, "not studied", PREDICTED, test)
+    return test
 
 
 def _of(group: str, count: Callable[[Evolution], int]) -> Told:
@@ -186,12 +183,9 @@ def _medians(text: str, *points: Callable[[Evolution], float]) -> Told:
     return lambda every: text.format(*(f"{np.median([value(one) for one in every]):z.0f}" for value in points))
 
 
-def _level(what: str, name: str, paper: float, spread: str) -> Statement:
+def _level(name: str, paper: float) -> Test:
     """A parameter is the paper's in runs that clean the arena."""
     return _median(
-        f"{what} is {paper} in swarms that clean the arena",
-        ".1",
-        spread,
         lambda one: mean_of(one.good, lambda row: row[name]),
         lambda every: f"mean {_spread(every, 'good', name)}",
         paper - NEAR,
@@ -199,10 +193,9 @@ def _level(what: str, name: str, paper: float, spread: str) -> Statement:
     )
 
 
-def _equal(what: str, name: str, spread: str) -> Statement:
+def _equal(name: str) -> Test:
     """A parameter is equal in runs that clean the arena and in others."""
-    claim = f"{what} is equal in swarms that clean the arena and in others"
-    return _median(claim, ".1", spread, lambda one: one.apart(name), _both(name), -NEAR, NEAR, kind=FITTED)
+    return _median(lambda one: one.apart(name), _both(name), -NEAR, NEAR)
 
 
 class Trait(NamedTuple):
@@ -270,11 +263,8 @@ def _moved(trait: Trait) -> Statement:
     return Statement("evolution", f"Selection moves {trait.what}", NOT_IN_PAPER, "not studied", PREDICTED, test)
 
 
-STATEMENTS = (
-    _median(
-        "The best fitness rises steadily from generation 1 to 35",
-        ".1, Fig. 14(a)",
-        "steady increase",
+TESTS = {
+    "rises": _median(
         lambda one: one.rise,
         _medians(
             f"best of a generation {{}} in the first, {{}} in the {RISE}th, {{}} at most; correlation with the "
@@ -285,10 +275,7 @@ STATEMENTS = (
         ),
         low=0.5,
     ),
-    _median(
-        "The last 20 generations are fitter than the first 5",
-        ".1, Fig. 14(a)",
-        "yes, by the figure",
+    "learns": _median(
         lambda one: one.gain,
         _medians(
             "mean fitness {} against {} points; difference",
@@ -298,12 +285,9 @@ STATEMENTS = (
         low=0.0,
         unit="points",
     ),
-    _against("The evolution beats random search at the same budget", "random", True),
-    _against("The evolution against CMA-ES at the same budget", "cmaes", False),
-    _median(
-        "The fittest swarm of an evolution has the paper's fitness",
-        ".1, Table 2",
-        "7771 points, the fittest of 1200",
+    "beats random": _against("random", True),
+    "against CMA-ES": _against("cmaes", False),
+    "as fit": _median(
         lambda one: float(one.bests.max()),
         lambda every: (
             f"{100 * np.median([one.bests.max() for one in every]) / FITNESS - 100:+.1f} % against the paper's"
@@ -312,101 +296,66 @@ STATEMENTS = (
         (1 + NEARLY) * FITNESS,
         "points",
     ),
-    _median(
-        "No swarm cleans the whole arena in less than 250 steps",
-        "",
-        "theoretical shortest finishing time of approximately 250 steps",
+    "slow": _median(
         lambda one: one.early,
         lambda every: f"the earliest at step {min(row['finished_at'] for one in every for row in one.good)}",
         high=RARE,
         unit="%",
     ),
-    _median(
-        "A high fraction of the swarms does not clean the whole arena",
-        ".1",
-        "525 of 1200, 43.8 %",
+    "many fail": _median(
         lambda one: len(one.poor) / len(one.rows) if len(one.rows) >= GROUP else None,
         _of("rows", lambda one: len(one.poor)),
         low=0.2,
         unit="%",
-        kind=FITTED,
     ),
-    _median(
-        "Swarms that clean the whole arena use hop counts, at least 90 % of them",
-        ".1",
-        "655 of 675, 97.0 %",
+    "counted": _median(
         lambda one: mean_of(one.good, lambda row: row["use_hop_count"]),
         _of("good", lambda one: sum(row["use_hop_count"] for row in one.good)),
         low=0.9,
         unit="%",
     ),
-    _median(
-        "Most swarms that do not clean it do not use them",
-        ".1",
-        "464 of 525, 88.4 %",
+    "uncounted": _median(
         lambda one: mean_of(one.poor, lambda row: not row["use_hop_count"]),
         _of("poor", lambda one: sum(not row["use_hop_count"] for row in one.poor)),
         low=0.5,
         unit="%",
-        kind=FITTED,
     ),
     # Half and twice the paper's 4 %.
-    _median(
-        "About 4 % of the swarms without hop counts clean the whole arena",
-        ".1",
-        "20 of 484, 4.1 %: 675 - 655 of 464 + 20",
+    "exceptions": _median(
         lambda one: one.exceptions,
         _of("without", lambda one: sum(not row["use_hop_count"] for row in one.good)),
         0.02,
         0.08,
         "%",
     ),
-    _level("The fraction of scouts", "fraction_scouts", 0.16, "0.16 ± 0.12"),
-    _level("p(vector-forget)", "p_vector_forget", 0.28, "0.28 ± 0.13"),
-    _equal("The fraction of scouts", "fraction_scouts", "0.16 ± 0.12 and 0.16 ± 0.13"),
-    _equal("p(vector-forget)", "p_vector_forget", "0.28 ± 0.13 and 0.29 ± 0.16"),
-    _median(
-        "p(vector-forget) and the fraction of scouts are negatively correlated among the 250 fittest swarms of "
-        "generations 35 to 100",
-        ".1, Fig. 14(b)",
-        "strong negative correlation, no number given",
-        lambda one: one.trade,
-        lambda every: f"{sum(len(one.top) for one in every)} runs; r",
-        high=0.0,
-    ),
+    "scouts level": _level("fraction_scouts", 0.16),
+    "forget level": _level("p_vector_forget", 0.28),
+    "scouts equal": _equal("fraction_scouts"),
+    "forget equal": _equal("p_vector_forget"),
+    "trade": _median(lambda one: one.trade, lambda every: f"{sum(len(one.top) for one in every)} runs; r", high=0.0),
     # The range that section 4.6.2 calls optimal as a whole.
-    _median(
-        "The density converges to 11.8 to 13.2 %",
-        ".1",
-        "11.8 % (280 robots) to 13.2 % (314 robots)",
+    "density level": _median(
         lambda one: one.density,
         lambda every: f"{_best('density_of_robots')(every)}; median of the last {LAST} generations",
         0.1,
         0.15,
         "%",
     ),
-    _property(
-        "Priority is signalled by loaded robots and not by scouts in the fittest swarms",
-        "both types",
+    "signals": _property(
         lambda best: best.priority_signal_loaded and not best.priority_signal_scouts,
         "priority_signal_loaded",
         "priority_signal_scouts",
     ),
-    _median(
-        "weight-find-dump exceeds weight-find-dust in the fittest swarms",
-        ".1, Table 2",
-        "both types",
+    "weights": _median(
         lambda one: one.best.weight_find_dump - one.best.weight_find_dust,
         lambda every: f"{_best('weight_find_dump', 'weight_find_dust')(every)}; difference",
         low=0.0,
     ),
-    _property(
-        "The fittest keep more distance between empty robots than from priority, and least when loaded",
-        "0.65/0.77, 0.40/0.41 and 0.25/0.27 sr",
+    "distances": _property(
         lambda best: best.empty_coll_avoid_dist > best.priority_coll_avoid_dist > best.loaded_coll_avoid_dist,
         "empty_coll_avoid_dist",
         "priority_coll_avoid_dist",
         "loaded_coll_avoid_dist",
     ),
-    *map(_moved, TRAITS),
-)
+}
+STATEMENTS = [*stated(TESTS), *map(_moved, TRAITS)]

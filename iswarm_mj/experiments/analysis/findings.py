@@ -1,7 +1,9 @@
 """Findings on statements: the paper's value, ours, the statistics, whether the statement holds, and what that tells."""
 
+import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 from iswarm_mj.experiments.analysis.statistics import Interval
@@ -55,6 +57,9 @@ class Judged(NamedTuple):
     verdict: str = ""
 
 
+Test = Callable[[Any], Judged | None]
+
+
 class Statement(NamedTuple):
     """A statement of the paper, or one beyond it, and how it is judged."""
 
@@ -65,7 +70,7 @@ class Statement(NamedTuple):
     paper: str
     kind: str
     """As in `Finding`."""
-    test: Callable[[Any], Judged | None]
+    test: Test
     """Of the results: rows, or for evolutions samples by methods; None where they have nothing on it."""
     asks: Mapping[str, Callable[[Rows], bool]] = {}
     """Whether a single set of runs does as the paper says, by short texts: for `iswarm infer`, see `support`."""
@@ -74,6 +79,21 @@ class Statement(NamedTuple):
         """Return the finding; results that are empty, or None, were not made."""
         judged = self.test(results) if results else None
         return Finding(*self[1:5], *(judged or ()))
+
+
+_TABLE = files("iswarm_mj.experiments.analysis").joinpath("statements.csv").read_text(encoding="utf-8")
+_WORDS = {row.pop("test"): row for row in csv.DictReader(_TABLE.splitlines())}
+"""Study, claim, source, the paper's value and kind by the names of tests."""
+
+
+def stated(tests: Mapping[str, Test], asks: Mapping[str, Mapping[str, Callable[[Rows], bool]]] = {}) -> list[Statement]:
+    """Statements that these tests judge, in the words of the table beside this file.
+
+    Args:
+        tests: by their names in the table.
+        asks: what single sets of runs are asked, by the same names.
+    """
+    return [Statement(**_WORDS[name], test=test, asks=asks.get(name, {})) for name, test in tests.items()]
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.experiments.analysis import measures as m
+from iswarm_mj.experiments.analysis.beyond_statements import BALANCE, TRIALS, changes, paired
 from iswarm_mj.experiments.analysis.evolution import BEST, LAST, samples_of
 from iswarm_mj.experiments.analysis.findings import ALPHA, Rows, number, short, span
 from iswarm_mj.experiments.analysis.judge import EQUAL, Estimate
 from iswarm_mj.experiments.analysis.measures import by, finished, select, values
-from iswarm_mj.experiments.analysis.statements import BALANCE, TRIALS, changes, paired
 from iswarm_mj.experiments.analysis.statistics import difference, interval, ratio
 from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, more_alone
 from iswarm_mj.experiments.report.markdown import table

@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS, STEPS
-from iswarm_mj.experiments.analysis.statements import (
+from iswarm_mj.experiments.analysis.beyond_statements import (
     BALANCE,
     DEFAULT,
     HUMIDITIES,
@@ -17,6 +16,7 @@ from iswarm_mj.experiments.analysis.statements import (
     drive_of,
     refusals,
 )
+from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS, STEPS
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.experiments.runner.variation import Values, varied

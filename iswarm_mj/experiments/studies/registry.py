@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.experiments.analysis import beyond_statements, statements
+from iswarm_mj.experiments.analysis.beyond_statements import BALANCE, DEFAULT, TRIALS, changes
 from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Finding, Rows
 from iswarm_mj.experiments.analysis.measures import (
     AGGREGATION,
@@ -27,7 +29,6 @@ from iswarm_mj.experiments.analysis.plots import (
     draw_forest,
     draw_samples,
 )
-from iswarm_mj.experiments.analysis.statements import BALANCE, DEFAULT, STATEMENTS, TRIALS, changes
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans
 from iswarm_mj.utils.constraints import constraint_of
@@ -36,7 +37,7 @@ from iswarm_mj.utils.errors import UserError
 
 def findings(name: str, rows: Rows) -> list[Finding]:
     """Findings on the statements of a study."""
-    return [statement.finding(rows) for statement in STATEMENTS if statement.study == name]
+    return [one.finding(rows) for one in statements.STATEMENTS + beyond_statements.STATEMENTS if one.study == name]
 
 
 def _types(rows: Rows, out: Path) -> list[Path]:
