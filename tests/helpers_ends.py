@@ -100,7 +100,7 @@ def check_told(code, error):
 def check_whole(out):
     """Each file has its whole content, but for those whose names say that they are parts of one."""
     for path in out.rglob("*"):
-        if not path.is_file() or path.name.startswith(".") or (path.stat().st_size == 0 and path.suffix == ".jsonl"):
+        if not path.is_file() or path.name.startswith(".") or (path.stat().st_size == 0 and path.suffix == ".sqlite"):
             continue
         content = path.read_bytes()
         try:

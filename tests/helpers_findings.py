@@ -4,7 +4,8 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis import evolution_findings
+from iswarm_mj.experiments.analysis.evolution import samples_of
+from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.strategy.genome import Genome
 
@@ -98,7 +99,8 @@ def settings_of(method="paper", **changes):
 def found_in(rows, **others):
     """Findings by the texts of their claims."""
     searches = {"paper": (rows, settings_of())} | {name: (other, settings_of(name)) for name, other in others.items()}
-    return {finding.claim: finding for finding in evolution_findings.findings(searches)}
+    samples = samples_of(searches)
+    return {statement.claim: statement.finding(samples) for statement in STATEMENTS}
 
 
 def changed(rows, change):

@@ -18,7 +18,7 @@ import numpy as np
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.analysis.statistics import difference, interval, mean
+from iswarm_mj.experiments.analysis.statistics import difference, interval
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import SHAPE, SHIPPED, SIGNALS, untrained
@@ -75,7 +75,7 @@ def main():
         clean = f"{result.is_finished.sum()} of {args.seeds}"
         print(f"| {name} | {' | '.join(cells)} | {clean} | {median} |" + " faults!" * bool(result.faults), flush=True)
     for name in [name for name in found if name.startswith("neural")]:
-        value, low, high = difference(found[name], found["type 1"], mean)
+        value, low, high = difference(found[name], found["type 1"], np.mean)
         print(f"delivered, {name} minus type 1: {value:.1f} ({low:.1f} to {high:.1f})")
     print("\nSteps until clean: medians of the worlds that were.")
 

@@ -95,7 +95,7 @@ class Reproduce(ManyRunsOptions):
         results = self.results or (out / "results" if self.quick else Path("results"))
         places = Places(results, out, self._pages, self.beside)
         if self.figures:
-            from iswarm_mj.experiments.report.redraw import redraw
+            from iswarm_mj.experiments.report.reproduce import redraw
 
             print("\n".join(map(str, redraw(results))))
             return

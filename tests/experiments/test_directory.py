@@ -11,7 +11,7 @@ from iswarm_mj.experiments.runner.experiment import Entry, Plan, run_experiment
 from iswarm_mj.experiments.runner.jobs import run_job
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.pool import Execution
-from iswarm_mj.experiments.studies import hop_count
+from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
@@ -36,7 +36,7 @@ class TestDirectory:
         plan = replace(PLAN, quick=True, seed=3)
         run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
         rows, settings = read_table(tmp_path / "hop_count.parquet")
-        assert [row["seed"] for row in rows] == [entry.job.seed for entry in hop_count.entries(plan)]
+        assert [row["seed"] for row in rows] == [entry.job.seed for entry in plans.hop_count(plan)]
         assert rows[0]["collisions_per_robot"] == 1.0 and rows[0]["goal"] == 66 and rows[0]["max_steps"] == 300
         assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
         assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
@@ -102,7 +102,7 @@ class TestDirectory:
     def test_real_runs_of_a_small_arena(self, small, tmp_path):
         """The table tells what the runs themselves give, and all of it follows from it."""
         plan = Plan(config=small, quick=True)
-        entries = hop_count.entries(plan)
+        entries = plans.hop_count(plan)
         short = [Entry(e.labels, replace(e.job, steps=30)) for e in entries[::3]]
         made = replace(EXPERIMENTS["hop-count"], entries=lambda _: short)
         run_experiment(made, plan, tmp_path, Execution(workers=1))

@@ -10,19 +10,20 @@ from PIL import Image
 
 from iswarm_mj.commands.experiment import Infer
 from iswarm_mj.config import READINGS, SwarmConfig
-from iswarm_mj.experiments.analysis.statements import STATEMENTS, answers, time_error
+from iswarm_mj.experiments.analysis.plots_of_searches import draw_support
+from iswarm_mj.experiments.analysis.statements import ASKED, time_error
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import (
     ACCEPTED,
     Combination,
     accepted,
+    answers,
     chances,
     counts_alone,
     gives_way,
     more_alone,
     support,
 )
-from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.limits import LEAST_COMBINATIONS
@@ -72,6 +73,10 @@ def outcome(entry, like_the_paper):
 
 def rows_where(like_the_paper, combinations=N):
     return [row_of(e, outcome(e, like_the_paper(e.labels))) for e in entries(combinations, 1, Plan())]
+
+
+def types_of(rows):
+    return [{**row, "type": row["setting"]} for row in rows if row["study"] == "types"]
 
 
 class TestDesign:
@@ -157,20 +162,40 @@ def test_labels_say_what_runs_whatever_the_plan(reading):
 class TestStatements:
     def test_all_hold_for_runs_as_the_paper_reports_them(self):
         runs = [row for row in rows_where(lambda labels: True) if row["combination"] == 0]
-        assert all(answers(runs)) and time_error(runs) == 0.0
+        assert all(answers(runs)) and time_error(types_of(runs)) == 0.0
 
     def test_none_holds_for_their_opposite(self):
         runs = [row for row in rows_where(lambda labels: False) if row["combination"] == 0]
-        held = {s.name for s, holds in zip(STATEMENTS, answers(runs), strict=True) if holds}
-        assert held == {"cleans", "same_time"}  # both may hold for other reasons
-        assert time_error(runs) > 0.9
+        held = {text for text, holds in zip(ASKED, answers(runs), strict=True) if holds}
+        assert held == {"0.1 to 0.2 cleans", "Both types take the same time"}  # both may hold for other reasons
+        assert time_error(types_of(runs)) > 0.9
+
+    @pytest.mark.parametrize(
+        "low, high, supported", [(0.34, 0.9, True), (0.32, 0.9, False), (0.05, 0.3, False)], ids=str
+    )
+    def test_support_is_by_the_low_end_of_the_interval(self, low, high, supported):
+        """Of three labels each has a third without support; the estimates all lie above."""
+        shares = {"a": Interval(0.1, 0.0, 0.2), "b": Interval(0.5, low, high), "c": Interval(0.1, 0.0, 0.2)}
+        assert gives_way("a", shares, {"a": 3, "b": 3, "c": 3}) == ("b" if supported else None)
+
+    def test_times_and_penalties_are_of_their_types(self):
+        """Those of one type given to the other agree with nothing."""
+        runs = [row for row in rows_where(lambda labels: True) if row["combination"] == 0]
+        wrong = [row | {"finished_at": 500} if row["setting"] == "type1" else row for row in runs]
+        said = dict(zip(ASKED, answers(wrong), strict=True))
+        assert not said["Type 1 takes 310 steps"] and said["Type 2 takes 311 steps"]
+        assert not said["Both types take the same time"] and said["Type 1 loses 9 points by collisions"]
+        fewer = [row | {"collisions_per_robot": 30.0} if row["setting"] == "type2" else row for row in runs]
+        assert [text for text, holds in zip(ASKED, answers(fewer), strict=True) if not holds] == [
+            "Type 2 loses 4 points by collisions"
+        ]
 
     def test_swarms_reach_a_goal_if_more_than_half_of_them_do(self):
-        said = {s.name: s.holds for s in STATEMENTS}
+        clean = [ASKED[text][1] for text in ("0.1 to 0.2 cleans", "0.05 does not clean", "Above 0.2 does not clean")]
         half = [{"study": "density", "density": d, "finished_at": t} for d in DENSITIES for t in (100, None)]
         most = half + [{**row, "finished_at": 200} for row in half[::2]]
-        assert [said[name](half) for name in ("cleans", "sparse", "dense")] == [False, True, True]
-        assert [said[name](most) for name in ("cleans", "sparse", "dense")] == [True, False, False]
+        assert [holds(half) for holds in clean] == [False, True, True]
+        assert [holds(most) for holds in clean] == [True, False, False]
 
 
 class TestSupport:
@@ -197,7 +222,7 @@ class TestSupport:
     def test_counts_with_one_value_changed(self):
         """Of runs as the paper reports them, but for those with drops."""
         every = combinations_of(rows_where(lambda labels: labels["drops"] != "1 % a step"))
-        total = len(STATEMENTS)
+        total = len(ASKED)
         assert counts_alone(every, "drops", DEFAULTS["drops"]) == {"none": total, "1 % a step": 2}
         assert counts_alone(every, "blocked", DEFAULTS["blocked"]) == {"pushes": total, "waits": total}
         assert sum(c.is_named for c in every) == len(READINGS)
@@ -225,7 +250,7 @@ class TestSupport:
     def test_findings_name_both_readings(self, tmp_path):
         rows = rows_where(lambda labels: labels["reading"] != "initial" and labels["avoidance_sides"] != "all")
         first, *others = findings(rows)
-        total = len(STATEMENTS)
+        total = len(ASKED)
         assert f"at most {total} of {total}, by 20" in first.ours
         assert f"paper {total} of {total}; initial 2 of {total}" in first.ours
         sides = next(f for f in others if "avoidance sides" in f.claim)
@@ -237,7 +262,7 @@ class TestSupport:
         sample = [Combination(None, {"a": str(k % 2)}, [True, k % 2 == 0], 0.1) for k in range(8)]
         named = [Combination(name, {"a": "0"}, [True, True], 0.1) for name in ("paper", "initial")]
         shares = {"a": support(sample, accepted(sample), "a", ["0", "1"])}
-        image = np.asarray(Image.open(draw_support([*sample, *named], shares, ["one", "two"], tmp_path / "f")))
+        image = np.asarray(Image.open(draw_support([*sample, *named], shares, ["one", "two"], tmp_path / "f")[0]))
         below_the_legend = image[len(image) // 2 :, : image.shape[1] // 3, :3].reshape(-1, 3).tolist()
         assert [213, 94, 0] in below_the_legend and [0, 158, 115] in below_the_legend
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.config import READINGS, DriveConfig, SwarmConfig
+from iswarm_mj.experiments.analysis.beyond_statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan, run_seed
-from iswarm_mj.experiments.studies import density, hop_count, robustness, sensitivity, swarm_types
+from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
 from iswarm_mj.strategy.genome import PRESETS
@@ -18,14 +19,14 @@ PLAN = Plan()
 class TestPlans:
     def test_hop_counts_are_those_of_the_paper(self):
         """12 and 12 runs of 280 robots until 66 balls or 1200 steps; nothing else differs."""
-        entries = hop_count.entries(PLAN)
+        entries = plans.hop_count(PLAN)
         jobs = [entry.job for entry in entries]
         assert [job.genome.use_hop_count for job in jobs] == [True] * 12 + [False] * 12
         assert {replace(job.genome, use_hop_count=True) for job in jobs} == {PRESETS["type1"]}
         assert {(job.n_robots, job.steps, job.stop_at) for job in jobs} == {(280, 1200, 66)}
 
     def test_densities_are_those_of_the_paper(self):
-        entries = density.entries(PLAN)
+        entries = plans.density(PLAN)
         found = {entry.labels["density"]: entry.job.n_robots for entry in entries}
         assert min(found) == 0.05 and max(found) == 0.4 and len(entries) == 12 * len(found)
         assert found[0.05] == 119 and found[0.4] == 950
@@ -34,7 +35,7 @@ class TestPlans:
     def test_sensitivity_varies_one_value_at_a_time(self):
         """Each job's configuration differs from the default in the value that its label names, and nowhere else."""
         usual = SwarmConfig()
-        for entry in sensitivity.entries(PLAN):
+        for entry in plans.sensitivity(PLAN):
             differing = [
                 (f"{part}.{name}", str(value))
                 for part, mine in vars(entry.job.config).items()
@@ -46,7 +47,7 @@ class TestPlans:
 
     @pytest.mark.parametrize("quick, n_runs", [(False, 10), (True, 3)])
     def test_sensitivity_varies_the_update_order(self, quick, n_runs):
-        entries = sensitivity.entries(replace(PLAN, quick=quick))
+        entries = plans.sensitivity(replace(PLAN, quick=quick))
         in_turn = [e for e in entries if e.job.config.strategy.update_order == "sequential"]
         later = [e for e in entries if e.labels["group"] == "readings"]
         assert in_turn + later == entries[-n_runs - len(later) :]  # so that the seeds of the others are what they were
@@ -54,20 +55,56 @@ class TestPlans:
 
     @pytest.mark.parametrize(("reading", "other"), [("paper", "all"), ("initial", "front")])
     def test_sensitivity_leaves_out_what_is_the_default(self, reading, other):
-        entries = sensitivity.entries(Plan(READINGS[reading]))
+        entries = plans.sensitivity(Plan(READINGS[reading]))
         sides = {e.labels["value"] for e in entries if e.labels["choice"] == "strategy.avoidance_sides"}
         assert sides == {other}
 
     def test_dead_robots_are_there_and_absent_ones_are_not(self):
-        entries = robustness.entries(PLAN)
+        entries = plans.robustness(PLAN)
         half = {e.labels["kind"]: e.job for e in entries if e.labels["fraction"] == 0.5}
         assert (half["dead"].n_robots, half["dead"].failed_fraction) == (280, 0.5)
         assert (half["absent"].n_robots, half["absent"].failed_fraction) == (140, 0.0)
         assert {e.labels["fraction"] for e in entries if e.labels["kind"] == "dead"} == {0, 0.1, 0.2, 0.3, 0.4, 0.5}
 
     def test_types_have_the_densities_of_table_2(self):
-        found = {e.labels["type"]: (e.job.n_robots, e.job.steps, e.job.stop_at) for e in swarm_types.entries(PLAN)}
+        found = {e.labels["type"]: (e.job.n_robots, e.job.steps, e.job.stop_at) for e in plans.types(PLAN)}
         assert found["type1"] == (280, 800, None) and found["type2"] == (314, 800, None)
+
+    def test_messages_differ_in_their_time_and_hop_counts_alone(self):
+        entries = plans.message_time(PLAN)
+        assert len(entries) == 5 * 2 * 12 == len({entry.job.seed for entry in entries})
+        for entry in entries:
+            job, labels = entry.job, entry.labels
+            optics, rate = job.config.optics, labels["setting"].split()[0]
+            assert optics.baud_rate == (0.0 if rate == "no" else float(rate))
+            assert (optics.photodiodes_while_emitting == "all") == ("all" in labels["setting"])
+            assert job.genome.use_hop_count == labels["use_hop_count"]
+            usual = replace(optics, baud_rate=0.0, photodiodes_while_emitting="front")
+            assert replace(job.config, optics=usual) == PLAN.config
+
+    def test_pairs_of_grasps_differ_in_what_decides_alone(self):
+        entries, pairs = plans.resolved_grasps(PLAN), {}
+        assert len(entries) == 2 * 3 * 3 * 2 * 24
+        for entry in entries:
+            gripper = entry.job.config.gripper
+            assert all(
+                getattr(gripper, name) == entry.labels[name]
+                for name in ("resolution", "grasp_voltage", "relative_humidity")
+            )
+            assert gripper.spread_tool_object == SwarmConfig().gripper.spread_tool_object
+            usual = replace(entry.job.config, gripper=replace(gripper, resolution="quasi-static"))
+            pairs.setdefault(entry.job.seed, []).append(replace(entry.job, config=usual))
+        assert all(len(both) == 2 and both[0] == both[1] for both in pairs.values())
+
+    def test_time_steps_are_those_that_the_drive_allows(self):
+        entries = plans.time_step(PLAN)
+        assert {e.labels["rate"] for e in entries} == {10, 20, 50, 100} and len(entries) == 2 * 4 * 24
+        for entry in entries:
+            drive = entry.job.config.drive
+            assert drive.turn_substeps + drive.walk_substeps == entry.labels["rate"]
+            assert replace(drive, turn_substeps=4, walk_substeps=6) == DriveConfig()
+        assert refusals(DriveConfig()).keys() == {2, 5}
+        assert refusals(DriveConfig(step_length=0.08, max_turn=30)) == {}
 
     @pytest.mark.parametrize("name", EXPERIMENTS)
     def test_no_two_runs_are_the_same(self, name):

@@ -8,8 +8,7 @@ import pytest
 from helpers_findings import replicated, settings_of
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.experiments.analysis import evolution_figures
-from iswarm_mj.experiments.analysis.plots import sizes, unfinished
+from iswarm_mj.experiments.analysis.plots_of_searches import draw_searches
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures, fitness
 from iswarm_mj.utils.tables import read_table
@@ -82,8 +81,8 @@ def test_bands_are_explained(tmp_path, figures):
 @pytest.mark.parametrize("replicates", [1, 3])
 def test_searches_say_of_how_many_runs(tmp_path, figures, replicates):
     rows = replicated(replicates)
-    evolution_figures.draw_search(rows, settings_of(), tmp_path)
-    fitness, trade = (drawing.get_supxlabel() for drawing, _ in figures)
+    draw_searches({"paper": (rows, settings_of())}, tmp_path)
+    fitness, trade, *_ = (drawing.get_supxlabel() for drawing, _ in figures)
     n_generations = len({row["generation"] for row in rows})
     each = f"{n_generations} generations of {len(rows) // n_generations // replicates} runs"
     assert each in fitness and (f"n = {replicates} searches" in fitness) == (replicates > 1)
@@ -91,7 +90,7 @@ def test_searches_say_of_how_many_runs(tmp_path, figures, replicates):
 
 
 def test_the_figure_of_a_search_states_what_fitness_is(tmp_path, figures):
-    evolution_figures.draw_search(replicated(1), settings_of(), tmp_path)
+    draw_searches({"paper": (replicated(1), settings_of())}, tmp_path)
     told = " ".join(figures[0][0].get_supxlabel().split())
     picked, delivered, left, collision = map(float, re.findall(r"\d[\d.]*(?= (?:points )?for each)", told))
     measures = Measures(delivered=3, picked=3, collisions=40, finished_at=10, mean_carriage_steps=None)
@@ -108,11 +107,3 @@ def test_each_figure_of_an_experiment_has_its_number_of_runs(tmp_path, figures):
         EXPERIMENTS[name].draw(rows, tmp_path)
     texts = [drawing.get_supxlabel() for drawing, _ in figures]
     assert len(texts) == 4 and all("n = " in text and "Tests stand in the findings." in text for text in texts)
-
-
-def test_words_on_samples():
-    ended, late = {"finished_at": 3, "max_steps": 9}, {"finished_at": None, "max_steps": 9}
-    assert (
-        unfinished([ended]) == "" and "1 run that" in unfinished([ended, late]) and "limit of 9" in unfinished([late])
-    )
-    assert (sizes([[ended], [late]]), sizes([[ended], [late, late]])) == ("n = 1 each.", "n = 1 to 2.")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from helpers_search import SEARCH, contents, pretend
 
-from iswarm_mj.experiments.analysis.evolution_best import best_of, by_replicate
+from iswarm_mj.experiments.analysis.evolution import best_of, by_replicate
 from iswarm_mj.experiments.runner import batches, pool
 from iswarm_mj.experiments.runner.optimisers import METHODS
 from iswarm_mj.experiments.runner.pool import Execution

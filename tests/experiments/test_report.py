@@ -2,18 +2,21 @@
 
 import base64
 import re
+import shutil
 from collections import Counter
 from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, KINDS, NOT_RUN
-from iswarm_mj.experiments.report.render import data_uri
 from iswarm_mj.experiments.report.results import collect
-from iswarm_mj.experiments.report.writer import report
-from iswarm_mj.experiments.studies import hop_count
+from iswarm_mj.experiments.report.writer import data_uri, report
 from iswarm_mj.utils.errors import UserError
+
+ROOT = Path(__file__).parents[2]
 
 
 class Page(HTMLParser):
@@ -121,7 +124,7 @@ class TestReport:
         page = Page()
         page.feed((tmp_path / "r.html").read_text())
         assert page.open == []
-        other = {f.claim: f for f in hop_count.findings(collect([results / "quick"]).experiments["hop-count"].rows)}
+        other = {f.claim: f for f in collect([results / "quick"]).used["hop-count"].findings}
         lines = (tmp_path / "r.md").read_text().splitlines()
         assert lines.count(next(line for line in lines if line.startswith("| Statement"))) == len(sections)
         for finding in sections[3].findings:
@@ -177,3 +180,17 @@ class TestReport:
         with pytest.raises(SystemExit) as stop:
             main(["report", *flags])
         assert stop.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_the_page_has_links_to_videos_and_stays_small(tmp_path):
+    results = tmp_path / "results"
+    shutil.copytree(ROOT / "results-initial/types", results / "types")
+    film = bytes(6_000_000)
+    (results / "types/type1.mp4").write_bytes(film)
+    out = tmp_path / "of mine.html"
+    report([results], out)
+    text = out.read_text()
+    (source,) = re.findall('<video[^>]* src="(.*?)">', text)
+    assert source == "of%20mine_figures/type1.mp4" and f'<a href="{source}">type1.mp4</a>' in text
+    assert (tmp_path / unquote(source)).read_bytes() == film
+    assert len(text) < 5_000_000 and text.count("data:image/png") >= 4

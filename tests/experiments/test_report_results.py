@@ -1,5 +1,6 @@
 """Which results a report takes, and which choices it names."""
 
+import shlex
 from dataclasses import asdict, replace
 
 import pytest
@@ -11,17 +12,14 @@ from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.experiments.report import assumptions
-from iswarm_mj.experiments.report.reproduction import command
-from iswarm_mj.experiments.report.results import collect
-from iswarm_mj.experiments.report.sections import _at_run_time
-from iswarm_mj.experiments.report.usable import usable
+from iswarm_mj.experiments.report.results import collect, files_in
 from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.utils.tables import write_table
+from iswarm_mj.utils.tables import read_table, write_table
 
 
 class TestChoices:
@@ -83,17 +81,17 @@ class TestChoices:
 class TestResults:
     def test_full_tables_come_before_quick_ones(self, results):
         found = collect([results])
-        assert found.experiments["hop-count"].path == results / "full/hop_count.parquet"
+        assert found.used["hop-count"].path == results / "full/hop_count.parquet"
         assert found.left_out == [results / "quick/hop_count.parquet"]
-        assert set(found.searches) == {"paper"} and found.trials is not None
+        assert list(found.used) == ["grasp", "evolve-paper", "hop-count"]
 
     def test_a_larger_quick_table_does_not_come_first(self, tmp_path):
         write_hop_count(tmp_path / "a", Plan())
-        full = collect([tmp_path]).experiments["hop-count"]
+        full = collect([tmp_path]).used["hop-count"]
         (tmp_path / "b").mkdir()
         write_table(tmp_path / "b/hop_count.parquet", [*full.rows, *full.rows], {**full.settings, "quick": True})
         found = collect([tmp_path])
-        assert found.experiments["hop-count"].path == full.path
+        assert found.used["hop-count"].path == full.path
         assert found.left_out == [tmp_path / "b/hop_count.parquet"]
 
     def test_links_out_of_the_directory_are_not_followed(self, results, tmp_path):
@@ -104,8 +102,8 @@ class TestResults:
         for name in ("evolution.parquet", "type1.png"):
             (inside / name).symlink_to(results / "evolve" / "evolution.parquet")
         found = collect([inside])
-        assert [result.path for result in found.used] == [inside / "types" / "evolution.parquet"]
-        assert found.left_out == [] and _at_run_time(inside) == []
+        assert [result.path for result in found.used.values()] == [inside / "types" / "evolution.parquet"]
+        assert found.left_out == [] and list(files_in(inside, "*.png")) == []
 
     @pytest.mark.parametrize("rows", [[{"a": 1}], [{"seed": None, "finished_at": "x"}], None])
     def test_odd_tables_are_left_out_and_named(self, tmp_path, rows):
@@ -116,21 +114,21 @@ class TestResults:
                 (tmp_path / name).write_bytes(b"PAR1 and no more")
             else:
                 write_table(tmp_path / name, rows, settings)
-        found = usable(collect([tmp_path]))
-        assert found.used == [] and sorted(path.name for path in found.unusable) == sorted(names)
+        found = collect([tmp_path])
+        assert found.used == {} and sorted(path.name for path in found.unusable) == sorted(names)
 
     def test_commands_make_them_again(self, results):
         found = collect([results])
-        assert command(found.experiments["hop-count"]) == (
+        assert found.used["hop-count"].command == (
             "iswarm experiment hop-count --genome type1 --seed 0 --optics.wall-range 2.0 --out DIR"
         )
-        assert command(found.searches["paper"]).startswith(
+        assert found.used["evolve-paper"].command.startswith(
             "iswarm evolve --method paper --generations 120 --population 10 "
         )
-        assert command(found.trials).startswith(
+        assert found.used["grasp"].command.startswith(
             "iswarm grasp --radius 1.5e-05 2.5e-05 --rh 10 30 --repeats 5 --seed 4 "
         )
-        assert " --quick" in command(collect([results / "quick"]).experiments["hop-count"])
+        assert " --quick" in collect([results / "quick"]).used["hop-count"].command
 
     def test_operators_and_another_setting_are_told(self, tmp_path):
         """The command brings back the settings; a comment says what is not the paper's."""
@@ -140,7 +138,7 @@ class TestResults:
             steps=200,
         )
         write_table(tmp_path / "evolution.parquet", search_rows(1), asdict(search))
-        told, _, comment = command(collect([tmp_path]).searches["paper"]).partition("  # ")
+        told, _, comment = collect([tmp_path]).used["evolve-paper"].command.partition("  # ")
         assert comment == "not the paper's setting: arena.n-dust 24, 200 steps"
         given = tyro.cli(Evolve, args=told.split()[2:])
         assert (given.operators, given.arena, given.optics, given.steps) == (
@@ -154,7 +152,7 @@ class TestResults:
         search = Search(replicates=4, operators=Operators(boolean_mutation="redraw"))
         settings = settings_of_search(search, Execution("planar", refinement=1))
         write_table(tmp_path / "evolution.parquet", search_rows(1), settings)
-        given = tyro.cli(Evolve, args=command(collect([tmp_path]).searches["paper"]).split()[2:])
+        given = tyro.cli(Evolve, args=collect([tmp_path]).used["evolve-paper"].command.split()[2:])
         assert (given.replicates, given.operators, given.execution) == (
             4,
             search.operators,
@@ -163,13 +161,45 @@ class TestResults:
 
     def test_an_experiment_in_another_arena_is_told(self, tmp_path):
         write_hop_count(tmp_path / "a", Plan(config=SwarmConfig(arena=ArenaConfig(n_dust=24))))
-        assert command(collect([tmp_path]).experiments["hop-count"]).endswith(
-            " --arena.n-dust 24 --out DIR  # not the paper's setting: arena.n-dust 24"
+        assert (
+            collect([tmp_path])
+            .used["hop-count"]
+            .command.endswith(" --arena.n-dust 24 --out DIR  # not the paper's setting: arena.n-dust 24")
         )
+
+    @pytest.mark.parametrize("seed", ["0; reboot", 1.5, True, None, [1]])
+    def test_a_seed_that_is_no_whole_number_makes_a_table_unusable(self, tmp_path, seed):
+        write_hop_count(tmp_path / "a", Plan())
+        rows, settings = read_table(tmp_path / "a/hop_count.parquet")
+        write_table(tmp_path / "a/hop_count.parquet", rows, settings | {"seed": seed})
+        found = collect([tmp_path])
+        assert found.used == {} and found.unusable == [tmp_path / "a/hop_count.parquet"]
+
+    def test_words_of_a_command_are_quoted(self, tmp_path):
+        """Whatever a table says of its engine is one word of the shell."""
+        write_hop_count(tmp_path / "a", Plan())
+        rows, settings = read_table(tmp_path / "a/hop_count.parquet")
+        write_table(tmp_path / "a/hop_count.parquet", rows, settings | {"engine": "x; echo $HOME"})
+        words = shlex.split(collect([tmp_path]).used["hop-count"].command)
+        assert words[words.index("--engine") + 1] == "x; echo $HOME"
+
+    @pytest.mark.parametrize(
+        "name, column",
+        [("evolution.parquet", "fitness"), ("hop_count.parquet", "max_steps"), ("trials.parquet", "limit_voltage")],
+    )
+    def test_a_table_with_an_empty_column_is_named_in_a_sentence(self, results, tmp_path, capsys, name, column):
+        (table,) = (result for result in collect([results]).used.values() if result.path.name == name)
+        rows = [{**row, column: None} for row in table.rows]
+        write_table(tmp_path / name, rows, table.settings)
+        main(["report", "--results", str(tmp_path), "--out", str(tmp_path / "r.html")])
+        assert f"left out, since it is damaged or holds something else: {tmp_path / name}" in capsys.readouterr().out
+        main(["inspect", str(tmp_path)])
+        told = capsys.readouterr().out
+        assert name == "trials.parquet" or f"{name} is damaged, or holds something else" in told
 
     def test_a_genome_that_is_no_preset_is_told(self, tmp_path):
         write_hop_count(tmp_path / "a", Plan(genome=replace(PRESETS["type1"], fraction_scouts=0.5)))
-        assert "--genome GENOME.json" in command(collect([tmp_path]).experiments["hop-count"])
+        assert "--genome GENOME.json" in collect([tmp_path]).used["hop-count"].command
 
     def test_a_directory_that_is_not_there(self, capsys):
         with pytest.raises(SystemExit) as stop:

@@ -12,7 +12,7 @@ import pytest
 from helpers_search import SEARCH, contents, pretend
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.experiments.analysis.evolution_best import genome_of
+from iswarm_mj.experiments.analysis.evolution import genome_of
 from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.journal import count

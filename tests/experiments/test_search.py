@@ -9,7 +9,7 @@ import pytest
 from helpers_search import SEARCH, contents, pretend, worth
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.experiments.analysis.evolution_best import best_of, genome_of
+from iswarm_mj.experiments.analysis.evolution import best_of, genome_of
 from iswarm_mj.experiments.runner.evolution import Operators, ranges, to_vector
 from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, generator, optimiser
 from iswarm_mj.experiments.runner.search import (

@@ -1,10 +1,9 @@
-"""Tables of results in Markdown: their numbers by hand, and which blocks there are."""
+"""Tables of results in Markdown: their numbers by hand; blocks of pages, of which nothing else is replaced."""
 
 import numpy as np
 import pytest
 from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
 
-from iswarm_mj.experiments.analysis import paper
 from iswarm_mj.experiments.analysis.findings import (
     FAILS,
     HOLDS,
@@ -14,21 +13,21 @@ from iswarm_mj.experiments.analysis.findings import (
     SLIP,
     TOO_FEW,
     UNDECIDED,
-    Claim,
+    Finding,
 )
-from iswarm_mj.experiments.report.engine_table import engines
-from iswarm_mj.experiments.report.markdown import markdown
-from iswarm_mj.experiments.report.result_tables import TABLES, evolution
-from iswarm_mj.experiments.report.statements import TITLES
-from iswarm_mj.experiments.report.tables import Tables, check_name, misses, summary, verdicts
+from iswarm_mj.experiments.analysis.measures import PAPER_TIME
+from iswarm_mj.experiments.report.markdown import table
+from iswarm_mj.experiments.report.numbers import TABLES, engines, evolution
+from iswarm_mj.experiments.report.results import TITLES, Topic
+from iswarm_mj.experiments.report.tables import Tables, _misses, _summary, _verdicts, check_name, filled, new_texts
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
 
 
-def cells(table):
+def cells(text):
     """Cells of a Markdown table by lines, without the line under the head."""
-    lines = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
+    lines = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in text.splitlines()]
     assert set(lines[1]) == {"---"} and len({len(line) for line in lines}) == 1
     return [lines[0], *lines[2:]]
 
@@ -109,7 +108,7 @@ def test_types_by_hand():
         for k, (time, fitness, near) in enumerate(measured)
     ]
     _, only = cells(TABLES["types"](rows))
-    assert only[:5] == ["type1", "280", "3 of 3", "110 (100 to 150)", str(paper.PAPER_TIME["type1"])]
+    assert only[:5] == ["type1", "280", "3 of 3", "110 (100 to 150)", str(PAPER_TIME["type1"])]
     assert only[5:] == ["3000 (1000 to 6000)", "7771", "20 %"]
 
 
@@ -164,17 +163,17 @@ def test_searches_by_hand():
 
 
 FINDINGS = [
-    Claim("A", "here", "1 | 2", PREDICTED).found("", "", HOLDS),
-    Claim("B", "here", "2", PREDICTED).found("", "", FAILS),
-    Claim("C", "here", "3", SLIP).found("", "", FAILS),
-    Claim("D", "here", "4", SLIP).found("", "", ""),
-    Claim("E", NOT_IN_PAPER, "5", PREDICTED).found("", "", FAILS),
-    Claim("F", NOT_IN_PAPER, "6", PREDICTED).found("", "", UNDECIDED),
+    Finding("A", "here", "1 | 2", PREDICTED, "", "", HOLDS),
+    Finding("B", "here", "2", PREDICTED, "", "", FAILS),
+    Finding("C", "here", "3", SLIP, "", "", FAILS),
+    Finding("D", "here", "4", SLIP, "", "", ""),
+    Finding("E", NOT_IN_PAPER, "5", PREDICTED, "", "", FAILS),
+    Finding("F", NOT_IN_PAPER, "6", PREDICTED, "", "", UNDECIDED),
 ]
 
 
 def test_the_summary_counts_by_verdict_and_kind():
-    assert cells(summary(FINDINGS)) == [
+    assert cells(_summary(FINDINGS)) == [
         ["verdict", PREDICTED, SLIP, "all of the paper's", "not in the paper"],
         [HOLDS, "1", "0", "1", "0"],
         [FAILS, "1", "1", "2", "1"],
@@ -184,8 +183,8 @@ def test_the_summary_counts_by_verdict_and_kind():
 
 
 def test_misses_are_the_papers_statements_that_do_not_hold():
-    found = [*FINDINGS, Claim("G", "here", "7", PREDICTED).found("8", "", UNDECIDED)]
-    assert cells(misses(found))[1:] == [
+    found = [*FINDINGS, Finding("G", "here", "7", PREDICTED, "8", "", UNDECIDED)]
+    assert cells(_misses(found))[1:] == [
         ["B", "2", "", FAILS, PREDICTED],
         ["C", "3", "", FAILS, SLIP],
         ["G", "7", "8", UNDECIDED, PREDICTED],
@@ -194,15 +193,15 @@ def test_misses_are_the_papers_statements_that_do_not_hold():
 
 def test_verdicts_of_two_directories_stand_side_by_side():
     other = [finding._replace(verdict=NOT_RUN) for finding in FINDINGS[:2]]
-    table = verdicts({"results": FINDINGS, "results-initial": other})
-    assert "1 \\| 2" in table
-    head, _, second, third, *_ = cells(table)
+    shown = _verdicts({"results": Topic("", "", FINDINGS, []), "results-initial": Topic("", "", other, [])})
+    assert "1 \\| 2" in shown
+    head, _, second, third, *_ = cells(shown)
     assert head[2:4] == ["verdict, `results`", "verdict, `results-initial`"]
     assert second == ["B", "2", FAILS, NOT_RUN, PREDICTED] and third == ["C", "3", FAILS, "", SLIP]
 
 
 def test_a_table_has_a_line_under_its_head():
-    assert markdown(["a", "b"], [[1, "x"]]) == "| a | b |\n| --- | --- |\n| 1 | x |"
+    assert table(["a", "b"], [[1, "x"]]) == "| a | b |\n| --- | --- |\n| 1 | x |"
 
 
 class TestContents:
@@ -235,3 +234,63 @@ class TestContents:
             tables.content("results", "grasps")
         partial = Tables(root, partial=True)
         assert partial.content("results", "density") is None is partial.content("results-none", "grasp")
+
+
+PAGE = """# A page
+
+Before. <!-- results: in a line of text --> is no mark.
+<!-- results: density -->
+old | 17 |
+<!-- end -->
+Between.
+
+<!-- results-initial: hop-count beside results -->
+<!-- end -->
+
+    <!-- end -->
+After.
+"""
+
+
+def fill(directory, name, beside):
+    return f"| {name} of {directory} and {beside} |\n"
+
+
+class TestBlocks:
+    def test_only_what_is_between_the_marks_changes(self):
+        new = filled(PAGE, "page", fill)
+        assert "<!-- results: density -->\n\n| density of results and None |\n\n<!-- end -->\nBetween." in new
+        assert "\n\n| hop-count of results-initial and results |\n\n<!-- end -->" in new
+        kept = [line for line in PAGE.splitlines() if line and "old" not in line]
+        assert [line for line in new.splitlines() if " of results" not in line and line] == kept
+        assert filled(new, "page", fill) == new and filled(PAGE, "", lambda *block: None) == PAGE
+
+    @pytest.mark.parametrize(
+        "text, said",
+        [
+            ("a\n<!-- results: density -->\n| 1 |\n", "p.md:2: the block of results has no line"),
+            ("<!-- end -->\n", "p.md:1: this line ends no block"),
+            ("<!-- results: a -->\n<!-- results: b -->\n<!-- end -->\n", "p.md:1: .* before line 2"),
+        ],
+    )
+    def test_marks_that_do_not_match_are_named(self, text, said):
+        with pytest.raises(UserError, match=said):
+            filled(text, "p.md", fill)
+
+    def test_what_cannot_be_filled_names_the_line(self):
+        def refuse(directory, name, beside):
+            raise UserError(f"no {name}")
+
+        with pytest.raises(UserError, match=r"^page:4: no density$"):
+            filled(PAGE, "page", refuse)
+
+    def test_files(self, tmp_path):
+        """Only pages that change are returned; one that is not text is named."""
+        first, second = tmp_path / "a.md", tmp_path / "b.md"
+        first.write_text(PAGE)
+        second.write_text("no block\n")
+        assert new_texts([first, second], fill) == {first: filled(PAGE, "", fill)}
+        second.write_bytes(b"\xff\xfe\xff")
+        for path in (second, tmp_path / "none.md"):
+            with pytest.raises(UserError, match=r"is not a readable page"):
+                new_texts([first, path], fill)

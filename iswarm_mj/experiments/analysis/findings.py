@@ -1,10 +1,12 @@
 """Findings on statements: the paper's value, ours, the statistics, whether the statement holds, and what that tells."""
 
+import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib.resources import files
 from typing import Any, NamedTuple
 
-from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, smallest_p
+from iswarm_mj.experiments.analysis.statistics import Interval
 
 HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
 TOO_FEW = "too few runs to judge"
@@ -39,51 +41,59 @@ class Finding(NamedTuple):
     """The paper's value."""
     kind: str
     """What the verdict is about, one of `KINDS`."""
-    ours: str
+    ours: str = ""
     """Our value; empty without results."""
-    statistics: str
+    statistics: str = ""
     """Test, sample sizes, intervals, and the rule for the verdict."""
-    verdict: str
+    verdict: str = NOT_RUN
     """One of HOLDS, FAILS, UNDECIDED, TOO_FEW and NOT_RUN; empty for a number that is reported without a verdict."""
 
 
-class Claim(NamedTuple):
-    """A statement to be judged."""
+class Judged(NamedTuple):
+    """What results say on a statement; the fields of `Finding`."""
 
-    text: str
+    ours: str
+    statistics: str
+    verdict: str = ""
+
+
+Test = Callable[[Any], Judged | None]
+
+
+class Statement(NamedTuple):
+    """A statement of the paper, or one beyond it, and how it is judged."""
+
+    study: str
+    """Whose results it is about."""
+    claim: str
     source: str
     paper: str
     kind: str
-    """What a verdict on it is about, one of `KINDS`."""
+    """As in `Finding`."""
+    test: Test
+    """Of the results: rows, or for evolutions samples by methods; None where they have nothing on it."""
+    asks: Mapping[str, Callable[[Rows], bool]] = {}
+    """Whether a single set of runs does as the paper says, by short texts: for `iswarm infer`, see `support`."""
 
-    def found(self, ours: str, statistics: str, verdict: str | bool) -> Finding:
-        """Return the finding; the verdict may be a Boolean."""
-        if not isinstance(verdict, str):
-            verdict = HOLDS if verdict else FAILS
-        return Finding(*self, ours, statistics, verdict)
-
-    def not_run(self) -> Finding:
-        """Return the finding for missing results."""
-        return Finding(*self, "", "", NOT_RUN)
+    def finding(self, results: Any) -> Finding:
+        """Return the finding; results that are empty, or None, were not made."""
+        judged = self.test(results) if results else None
+        return Finding(*self[1:5], *(judged or ()))
 
 
-def verdict_of(comparison: Comparison, is_larger: bool) -> str:
-    """Whether the first group's median is larger (smaller, if not `is_larger`), by the interval of the difference.
+_TABLE = files("iswarm_mj.experiments.analysis").joinpath("statements.csv").read_text(encoding="utf-8")
+_WORDS = {row.pop("test"): row for row in csv.DictReader(_TABLE.splitlines())}
+"""Study, claim, source, the paper's value and kind by the names of tests."""
 
-    HOLDS if the interval lies above zero, FAILS if nothing of it does, so that no difference at all counts as none;
-    TOO_FEW if the groups are too small for any test to reach `ALPHA`.
+
+def stated(tests: Mapping[str, Test], asks: Mapping[str, Mapping[str, Callable[[Rows], bool]]] = {}) -> list[Statement]:
+    """Statements that these tests judge, in the words of the table beside this file.
+
+    Args:
+        tests: by their names in the table.
+        asks: what single sets of runs are asked, by the same names.
     """
-    if smallest_p(comparison.n_first, comparison.n_second) >= ALPHA:
-        return TOO_FEW
-    ends = comparison.difference.low, comparison.difference.high
-    low, high = ends if is_larger else (-ends[1], -ends[0])
-    return HOLDS if low > 0 else FAILS if high <= 0 else UNDECIDED
-
-
-def rule_of(is_larger: bool) -> str:
-    """The rule of `verdict_of` in words."""
-    side = "above" if is_larger else "below"
-    return f"holds if the interval lies {side} zero, does not if nothing of it does"
+    return [Statement(**_WORDS[name], test=test, asks=asks.get(name, {})) for name, test in tests.items()]
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -97,24 +107,19 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{digits - 1}e}"
 
 
+def short(value: Interval, digits: int = 3) -> str:
+    """An estimate with its interval: 3.1 (2.8 to 3.4)."""
+    return f"{number(value.estimate, digits)} ({number(value.low, digits)} to {number(value.high, digits)})"
+
+
 def span(value: Interval, unit: str = "", digits: int = 3) -> str:
-    """An estimate with its interval: 3.1 (95 % interval 2.8 to 3.4) V."""
-    tail = f" {unit}" if unit else ""
-    return f"{number(value.estimate, digits)}{tail} (95 % interval {number(value.low, digits)} to " + (
-        f"{number(value.high, digits)})"
-    )
+    """An estimate with its interval, if it has one: 3.1 V (95 % interval 2.8 to 3.4)."""
+    shown = f"{number(value.estimate, digits)} {unit}".rstrip()
+    ends = f" (95 % interval {number(value.low, digits)} to {number(value.high, digits)})"
+    return shown if math.isnan(value.low) else shown + ends
 
 
 def percent(value: Interval) -> str:
     """A share with its interval, in percent."""
     ends = [f"{100 * v:.1f}" for v in value]
     return f"{ends[0]} % (95 % interval {ends[1]} to {ends[2]} %)"
-
-
-def in_words(comparison: Comparison, unit: str = "") -> str:
-    """A comparison in words."""
-    return (
-        f"Mann-Whitney U = {number(comparison.u)}, two-sided p = {number(comparison.p, 2)}, "
-        f"n = {comparison.n_first} + {comparison.n_second}; difference of the medians "
-        f"{span(comparison.difference, unit)}"
-    )

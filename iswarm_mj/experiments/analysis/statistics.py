@@ -1,9 +1,9 @@
-"""Statistics of the experiments: tests between two groups of runs, intervals, correlations and slopes."""
+"""Statistics of the experiments: tests between two groups of runs, intervals, shares and slopes."""
 
 import math
 from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Real
@@ -14,12 +14,13 @@ from iswarm_mj.utils.arrays import Array
 RESAMPLES = 9999
 LEVEL = 0.95
 """Confidence of all intervals."""
-
 _BATCH = 2**24
 """Numbers that are drawn at once, which limits the memory."""
 
 Values = Sequence[float] | Real[Array, "_"]
 """A sample."""
+Statistic = Callable[..., np.ndarray]
+"""Of an array along `axis`, such as `numpy.median`."""
 
 
 class Interval(NamedTuple):
@@ -36,38 +37,34 @@ class Comparison(NamedTuple):
     u: float
     """Number of pairs in which the first group's value is larger; a tie counts one half."""
     p: float
-    n_first: int
-    n_second: int
     difference: Interval
     """Of the medians, first minus second, by bootstrap."""
 
 
-def median(values: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
-    """Median along an axis."""
-    return np.median(values, axis=axis)
-
-
-def mean(values: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
-    """Mean along an axis."""
-    return np.mean(values, axis=axis)
-
-
-Statistic = Callable[..., np.ndarray]
-
-
-def interval(values: Values, statistic: Statistic = mean) -> Interval:
+def interval(values: Values, statistic: Statistic = np.mean) -> Interval:
     """Statistic of a sample with its interval: of the median by order statistics, of others by percentile bootstrap.
 
-    The random numbers of the bootstrap are always the same. That of a median would be too narrow for few values.
+    The random numbers of the bootstrap are always the same. That of a median would be too narrow for few values; its
+    interval here, from the k-th smallest to the k-th largest of n values, misses the median of any distribution with
+    probability 2 P(B < k) or less, where B is binomial of n and one half; k is the largest with at most 1 - `LEVEL`. Of
+    fewer than 6 values there is none, and the interval is their range.
+
+    Source: Hettmansperger and Sheather, Statistics & Probability Letters 4, 75 (1986), without their interpolation
+    between neighbouring values (`scipy.stats.mstats.median_cihs`): that is for continuous distributions only, and of
+    values with ties misses the median more often, of 6 times with a limit that nearly half reach in 12 %.
 
     Args:
         values: (n,) at least one.
-        statistic: `median`, or another one of an array along `axis`, such as `mean`.
+        statistic: of an array along `axis`.
     """
-    return _between_values(values) if statistic is median else _bootstrap(statistic, values)
+    if statistic is not np.median:
+        return _bootstrap(statistic, values)
+    ordered = np.sort(np.asarray(values, float))
+    k = max(1, int(stats.binom.ppf((1 - LEVEL) / 2, len(ordered), 0.5)))
+    return Interval(float(np.median(ordered)), float(ordered[k - 1]), float(ordered[-k]))
 
 
-def difference(first: Values, second: Values, statistic: Statistic = median) -> Interval:
+def difference(first: Values, second: Values, statistic: Statistic = np.median) -> Interval:
     """Statistic of the first sample minus that of the second, with its percentile bootstrap interval."""
     return _bootstrap(lambda a, b, axis: statistic(a, axis=axis) - statistic(b, axis=axis), first, second)
 
@@ -98,7 +95,7 @@ def compare(first: Values, second: Values) -> Comparison:
     method = "asymptotic" if tied or min(len(a), len(b)) > 20 else "exact"
     result = stats.mannwhitneyu(a, b, alternative="two-sided", method=method)
     p = 1.0 if math.isnan(result.pvalue) else float(result.pvalue)
-    return Comparison(float(result.statistic), p, len(a), len(b), difference(a, b))
+    return Comparison(float(result.statistic), p, difference(a, b))
 
 
 def smallest_p(n_first: int, n_second: int) -> float:
@@ -132,75 +129,36 @@ def even(counts: Sequence[int], shares: Sequence[float]) -> float:
     return min(1.0, float(chances[chances <= mine * (1 + 1e-7)].sum()))
 
 
-def correlation(x: Values, y: Values) -> Interval:
-    """Pearson's correlation with Fisher's interval; NaN if one of them does not vary."""
-    a, b = np.asarray(x, float), np.asarray(y, float)
-    if len(a) < 4 or np.ptp(a) == 0 or np.ptp(b) == 0:
-        return Interval(math.nan, math.nan, math.nan)
-    result = stats.pearsonr(a, b)
-    ends = result.confidence_interval(LEVEL)
-    return Interval(float(result.statistic), float(ends.low), float(ends.high))
-
-
-def rank_correlation(x: Values, y: Values) -> tuple[float, float]:
-    """Spearman's correlation and its p-value; NaN if one of them does not vary."""
-    a, b = np.asarray(x, float), np.asarray(y, float)
-    if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
-        return math.nan, math.nan
-    result = stats.spearmanr(a, b)
-    return float(result.statistic), float(result.pvalue)
-
-
 def slope(x: Values, y: Values) -> Interval:
-    """Slope of the least-squares line with its t interval; NaN if x does not vary."""
-    a, b = np.asarray(x, float), np.asarray(y, float)
-    if len(a) < 3 or np.ptp(a) == 0:
+    """Slope of the least-squares line with its t interval; NaN if x does not vary, or of fewer than 3 points."""
+    if len(x) < 3 or np.ptp(x) == 0:
         return Interval(math.nan, math.nan, math.nan)
-    line = stats.linregress(a, b)
-    half = float(stats.t.ppf((1 + LEVEL) / 2, len(a) - 2)) * line.stderr
+    line = stats.linregress(np.asarray(x, float), np.asarray(y, float))
+    half = float(stats.t.ppf((1 + LEVEL) / 2, len(x) - 2)) * line.stderr
     return Interval(float(line.slope), float(line.slope - half), float(line.slope + half))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """P-values adjusted for their number by Holm's step-down procedure, in the given order."""
-    order = np.argsort(p_values, kind="stable")
-    adjusted, most = [1.0] * len(p_values), 0.0
-    for rank, index in enumerate(order):
-        most = max(most, min(1.0, (len(p_values) - rank) * p_values[index]))
-        adjusted[index] = most
-    return adjusted
+    p, order = np.asarray(p_values, float), np.argsort(p_values, kind="stable")
+    adjusted = np.empty(len(p))
+    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(np.arange(len(p), 0, -1) * p[order]))
+    return adjusted.tolist()
 
 
-def lowest(samples: Sequence[Values], statistic: Statistic = median) -> Float[Array, "G"]:
-    """How often each of several groups has the lowest statistic, as shares of bootstrap resamples of all groups.
+def lowest(samples: Sequence[Values]) -> Float[Array, "G"]:
+    """How often each of several groups has the lowest median, as shares of bootstrap resamples of all groups.
 
     Groups that share the lowest value share the resample. The random numbers are always the same.
 
     Args:
         samples: of G groups, each at least one value.
-        statistic: of an array along `axis`.
     """
     rng = np.random.default_rng(0)
     arrays = [np.asarray(values, float) for values in samples]
-    found = np.array([statistic(rng.choice(values, (RESAMPLES, len(values))), axis=-1) for values in arrays])
+    found = np.array([np.median(rng.choice(values, (RESAMPLES, len(values))), axis=-1) for values in arrays])
     is_lowest = found == found.min(axis=0)
     return (is_lowest / is_lowest.sum(axis=0)).mean(axis=1)
-
-
-def _between_values(values: Values) -> Interval:
-    """Median with its distribution-free interval: from the k-th smallest to the k-th largest of n values.
-
-    It misses the median of any distribution with probability 2 P(B < k) or less, where B is binomial of n and one half;
-    k is the largest with at most 1 - `LEVEL`. Of fewer than 6 values there is none, and the interval is their range.
-
-    Source: Hettmansperger and Sheather, Statistics & Probability Letters 4, 75 (1986), without their interpolation
-    between neighbouring values (`scipy.stats.mstats.median_cihs`): that is for continuous distributions only, and of
-    values with ties misses the median more often, of 6 times with a limit that nearly half reach in 12 %.
-    """
-    ordered = np.sort(np.asarray(values, float))
-    n = len(ordered)
-    k = max(1, int(stats.binom.ppf((1 - LEVEL) / 2, n, 0.5)))
-    return Interval(float(np.median(ordered)), float(ordered[k - 1]), float(ordered[n - k]))
 
 
 def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:
@@ -208,7 +166,13 @@ def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:
     arrays = [np.asarray(values, float) for values in samples]
     # SciPy wants two values or more; resamples of a value given twice are the same.
     given = [np.repeat(values, 2) if len(values) == 1 else values for values in arrays]
-    batch = max(1, _BATCH // max(map(len, given)))
-    options: dict[str, Any] = {"n_resamples": RESAMPLES, "confidence_level": LEVEL, "method": "percentile"}
-    result = stats.bootstrap(given, statistic, batch=batch, rng=np.random.default_rng(0), **options)
+    result = stats.bootstrap(
+        given,
+        statistic,
+        n_resamples=RESAMPLES,
+        confidence_level=LEVEL,
+        method="percentile",
+        batch=max(1, _BATCH // max(map(len, given))),
+        rng=np.random.default_rng(0),
+    )
     return Interval(float(statistic(*arrays, axis=-1)), *map(float, result.confidence_interval))

@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.analysis.measures import by
+from iswarm_mj.experiments.analysis.statements import ASKED
 from iswarm_mj.experiments.analysis.statistics import Interval, even, holm, interval, share
 
 ACCEPTED = 0.05
@@ -107,3 +110,10 @@ def chances(
         ]
         raw.append(even(*zip(*there, strict=True)))
     return dict(zip(factors, zip(raw, holm(raw), strict=True), strict=True))
+
+
+def answers(rows: Rows) -> list[bool]:
+    """Whether each of `ASKED` holds for one set of runs, whose `study` and `setting` say what each is run for."""
+    listed = [{**row, "use_hop_count": row["setting"] == "with", "type": row["setting"]} for row in rows]
+    studies = by(listed, "study")
+    return [holds(studies[study]) for study, holds in ASKED.values()]

@@ -85,7 +85,7 @@ def fitting() -> str:
 
 
 def operators() -> list[str]:
-    """What the paper leaves open of its evolution: the items of the list in the docstring of `strategy.evolution`."""
+    """What the paper leaves open of its evolution: the items of the list in the docstring of `runner.evolution`."""
     items = re.split(r"^- ", inspect.getdoc(evolution) or "", flags=re.MULTILINE)[1:]
     return [" ".join(item.split()) for item in items]
 

@@ -3,14 +3,16 @@
 import re
 import shlex
 from collections.abc import Iterator, Mapping
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.experiments.analysis.evolution_best import best_of
-from iswarm_mj.experiments.report.opening import opening
+from iswarm_mj.experiments.analysis.evolution import best_of
+from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.report.results import SEARCH, TRIALS, judged
 from iswarm_mj.experiments.runner.experiment import RUNS
 from iswarm_mj.experiments.runner.journal import count
-from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT, TABLE
+from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
@@ -18,12 +20,28 @@ from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.clean import summary
 from iswarm_mj.workflows.grasp import CURVES
-from iswarm_mj.workflows.grasp import TABLE as TRIALS
 
 _JOURNALS = {RUNS: "an experiment", CHECKPOINT: "a search"}
-_TABLES = (TABLE, TRIALS, CURVES, *(experiment.table for experiment in EXPERIMENTS.values()))
+_TABLES = (SEARCH, TRIALS, CURVES, *(experiment.table for experiment in EXPERIMENTS.values()))
 _KNOWN = (RESULT, *_TABLES, *_JOURNALS)
 _MAX_LISTED = 20
+FILES = {
+    "result.json": "measures and settings: iswarm_mj.load({parent!r}).result; iswarm clean --config {path} repeats it",
+    "trajectory.npz": "what was recorded: iswarm_mj.load({parent!r}).robots, .balls, .links, .steps",
+    "*.rrd": "recording: rerun {path}",
+    "best*.json": "best genome: iswarm clean --genome {path}",
+    "runs.sqlite": "finished runs, which are not repeated",
+    "checkpoint.sqlite": "finished runs, with which --resume goes on",
+    "findings.*": "statements and verdicts, a row each",
+    "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
+    "*.csv": "the same table for spreadsheets",
+    "*.html": "page for a browser",
+    "*.png": "figure or picture",
+    "*.svg": "the same figure, for print",
+    "*.mp4": "video",
+    "*.md": "text",
+}
+"""By the pattern of its name: what it is and how to open it."""
 
 
 def inspection(directory: Path) -> str:
@@ -80,10 +98,10 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
     try:
         yield summary(content, directory)
     except (KeyError, TypeError, ValueError, AttributeError):
-        yield f"its measures cannot be read: {RESULT} is of another version"
+        yield f"its measures cannot be read: {RESULT} is damaged"
     faults = content.get("faults") or []
     if not isinstance(faults, list):
-        yield f"its faults cannot be read: {RESULT} is of another version"
+        yield f"its faults cannot be read: {RESULT} is damaged"
         faults = []
     yield from (f"fault: {fault}" for fault in faults[:_MAX_LISTED])
     if len(faults) > _MAX_LISTED:
@@ -94,28 +112,38 @@ def _table(path: Path) -> Iterator[str]:
     """Of experiments, searches, trials and curves."""
     try:
         rows, settings = read_table(path)
+        yield from _told(path, rows, settings)
     except UserError as error:
         yield str(error)
-        return
+    except (TypeError, KeyError, ValueError, AttributeError, IndexError):  # columns may lack, or hold anything
+        yield f"{path.name} is damaged, or holds something else than its name says; make it again"
+
+
+def _told(path: Path, rows: Rows, settings: Mapping[str, Any]) -> list[str]:
+    """Of a table that can be read."""
     version = f"version {settings.get('version')}, seed {settings.get('seed')}"
-    quick = " --quick" * bool(settings.get("quick"))
-    if path.name == TABLE:
+    name = str(settings.get("experiment"))
+    if path.name == SEARCH:
         made, planned = len({row["generation"] for row in rows}), settings.get("generations")
-        yield f"search by {settings.get('method')}: {len(rows)} runs, {made} of {planned} generations"
+        told = [f"search by {settings.get('method')}: {len(rows)} runs, {made} of {planned} generations"]
         if rows:
             place = f", in {BEST}" * (path.parent / BEST).is_file()
             best = best_of(rows)
-            yield f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s){place}; {version}"
-    elif path.name in (TRIALS, CURVES):
+            told.append(f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s){place}; {version}")
+        return told
+    if path.name in (TRIALS, CURVES):
         what = "trials of grasp and release" if path.name == TRIALS else "samples of force-distance curves"
-        yield f"{len(rows)} {what} on {settings.get('engine')}, {version}"
-    else:
-        name = str(settings.get("experiment"))
-        title = EXPERIMENTS[name].title if name in EXPERIMENTS else name
-        yield f"experiment {name}{quick} on {settings.get('engine')}: {title}; {len(rows)} runs, {version}"
-        if name in EXPERIMENTS:
-            for finding in EXPERIMENTS[name].findings(rows):
-                yield f"  {finding.verdict or '-'}: {finding.claim}: {finding.ours}"
+        return [f"{len(rows)} {what} on {settings.get('engine')}, {version}"]
+    if name not in EXPERIMENTS:
+        return [f"experiment {name}: {len(rows)} runs, {version}"]
+    result = judged(name, path, rows, settings)
+    if result is None:
+        raise ValueError
+    quick = " --quick" * bool(settings.get("quick"))
+    title = (
+        f"experiment {name}{quick} on {settings.get('engine')}: {EXPERIMENTS[name].title}; {len(rows)} runs, {version}"
+    )
+    return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in result.findings)]
 
 
 def _files(directory: Path) -> Iterator[str]:
@@ -148,3 +176,11 @@ def _size(n_bytes: float) -> str:
             return f"{n_bytes:.3g} {unit}"
         n_bytes /= 1000
     return f"{n_bytes:.3g} GB"
+
+
+def opening(path: Path) -> str:
+    """Return what a file is, and how to open it; nothing for a file that no command writes."""
+    text = next((text for pattern, text in FILES.items() if fnmatch(path.name, pattern)), "")
+    is_python = "!r" in text
+    name = str(path) if is_python and "--config" not in text else shlex.quote(str(path))
+    return text.format(path=name, parent=str(path.parent))

@@ -28,7 +28,7 @@ def target(value: object) -> str:
     return quote(str(value))
 
 
-def markdown(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """A Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(text(cell) for cell in line) + " |" for line in lines)

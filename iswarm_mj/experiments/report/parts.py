@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from iswarm_mj import __version__
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.report.results import SEARCH, TRIALS
-from iswarm_mj.experiments.report.statements import SEARCHES
+from iswarm_mj.experiments.report.results import METHODS, SEARCH, TRIALS
 from iswarm_mj.experiments.runner.experiment import Experiment, Plan, run_experiment, settings_of
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import run_searches
@@ -99,7 +98,7 @@ def parts_of(plans: Plans, execution: Execution) -> dict[str, Part]:
     """All parts by their names, searches last, since they take longest."""
     found = [_trials(plans.trials)]
     found += [_experiment(each, plans.experiment, execution) for each in EXPERIMENTS.values()]
-    found += [_search(replace(plans.search, method=method), execution) for method in SEARCHES]
+    found += [_search(replace(plans.search, method=method), execution) for method in METHODS]
     return {part.name: part for part in found}
 
 

@@ -4,14 +4,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from iswarm_mj.experiments.report import blocks
+from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
 from iswarm_mj.experiments.report.parts import Part, make
-from iswarm_mj.experiments.report.results import collect
-from iswarm_mj.experiments.report.statements import topics_of, write_findings
-from iswarm_mj.experiments.report.tables import Tables, check_name
+from iswarm_mj.experiments.report.results import GRASP, collect, topics_of, write_findings
+from iswarm_mj.experiments.report.tables import Tables, check_name, new_texts
 from iswarm_mj.experiments.report.writer import report
+from iswarm_mj.experiments.runner.search import FIGURE
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import make_output_directory
+from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.lock import locked
 
 
@@ -63,7 +65,7 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
         UserError: a page has a block that cannot be filled, something cannot be written, or a part was left out.
         SimulationFault: a run could not go on.
     """
-    blocks.new_texts(places.pages, check_name)  # before anything takes hours
+    new_texts(places.pages, check_name)  # before anything takes hours
     make_output_directory(places.results, setting="results")
     with locked(places.out):
         _make(parts, places, again, same_engine)
@@ -102,8 +104,35 @@ def rewrite(places: Places, partial: bool = False) -> None:
         UserError: a block cannot be filled, or a file cannot be written; in the first case nothing is written.
     """
     topics = topics_of(collect([places.results]))
-    texts = blocks.new_texts(places.pages, Tables(partial=partial).content)
+    texts = new_texts(places.pages, Tables(partial=partial).content)
     with locked(places.results):
         write_findings(topics)
-    blocks.write(texts)
+    for path, text in texts.items():
+        with atomic_write(path) as part:
+            part.write_text(text, encoding="utf-8")
     print(f"findings in {places.results}" + "".join(f"\ntables in {path}" for path in texts))
+
+
+def redraw(results: Path) -> list[Path]:
+    """Draw the figures of all tables below a directory, each beside its table; return the paths of the PNG files.
+
+    Drawings and pictures of single runs stay as they are, since tables do not have them. An SVG file is kept where one
+    was before.
+
+    Raises:
+        UserError: there is no such directory, or a file cannot be written.
+    """
+    drawn, kept = [], set(results.glob("**/*.svg"))
+    for name, result in collect([results]).used.items():
+        out = result.path.parent
+        if name == GRASP:
+            drawn += draw_figures(result.rows, result.settings, out)
+        elif name in EXPERIMENTS:
+            drawn += EXPERIMENTS[name].draw(result.rows, out)
+        else:
+            draw_fitness(result.rows, result.settings["config"]["arena"]["n_dust"], out / FIGURE)
+            drawn.append(out / f"{FIGURE}.png")
+    for path in drawn:
+        if (drawing := path.with_suffix(".svg")) not in kept:
+            remove(drawing)
+    return drawn

@@ -1,79 +1,124 @@
-"""Tables of experiments, searches and trials that are found in directories of results."""
+"""Tables of experiments, searches and trials below directories, what follows from them, and the topics of a report."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.analysis import bench_statements, evolution_statements
+from iswarm_mj.experiments.analysis.evolution import samples_of
+from iswarm_mj.experiments.analysis.findings import KINDS, Finding, Rows
+from iswarm_mj.experiments.report.command_lines import command_line
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.tables import read_table
+from iswarm_mj.utils.tables import read_table, write_csv
 
-SEARCH, TRIALS = "evolution.parquet", "trials.parquet"
-
-
+SEARCH, TRIALS, FINDINGS = "evolution.parquet", "trials.parquet", "findings.csv"
+METHODS = ("paper", "random", "cmaes")
+"""Of searches, in the order in which they stand."""
+LAWS, GRASP, EVOLUTION = "laws", "grasp", "evolution"
+TITLES = {
+    LAWS: "The gripper's theory (section 3.2.1)",
+    GRASP: "Grasping and releasing (section 3.2.3, Figs. 6 to 11)",
+    EVOLUTION: "Evolution (section 4.6.1, Fig. 14, Table 2)",
+    "hop-count": "Hop counts (section 4.6.1, Fig. 15)",
+    "types": "The two types (Table 2, Fig. 16)",
+    "density": "The optimal density (section 4.6.2, Fig. 17)",
+    "message-time": "Messages that take time (section 4.1, Fig. 15)",
+    "sensitivity": "Beyond the paper: other choices and other noise",
+    "robustness": "Beyond the paper: failed robots",
+    "resolved-grasps": "Beyond the paper: grasps by trials on the bench",
+    "time-step": "Beyond the paper: the physics time step",
+    "infer": "Beyond the paper: which readings agree with it",
+}
+"""Topics in their order."""
 _NAMES = {TRIALS, SEARCH, *(experiment.table for experiment in EXPERIMENTS.values())}
 
 
 class Result(NamedTuple):
-    """A table of results."""
+    """A table of results, which holds what its name and settings say."""
 
+    name: str
+    """Of the part of the results: an experiment, a search such as evolve-paper, or grasp."""
     path: Path
     rows: Rows
     settings: Mapping[str, Any]
+    findings: Sequence[Finding]
+    """Of a search, as if there were no other."""
+    command: str
+    """Line that makes it again."""
+
+
+class Topic(NamedTuple):
+    """A part of the statements."""
+
+    name: str
+    title: str
+    findings: Sequence[Finding]
+    results: Sequence[Result]
+    """Tables that the findings are based on; none if they were not made, or are not needed."""
 
 
 @dataclass
 class Results:
     """The tables that a report is based on."""
 
-    experiments: dict[str, Result] = field(default_factory=dict)
-    """By the name of the experiment."""
-    searches: dict[str, Result] = field(default_factory=dict)
-    """By the method."""
-    trials: Result | None = None
-    """Of the gripper's bench."""
+    used: dict[str, Result] = field(default_factory=dict)
+    """By their names; searches in the order of their methods."""
     left_out: list[Path] = field(default_factory=list)
-    """Tables that are not used because another one of the same kind has more runs."""
+    """Tables that are not used because another one of the same name has more runs."""
     unusable: list[Path] = field(default_factory=list)
     """Tables of the right names that are damaged, or hold something else."""
-
-    @property
-    def used(self) -> list[Result]:
-        """All tables but those left out."""
-        trials = [self.trials] if self.trials else []
-        return [*trials, *self.searches.values(), *self.experiments.values()]
 
 
 def collect(directories: Sequence[Path]) -> Results:
     """Read all tables below the directories.
 
-    If there are several tables of a kind, the one with the most rows is used; one made with --quick only if there is
-    no other.
+    If there are several tables of a name, the one with the most rows is used; one made with --quick only if there is no
+    other.
 
     Raises:
         UserError: a directory does not exist.
     """
-    kinds: dict[tuple[str, str], list[Result]] = {}
+    found: dict[str, list[tuple[Path, Rows, Mapping[str, Any]]]] = {}
     results = Results()
     for directory in directories:
         if not directory.is_dir():
             raise ConfigError("results", directory, "an existing directory with results")
         for path in files_in(directory, "**/*.parquet"):
-            result = _read(path)
-            if result is None and path.name in _NAMES:
-                results.unusable.append(path)
-            elif result is not None and (kind := _kind(result)):
-                kinds.setdefault(kind, []).append(result)
-    for (kind, name), found in kinds.items():
-        best = max(found, key=lambda result: (not result.settings.get("quick"), len(result.rows)))
-        results.left_out += [result.path for result in found if result is not best]
-        if kind == "trials":
-            results.trials = best
+            if path.name in _NAMES:
+                try:
+                    rows, settings = read_table(path)
+                    name = _name(path, settings)
+                except (UserError, AttributeError):  # settings may be anything
+                    results.unusable.append(path)
+                    continue
+                if name and rows:
+                    found.setdefault(name, []).append((path, rows, settings))
+    for name in sorted(found, key=[GRASP, *(f"evolve-{m}" for m in METHODS), *EXPERIMENTS].index):
+        best = max(found[name], key=lambda table: (not table[2].get("quick"), len(table[1])))
+        results.left_out += [path for path, *_ in found[name] if path != best[0]]
+        result = judged(name, *best)
+        if result is None:
+            results.unusable.append(best[0])
         else:
-            getattr(results, kind)[name] = best
+            results.used[name] = result
     return results
+
+
+def judged(name: str, path: Path, rows: Rows, settings: Mapping[str, Any]) -> Result | None:
+    """What follows from a table; None if it holds something else than its name and settings say."""
+    try:
+        if name == GRASP:
+            findings = [s.finding(rows) for s in bench_statements.STATEMENTS if s.study == GRASP]
+        elif name in EXPERIMENTS:
+            findings = EXPERIMENTS[name].findings(rows)
+        else:
+            findings = _evolution({settings["method"]: (rows, settings)})
+        return Result(name, path, rows, settings, findings, command_line(name, settings))
+    except Exception:  # columns may lack, or hold anything
+        return None
 
 
 def files_in(directory: Path, pattern: str) -> Iterator[Path]:
@@ -84,21 +129,63 @@ def files_in(directory: Path, pattern: str) -> Iterator[Path]:
             yield path
 
 
-def _read(path: Path) -> Result | None:
-    try:
-        return Result(path, *read_table(path))
-    except UserError:
-        return None
-
-
-def _kind(result: Result) -> tuple[str, str] | None:
-    """Kind of a table, and its name within the kind; None for a table that a report does not use."""
-    file, settings = result.path.name, result.settings
-    if not result.rows:
-        return None
-    if file == TRIALS:
-        return "trials", ""
-    if file == SEARCH and "method" in settings:
-        return "searches", settings["method"]
+def _name(path: Path, settings: Mapping[str, Any]) -> str | None:
+    """Name of a table; None for one that a report does not use."""
+    if path.name == TRIALS:
+        return GRASP
+    if path.name == SEARCH:
+        return f"evolve-{settings['method']}" if settings.get("method") in METHODS else None
     name = str(settings.get("experiment"))
-    return ("experiments", name) if name in EXPERIMENTS and file == EXPERIMENTS[name].table else None
+    return name if name in EXPERIMENTS and path.name == EXPERIMENTS[name].table else None
+
+
+def _evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> list[Finding]:
+    samples = samples_of(searches)
+    return [statement.finding(samples) for statement in evolution_statements.STATEMENTS]
+
+
+def searches_of(results: Sequence[Result]) -> dict[str, tuple[Rows, Mapping[str, Any]]]:
+    """Rows and settings of searches by their methods."""
+    return {result.settings["method"]: (result.rows, result.settings) for result in results}
+
+
+def topics_of(results: Results) -> list[Topic]:
+    """All topics with their findings."""
+    listed = []
+    for name, title in TITLES.items():
+        mine = [r for r in results.used.values() if r.name == name or (name == EVOLUTION and "evolve-" in r.name)]
+        if name == LAWS:
+            findings = [s.finding(True) for s in bench_statements.STATEMENTS if s.study == LAWS]
+        elif name == EVOLUTION:
+            findings = _evolution(searches_of(mine))
+        elif mine:
+            findings = mine[0].findings
+        elif name == GRASP:
+            findings = [s.finding(None) for s in bench_statements.STATEMENTS if s.study == GRASP]
+        else:
+            findings = EXPERIMENTS[name].findings([])
+        listed.append(Topic(name, title, findings, mine))
+    return listed
+
+
+def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]:
+    """The kinds that occur, and the number of statements of each by verdict."""
+    kinds = [kind for kind in KINDS if any(finding.kind == kind for finding in findings)]
+    counts = Counter((finding.verdict, finding.kind) for finding in findings)
+    verdicts = dict.fromkeys(finding.verdict for finding in findings)
+    return kinds, {verdict: [counts[verdict, kind] for kind in kinds] for verdict in verdicts}
+
+
+def findings_files(topics: Sequence[Topic]) -> dict[Path, Sequence[Finding]]:
+    """Findings by the files beside the tables that they are based on, for the evolution beside its first table."""
+    return {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in topics if topic.results}
+
+
+def write_findings(topics: Sequence[Topic]) -> None:
+    """Write `findings_files`.
+
+    Raises:
+        UserError: one of them cannot be written.
+    """
+    for path, findings in findings_files(topics).items():
+        write_csv(path, [finding._asdict() for finding in findings])

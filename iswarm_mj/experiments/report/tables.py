@@ -1,22 +1,90 @@
-"""Tables of results in Markdown, by the names of the blocks in which README and docs show them."""
+"""Blocks of Markdown pages that are written from results; nothing outside of them is touched.
 
+A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or another one whose name begins
+so, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
+has the results of two directories, such as those of two configurations.
+"""
+
+import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import FAILS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
-from iswarm_mj.experiments.report.engine_table import PARTS, engines
-from iswarm_mj.experiments.report.markdown import markdown
-from iswarm_mj.experiments.report.result_tables import TABLES, evolution
-from iswarm_mj.experiments.report.results import collect
-from iswarm_mj.experiments.report.statements import EVOLUTION, LAWS, TITLES, Topic, tally, topics_of
-from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.experiments.report.markdown import table
+from iswarm_mj.experiments.report.numbers import TABLES, engines, evolution
+from iswarm_mj.experiments.report.results import (
+    EVOLUTION,
+    LAWS,
+    TITLES,
+    Topic,
+    collect,
+    searches_of,
+    tally,
+    topics_of,
+)
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import check_file
 
+START = re.compile(r"^<!-- (results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *-->$")
+END = "<!-- end -->"
+Fill = Callable[[str, str, str | None], str | None]
+"""Content of a block from its directory, its name, and the other directory if it has one; None leaves the block as it
+is, a `UserError` means that it cannot be filled."""
 SUMMARY, STATEMENTS, ENGINES, MISSES = "summary", "statements", "engines", "misses"
 OF_ALL = (SUMMARY, STATEMENTS, MISSES)
 """Blocks on all topics."""
+
+
+def filled(text: str, page: str, fill: Fill) -> str:
+    """Return the text of a page with its blocks filled anew.
+
+    Args:
+        text: of the page.
+        page: its name, for errors.
+        fill: gives the content of a block.
+
+    Raises:
+        UserError: a block does not end or begin, or it names something that is not there; the message names the line.
+    """
+    kept, begun, new = [], 0, None
+    for number, line in enumerate(text.splitlines(), 1):
+        start = START.match(line)
+        if begun and start:
+            raise UserError(f"{page}:{begun}: the block of results has no line {END!r} before line {number}; add one.")
+        if line == END and not begun:
+            raise UserError(f"{page}:{number}: this line ends no block of results; remove it.")
+        if not begun or line == END or new is None:
+            kept.append(line)
+        if start:
+            try:
+                new = fill(*start.groups())
+            except UserError as error:
+                raise UserError(f"{page}:{number}: {error}") from None
+            kept += [] if new is None else ["", new.strip("\n"), ""]
+        begun = number if start else 0 if line == END else begun
+    if begun:
+        raise UserError(f"{page}:{begun}: the block of results has no line {END!r}; add one.")
+    return "\n".join(kept) + "\n"
+
+
+def new_texts(pages: Iterable[Path], fill: Fill) -> dict[Path, str]:
+    """Texts of those pages that change if their blocks are filled anew; writes nothing.
+
+    Raises:
+        UserError: a page cannot be read, or as `filled` does.
+    """
+    found = {}
+    for page in pages:
+        try:
+            check_file(page)
+            text = page.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            raise UserError(f"{page} is not a readable page; give Markdown files.") from None
+        if (new := filled(text, str(page), fill)) != text:
+            found[page] = new
+    return found
 
 
 def check_name(directory: str, name: str, beside: str | None = None) -> None:
@@ -27,7 +95,7 @@ def check_name(directory: str, name: str, beside: str | None = None) -> None:
     """
     if name == ENGINES and beside is None:
         raise UserError(f"The block {name!r} compares two directories; write `beside` and the other one.")
-    if name not in (names := [*TITLES, *(each for each in EXPERIMENTS if each not in TITLES), *OF_ALL, ENGINES]):
+    if name not in (names := [*TITLES, *OF_ALL, ENGINES]):
         raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
 
 
@@ -64,23 +132,18 @@ class Tables:
                 return None
             raise
         if name == ENGINES:
-            rows = {place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()}
-            return engines(rows)
+            return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
         if name in (SUMMARY, MISSES):
-            shown = summary if name == SUMMARY else misses
+            shown = _summary if name == SUMMARY else _misses
             return _each(found, lambda topics: shown([f for topic in topics for f in topic.findings]))
         if name == STATEMENTS:
             same: dict[str, dict[str, Topic]] = {}
             for place, topics in found.items():
                 for topic in topics:
                     same.setdefault(topic.title, {})[place] = topic
-            return "\n\n".join(
-                f"### {title}\n\n{_each(topics, lambda topic: statements(topic.findings))}"
-                for title, topics in same.items()
-            )
+            return "\n\n".join(f"### {title}\n\n{_each(topics, _statements)}" for title, topics in same.items())
         topics = {place: topic for place, (topic,) in found.items()}
-        table = _each(topics, numbers)
-        return "\n\n".join(filter(None, [table, verdicts({place: t.findings for place, t in topics.items()})]))
+        return "\n\n".join(filter(None, [_each(topics, _numbers), _verdicts(topics)]))
 
     def _named(self, directory: str, name: str) -> list[Topic]:
         """Topic of this name; for the names of none all that have results or need none."""
@@ -89,7 +152,7 @@ class Tables:
         topics = self._topics[directory]
         if name in OF_ALL:
             return [topic for topic in topics.values() if topic.results or topic.name == LAWS]
-        wanted = PARTS if name == ENGINES else (name,)
+        wanted = ("hop-count", "density") if name == ENGINES else (name,)
         if any(not topics[each].results and each != LAWS for each in wanted):
             raise UserError(f"{directory} has no results for the block {name!r}; make them with `iswarm reproduce`.")
         return [topics[each] for each in wanted]
@@ -101,34 +164,38 @@ def _each(found: Mapping[str, Any], shown: Callable[[Any], str]) -> str:
     return "\n\n".join(f"`{place}`:\n\n{text}" if len(texts) > 1 and text else text for place, text in texts.items())
 
 
-def numbers(topic: Topic) -> str:
+def _numbers(topic: Topic) -> str:
     """The table of a topic's numbers; empty if it has none."""
     if topic.name == EVOLUTION:
-        return evolution({result.settings["method"]: (result.rows, result.settings) for result in topic.results})
+        return evolution(searches_of(topic.results))
     return "\n\n".join(TABLES[topic.name](result.rows) for result in topic.results if topic.name in TABLES)
 
 
-def verdicts(findings: Mapping[str, Sequence[Finding]]) -> str:
+def _verdicts(topics: Mapping[str, Topic]) -> str:
     """Statements with the paper's values, kinds, and the verdicts of one or several directories.
 
     Numbers of which the paper has none, and that no rule judges, stand in the tables of numbers only.
     """
-    several = len(findings) > 1
-    judged = [{f.claim: f.verdict or "not judged" for f in each} for each in findings.values()]
-    head = ["statement", "the paper", *(f"verdict, `{place}`" if several else "verdict" for place in findings), "kind"]
-    first = [f for f in next(iter(findings.values())) if f.verdict or f.kind != NOT_COMPARABLE]
-    return markdown(head, [[f.claim, f.paper, *(each.get(f.claim, "") for each in judged), f.kind] for f in first])
-
-
-def statements(findings: Sequence[Finding]) -> str:
-    """Statements with everything but their places in the paper."""
-    head = ["statement", "the paper", "here", "statistics", "verdict", "kind"]
-    return markdown(
-        head, [[f.claim, f.paper, f.ours, f.statistics, f.verdict or "not judged", f.kind] for f in findings]
+    several, first = len(topics) > 1, next(iter(topics.values())).findings
+    judged = [{f.claim: f.verdict or "not judged" for f in topic.findings} for topic in topics.values()]
+    head = ["statement", "the paper", *(f"verdict, `{place}`" if several else "verdict" for place in topics), "kind"]
+    return table(
+        head,
+        [
+            [f.claim, f.paper, *(each.get(f.claim, "") for each in judged), f.kind]
+            for f in first
+            if f.verdict or f.kind != NOT_COMPARABLE
+        ],
     )
 
 
-def summary(findings: Sequence[Finding]) -> str:
+def _statements(topic: Topic) -> str:
+    """Statements with everything but their places in the paper."""
+    lines = [[f.claim, f.paper, f.ours, f.statistics, f.verdict or "not judged", f.kind] for f in topic.findings]
+    return table(["statement", "the paper", "here", "statistics", "verdict", "kind"], lines)
+
+
+def _summary(findings: Sequence[Finding]) -> str:
     """Numbers of the paper's statements by verdict and kind, and of the others by verdict."""
     own, others = ([f for f in findings if (f.source != NOT_IN_PAPER) == is_own] for is_own in (True, False))
     kinds, counts = tally(own)
@@ -137,11 +204,11 @@ def summary(findings: Sequence[Finding]) -> str:
         [verdict or "not judged", *(row := counts.get(verdict, [0] * len(kinds))), sum(row), added[verdict]]
         for verdict in [*counts, *(each for each in added if each not in counts)]
     ]
-    return markdown(["verdict", *kinds, "all of the paper's", NOT_IN_PAPER], rows)
+    return table(["verdict", *kinds, "all of the paper's", NOT_IN_PAPER], rows)
 
 
-def misses(findings: Sequence[Finding]) -> str:
+def _misses(findings: Sequence[Finding]) -> str:
     """The paper's statements that do not hold here, or are undecided, with what is found instead."""
     own = [f for f in findings if f.source != NOT_IN_PAPER and f.verdict in (FAILS, UNDECIDED)]
     head = ["statement", "the paper", "here", "verdict", "kind"]
-    return markdown(head, [[f.claim, f.paper, f.ours, f.verdict, f.kind] for f in own])
+    return table(head, [[f.claim, f.paper, f.ours, f.verdict, f.kind] for f in own])

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.evolution_best import Best, best_of, by_replicate
-from iswarm_mj.experiments.analysis.evolution_figures import draw_fitness
+from iswarm_mj.experiments.analysis.evolution import Best, best_of, by_replicate
 from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
 from iswarm_mj.experiments.runner.batches import has_buffers
 from iswarm_mj.experiments.runner.journal import Journal
 from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.analysis.learning_figure import draw_learning
+from iswarm_mj.experiments.analysis.plots_of_searches import draw_learning
 from iswarm_mj.experiments.runner.journal import Journal
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 from iswarm_mj.simulation.strategies import to_json

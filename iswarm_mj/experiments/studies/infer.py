@@ -16,29 +16,29 @@ from iswarm_mj.experiments.analysis.findings import (
     NOT_IN_PAPER,
     PREDICTED,
     TOO_FEW,
-    Claim,
     Finding,
     Rows,
     number,
     percent,
 )
-from iswarm_mj.experiments.analysis.measures import select
-from iswarm_mj.experiments.analysis.paper import STEPS
-from iswarm_mj.experiments.analysis.statements import DENSITY, HOP_COUNT, STATEMENTS, TYPES, answers, time_error
+from iswarm_mj.experiments.analysis.measures import STEPS, by, select
+from iswarm_mj.experiments.analysis.plots_of_searches import draw_support
+from iswarm_mj.experiments.analysis.statements import ASKED, time_error
+from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import (
     Combination,
     accepted,
+    answers,
     chances,
     counts_alone,
     gives_way,
     support,
 )
-from iswarm_mj.experiments.analysis.support_figure import draw_support
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
 from iswarm_mj.experiments.runner.limits import LEAST_COMBINATIONS
 from iswarm_mj.experiments.runner.variation import Values, varied
-from iswarm_mj.experiments.studies.density import DENSITIES
+from iswarm_mj.experiments.studies.plans import DENSITIES
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.errors import ConfigError
@@ -101,11 +101,14 @@ class Setting(NamedTuple):
 
 SETTINGS = (
     *(
-        Setting(HOP_COUNT, name, Genome(use_hop_count=flag), Genome().density_of_robots, TIME_LIMIT, False)
+        Setting("hop-count", name, Genome(use_hop_count=flag), Genome().density_of_robots, TIME_LIMIT, False)
         for name, flag in (("with", True), ("without", False))
     ),
-    *(Setting(DENSITY, f"{density:g}", Genome(), density, TIME_LIMIT, False) for density in DENSITIES),
-    *(Setting(TYPES, name, PRESETS[name], PRESETS[name].density_of_robots, STEPS, True) for name in ("type1", "type2")),
+    *(Setting("density", f"{density:g}", Genome(), density, TIME_LIMIT, False) for density in DENSITIES),
+    *(
+        Setting("types", name, PRESETS[name], PRESETS[name].density_of_robots, STEPS, True)
+        for name in ("type1", "type2")
+    ),
 )
 """Figs. 15 and 17 and Table 2."""
 
@@ -171,28 +174,32 @@ def _runs(plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], seeds: int
 
 def combinations_of(rows: Rows) -> list[Combination]:
     """Combinations, named readings and the paper's with one value changed, with their answers, from the table."""
-    found: dict[int, list[Any]] = {}
-    for row in rows:
-        found.setdefault(row["combination"], []).append(row)
     listed = []
-    for runs in found.values():
-        labels, layouts = {name: runs[0][name] for name in FACTORS}, sorted({row["repeat"] for row in runs})
-        each = [answers(select(runs, repeat=layout)) for layout in layouts]
+    for runs in by(rows, "combination").values():
+        labels, layouts = {name: runs[0][name] for name in FACTORS}, sorted(by(runs, "repeat").items())
+        each = [answers(mine) for _, mine in layouts]
         held = answers(runs) if len(each) > 1 else each[0]
-        listed.append(Combination(runs[0]["reading"], labels, held, time_error(runs), [sum(one) for one in each]))
+        types = [{**row, "type": row["setting"]} for row in select(runs, study="types")]
+        listed.append(Combination(runs[0]["reading"], labels, held, time_error(types), [sum(one) for one in each]))
     return listed
+
+
+def supported(sample: list[Combination]) -> dict[str, dict[str, Interval]]:
+    """Support of the labels of all factors by the accepted combinations of a sample."""
+    kept = accepted(sample)
+    return {name: support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()}
 
 
 def findings(rows: Rows) -> list[Finding]:
     """How many statements are reproduced, by how many combinations, and which choices they support."""
-    best = Claim("Combinations of readings that reproduce the paper's statements", "section 4.6", "all", PREDICTED)
+    best = Finding("Combinations of readings that reproduce the paper's statements", "section 4.6", "all", PREDICTED)
     if not rows:
-        return [best.not_run()]
+        return [best]
     every = combinations_of(rows)
     sample, named = [c for c in every if c.reading is None], [c for c in every if c.is_named]
     kept = accepted(sample)
     counts = [sum(c.answers) for c in sample]
-    most, total = max(counts), len(STATEMENTS)
+    most, total = max(counts), len(ASKED)
     said = "; ".join(f"{c.reading} {sum(c.answers)} of {total}" for c in named)
     rule = (
         f"{len(sample)} combinations drawn from {len(FACTORS)} readings; the {len(kept)} that miss the fewest "
@@ -201,32 +208,28 @@ def findings(rows: Rows) -> list[Finding]:
     )
     ours = f"at most {most} of {total}, by {counts.count(most)}; median {number(float(np.median(counts)))}; {said}"
     verdict = "" if len(sample) >= LEAST_COMBINATIONS else TOO_FEW
-    listed = [best.found(ours, rule, verdict)]
+    listed = [best._replace(ours=ours, statistics=rule, verdict=verdict)]
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in FACTORS.items()})
-    for name, levels in FACTORS.items():
-        shares = support(sample, kept, name, list(levels))
+    for name, shares in supported(sample).items():
         text = "; ".join(f"{label}: {percent(share)}" for label, share in shares.items())
-        counts = counts_alone(every, name, DEFAULTS[name])
-        if other := gives_way(DEFAULTS[name], shares, counts):
+        alone = counts_alone(every, name, DEFAULTS[name])
+        if other := gives_way(DEFAULTS[name], shares, alone):
             text += f"; by the rule, {DEFAULTS[name]} gives way to {other}"
-        claim = Claim(f"Support of {name.replace('_', ' ')}", NOT_IN_PAPER, "not stated", NOT_COMPARABLE)
         p, adjusted = by_factor[name]
         prior = (
-            f"share of the accepted combinations, of which {number(100 / len(levels))} % without any support; Wilson; "
-            f"exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings; "
-            f"statements of `paper` with one value: {', '.join(f'{label} {n}' for label, n in counts.items())}"
+            f"share of the accepted combinations, of which {number(100 / len(FACTORS[name]))} % without any support; "
+            f"Wilson; exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings; "
+            f"statements of `paper` with one value: {', '.join(f'{label} {n}' for label, n in alone.items())}"
         )
-        listed.append(claim.found(text, prior, verdict))
+        claim = f"Support of {name.replace('_', ' ')}"
+        listed.append(Finding(claim, NOT_IN_PAPER, "not stated", NOT_COMPARABLE, text, prior, verdict))
     return listed
 
 
 def draw(rows: Rows, out: Path) -> list[Path]:
     """Draw how many statements are reproduced, and the support of each choice."""
     every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
-    sample = [c for c in every if c.reading is None]
-    kept = accepted(sample)
-    shares = {name: support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()}
-    return [draw_support(every, shares, [s.text for s in STATEMENTS], out / "infer")]
+    return draw_support(every, supported([c for c in every if c.reading is None]), list(ASKED), out / "infer")
 
 
 def experiment_of(combinations: int = COMBINATIONS, repeats: int = REPEATS) -> Experiment:

@@ -1,0 +1,199 @@
+"""Figures of searches in the form of the paper's Fig. 14, with all replicates; of readings; of learning."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from iswarm_mj.experiments.analysis.evolution import FITTEST, LAST, PLATEAU, Evolution, by_replicate, samples_of
+from iswarm_mj.experiments.analysis.evolution_statements import TRAITS, trait_values
+from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, Sample, draw_samples
+from iswarm_mj.experiments.analysis.statistics import Interval
+from iswarm_mj.experiments.analysis.support import Combination, accepted
+from iswarm_mj.output.palette import BLUE as STRONG
+from iswarm_mj.output.palette import DARK, GREEN
+from iswarm_mj.output.plot_style import figure
+
+_MARKERS = (ORANGE, GREEN, DARK)
+_DASHES = ("-", (0, (3, 3)), (0, (1, 5)))
+"""Of lines that may lie upon each other, which all are seen then."""
+
+
+def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
+    """Draw fitness over the generations; PNG and SVG.
+
+    Of one search: each run as a dot, the best and the mean of each generation as lines. Of replicates: the best so far
+    of each as a thin line and their median as a thick one; the median and the range of the generations' means.
+
+    Args:
+        rows: of the table of a search.
+        n_dust: balls in the arena; swarms that do not deliver all get 40 n - 20 points at most, the dashed line.
+        path: of the files, without suffix.
+    """
+    found = [Evolution(mine, n_dust) for mine in by_replicate(rows)]
+    one, alone = found[0], len(found) == 1
+    each = f"{len(one.bests)} generations of {len(one.rows) // len(one.bests)} runs"
+    caption = (
+        f"{f'One search: {each}.' if alone else f'n = {len(found)} searches, each of {each}.'} Fitness as in the "
+        "paper:\n20 points for each ball picked up, 20 for each delivered, 10 for each step left after the last ball,\n"
+        "less 0.05 for each collision, divided by the number of robots."
+    )
+    numbers = np.arange(len(one.bests)) + 1
+    with figure(path, size=(6.0, 3.6), caption=caption) as (axes,):
+        if alone:
+            generation, fitness = (np.array([row[name] for row in one.rows]) for name in ("generation", "fitness"))
+            axes.plot(generation + 1, fitness, ".", color="0.6", markersize=4, label="run")
+            axes.plot(numbers, one.bests, color=BLUE, label="best")
+            axes.plot(numbers, one.means, color=ORANGE, label="mean")
+        else:
+            best = np.array([np.maximum.accumulate(each.bests) for each in found])
+            means = np.array([each.means for each in found])
+            axes.plot(numbers, best.T, color=BLUE, linewidth=0.7, alpha=0.4)
+            label = f"best so far, each of {len(found)} replicates"
+            axes.plot([], [], color=BLUE, linewidth=0.7, alpha=0.6, label=label)
+            axes.plot(numbers, np.median(best, axis=0), color=BLUE, linewidth=2.4, label="their median")
+            axes.fill_between(numbers, means.min(axis=0), means.max(axis=0), color=ORANGE, alpha=0.15, linewidth=0)
+            label = "mean of a generation, median and range"
+            axes.plot(numbers, np.median(means, axis=0), color=ORANGE, linewidth=1.6, label=label)
+        axes.axhline(40 * n_dust - 20, color="0.3", linestyle="--", linewidth=0.8, label="most without the last ball")
+        axes.set(xlabel="generation", ylabel="fitness [points]")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4 if alone else 2, fontsize=8)
+
+
+def draw_searches(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: Path) -> list[Path]:
+    """Draw Fig. 14: fitness over the generations; scouts and forgetting of the fittest, with a line per replicate; and
+    what selection may move, a panel for each trait.
+
+    Args:
+        searches: by method, rows and settings of their tables.
+        out: directory.
+
+    Returns:
+        Paths of the PNG files.
+    """
+    drawn = []
+    for method, (rows, settings) in searches.items():
+        draw_fitness(rows, settings["config"]["arena"]["n_dust"], out / f"evolution_{method}")
+        drawn.append(out / f"evolution_{method}.png")
+    found = samples_of(searches)
+    tops = [one.top for one in found.get("paper", []) if one.top]
+    if tops:
+        n = "One search." if len(tops) == 1 else f"n = {len(tops)} searches, a colour each."
+        caption = (
+            f"Dots: the {FITTEST} fittest runs of generations {PLATEAU[0]} to {PLATEAU[1]}; dashed: least squares.\n"
+            f"{n} The test stands in the findings."
+        )
+        with figure(out / "trade", size=(4.4, 3.6), caption=caption) as (axes,):
+            for place, top in enumerate(tops):
+                x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))
+                axes.plot(x, y, "o", color=f"C{place % 10}", markersize=2, alpha=0.3)
+                if np.ptp(x) > 0:
+                    ends = np.array([x.min(), x.max()])
+                    line = np.polyval(np.polyfit(x, y, 1), ends)
+                    axes.plot(ends, line, "--", color=f"C{place % 10}", linewidth=1)
+            axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
+        drawn.append(out / "trade.png")
+    if any(len(sample) > 1 for sample in found.values()):
+        panels = [
+            Sample(t.label, {method: trait_values(t, sample) for method, sample in found.items()}, t.limits)
+            for t in TRAITS
+        ]
+        caption = (
+            f"Dots: searches, {', '.join(f'{len(sample)} of {method}' for method, sample in found.items())}. Means of "
+            f"the last {LAST} generations, but for r; Booleans: of\ntheir elites, if there are any. Shares, "
+            "probabilities and weights have no unit."
+        )
+        drawn += draw_samples(panels, out / "traits", caption, columns=4)
+    return drawn
+
+
+def draw_support(
+    every: Sequence[Combination], shares: Mapping[str, Mapping[str, Interval]], asked: Sequence[str], path: Path
+) -> list[Path]:
+    """Draw three panels: statements per combination, each statement's share, the support of each choice.
+
+    Args:
+        every: combinations of the sample, and named readings.
+        shares: of the labels of each factor among the accepted combinations.
+        asked: texts of the statements, in the order of the answers.
+        path: of the files, without suffix.
+
+    Returns:
+        Path of the PNG file.
+    """
+    sample, named = [c for c in every if c.reading is None], [c for c in every if c.reading is not None]
+    kept = accepted(sample)
+    caption = (
+        f"n = {len(sample)} combinations; the {len(kept)} that reproduce most statements are accepted.\n"
+        "Intervals: Wilson's, at 95 %, not corrected for the number of choices."
+    )
+    height = max(4.0, 0.17 * (sum(map(len, shares.values())) + len(shares)))
+    with figure(path, columns=3, size=(4.6, height), caption=caption) as (left, middle, right):
+        counts, total = Counter(sum(c.answers) for c in sample), len(asked)
+        left.bar(list(counts), list(counts.values()), color=PALE, edgecolor=STRONG, linewidth=0.8)
+        left.xaxis.set_major_locator(MaxNLocator(integer=True))
+        left.set(xlabel=f"statements reproduced, of {total}", ylabel="combinations")
+        place = np.arange(total)[::-1]
+        for group, shift, hue in ((sample, 0.2, PALE), (kept, -0.2, STRONG)):
+            middle.barh(place + shift, np.mean([c.answers for c in group], axis=0), 0.4, color=hue)
+        for k, (hue, dashes, one) in enumerate(zip(_MARKERS, _DASHES, named, strict=False)):
+            left.axvline(sum(one.answers), color=hue, linestyle=dashes, linewidth=2, label=f"reading {one.reading}")
+            holds = np.array(one.answers, bool)
+            middle.plot(np.full(holds.sum(), 1.06 + 0.07 * k), place[holds], "o", color=hue, markersize=4.5)
+        left.legend(loc="upper left")
+        middle.set_yticks(place, asked)
+        middle.set(
+            xlim=(0, 1.08 + 0.07 * len(named)), xlabel="share that reproduces it;\ndots: readings of (a) that do"
+        )
+        middle.set_xticks(np.linspace(0, 1, 6))
+        places, texts, at = [], [], 0.0
+        for factor, labels in shares.items():
+            top, prior = at, 1 / len(labels)
+            for label, (estimate, low, high) in labels.items():
+                at -= 1
+                hue = ORANGE if low > prior else STRONG if high < prior else DARK
+                right.errorbar(estimate, at, xerr=[[estimate - low], [high - estimate]], fmt="o", color=hue, ms=4)
+                places.append(at)
+                texts.append(f"{factor.replace('_', ' ')}: {label}")
+            right.plot([prior] * 2, [top - 0.6, at - 0.4], color="#999999", linewidth=1)
+            at -= 0.6
+        right.set_yticks(places, texts, fontsize=7.5)
+        right.set(xlim=(0, 1), xlabel="share of the accepted combinations;\n95 % interval; grey: without any support")
+        right.grid(axis="y", visible=False)
+        titles = (
+            f"(a) {len(sample)} combinations",
+            "(b) light: all combinations, dark: the accepted ones",
+            "(c) orange: supported, blue: contradicted",
+        )
+        for axes, title in zip((left, middle, right), titles, strict=True):
+            axes.set_title(title, loc="left", fontsize=9)
+    return [path.with_name(path.name + ".png")]
+
+
+def draw_learning(rows: Rows, path: Path) -> None:
+    """Draw fitness, and the balls picked up and delivered, over the generations; PNG and SVG.
+
+    Args:
+        rows: of learning.csv.
+        path: of the files, without suffix.
+    """
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    generation = columns["generation"]
+    caption = "Lines: means of a generation; band: from its worst to its best candidate."
+    with figure(path, columns=2, size=(3.6, 3.0), caption=caption) as (left, right):
+        left.fill_between(generation, columns["worst"], columns["best"], color=BLUE, alpha=0.2, linewidth=0)
+        left.plot(generation, columns["mean"], color=BLUE)
+        left.set_ylabel("fitness [points]")
+        for name, hue in (("picked", ORANGE), ("delivered", BLUE)):
+            right.plot(generation, columns[name], color=hue, label=name)
+        right.set_ylabel("balls")
+        right.legend(fontsize=8)
+        for axes in (left, right):
+            axes.set_xlabel("generation")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axes.set_ylim(bottom=0)

@@ -1,0 +1,118 @@
+"""What studies add to their tables: aggregation, drawings and videos of the types; overlaps and times of time steps."""
+
+import io
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.analysis.beyond_statements import drive_of
+from iswarm_mj.experiments.analysis.measures import select
+from iswarm_mj.experiments.analysis.statements import NEAR
+from iswarm_mj.experiments.runner.experiment import Plan
+from iswarm_mj.output.plot_swarm import draw_swarm
+from iswarm_mj.output.saved import load
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.units import ROBOT_DIAMETER
+from iswarm_mj.workflows.clean import clean
+
+OBSERVED = 6
+"""Runs of each kind that are looked at: trajectories of types; overlaps and times of time steps, with the planar engine
+at the drive's own time step."""
+WARM_UP = 10
+"""Control steps that are not timed."""
+
+
+def aggregation(frames: Mapping[str, np.ndarray]) -> float:
+    """Share of the empty workers that are at a dust area, meant over the steps until half of the balls are delivered.
+
+    Args:
+        frames: arrays of a trajectory.
+    """
+    n_dust = frames["ball_position"].shape[1]
+    until = max(1, int(np.searchsorted(frames["delivered"], n_dust / 2)))
+    xy, reach = frames["pose"][:until, :, None, :2], NEAR * ROBOT_DIAMETER
+    areas = frames["scene_dust_areas"]
+    outside = np.maximum(areas[:, :2] - xy, xy - areas[:, 2:]).max(axis=-1)
+    is_empty = ~frames["is_loaded"][:until] & ~frames["scene_is_scout"]
+    is_there = (outside <= reach).any(axis=-1) & is_empty
+    return float(np.mean(is_there.sum(axis=1) / np.maximum(1, is_empty.sum(axis=1))))
+
+
+def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
+    """Record the first runs of each type; add their aggregation to the rows; draw and film the first one."""
+    for row in rows:
+        row["aggregation"] = None
+        if row["repeat"] >= (1 if plan.quick else OBSERVED):
+            continue
+        directory = out / f"{row['type']}-{row['repeat']}"
+        settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=plan.goal)
+        with redirect_stdout(io.StringIO()):
+            clean(Run(plan.config, PRESETS[row["type"]], settings), settings, directory)
+        frames = load(directory).arrays
+        row["aggregation"] = aggregation(frames)
+        if row["repeat"] == 0:
+            _show(row["type"], directory, frames, out, plan.quick)
+
+
+def _show(name: str, directory: Path, frames: Mapping[str, np.ndarray], out: Path, quick: bool) -> None:
+    """Drawing, MuJoCo's picture and video of a recorded run, when half of the balls are delivered."""
+    n_dust, last = frames["ball_position"].shape[1], int(frames["step"][-1])
+    step = min(last, int(np.searchsorted(frames["delivered"], n_dust / 2)))
+    title = name.replace("type", "type ")
+    draw_swarm(
+        frames, step, f"{title}, step {step}, {frames['delivered'][step]} of {n_dust} balls delivered", out / name
+    )
+    picture = ["--step", str(step), "--camera", "oblique", "--width", "1280", "--height", "720"]
+    _render("picture", [str(directory), *picture, "--out", str(out / f"{name}_mujoco.png")])
+    length = ["--steps", "40", "--frames-per-step", "1"] if quick else []
+    _render("video", [str(directory), "--title", title, *length, "--out", str(out / f"{name}.mp4")])
+
+
+def _render(command: str, arguments: list[str]) -> None:
+    """Run a command of iswarm that renders, in a process of its own: OpenGL is chosen when MuJoCo is imported."""
+    done = subprocess.run([sys.executable, "-m", "iswarm_mj", command, *arguments], check=False)
+    if done.returncode:
+        print(f"the {command} was left out; all else is complete", file=sys.stderr)
+
+
+def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
+    """Add the deepest overlap [mm] and the median time of a control step [ms] to the rows of the observed runs.
+
+    The runs of one type and repeat advance in turn, so that they share what else the machine does.
+    """
+    for row in rows:
+        row["overlap"] = row["ms_per_step"] = None
+    observed = [row for row in rows if row["repeat"] < (1 if plan.quick else OBSERVED)]
+    for name, repeat in dict.fromkeys((row["type"], row["repeat"]) for row in observed):
+        _advance_in_turn(plan.config, select(observed, type=name, repeat=repeat))
+
+
+def _advance_in_turn(config: SwarmConfig, rows: Iterable[Any]) -> None:
+    """Run the runs of these rows, a control step of each at a time, and complete the rows."""
+    going = []
+    for row in rows:
+        settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=row["goal"], record_worlds=())
+        own = replace(config, drive=drive_of(config.drive, row["rate"]))
+        run = Run(own, PRESETS[row["type"]], settings, PlanarSettings(threads=1, refinement=1))
+        going.append((row, run, [], []))
+    while any(not run.is_over for _, run, *_ in going):
+        for _, run, seconds, overlaps in going:
+            if not run.is_over:
+                began = time.perf_counter()
+                run.advance()
+                seconds.append(time.perf_counter() - began)
+                overlaps.append(float(run.arrays()[1].bodies.overlap[0]))
+    for row, run, seconds, overlaps in going:
+        run.raise_faults()
+        row["overlap"], row["ms_per_step"] = max(overlaps), 1e3 * float(np.median(seconds[WARM_UP:]))

@@ -1,0 +1,310 @@
+"""What the statements on swarms say of made-up runs, no two of whose groups and columns are alike."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers_outcomes import PLAN, done, rows_of, type_rows
+
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.analysis.beyond_statements import changes
+from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, NOT_RUN, PREDICTED, TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.analysis.measures import latest_finish
+from iswarm_mj.experiments.runner.experiment import Plan, row_of
+from iswarm_mj.experiments.runner.jobs import Outcome, run_job
+from iswarm_mj.experiments.studies import observed, plans
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.tasks.measures import Measures, fitness
+
+ENTRIES = {name: EXPERIMENTS[name].entries(PLAN) for name in plans.ENTRIES}
+
+
+def verdicts(name, rows):
+    """Verdicts by claims."""
+    return {finding.claim: finding.verdict for finding in EXPERIMENTS[name].findings(rows)}
+
+
+def made(name, outcome):
+    return rows_of(ENTRIES[name], outcome)
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_without_rows_nothing_was_run(name):
+    found = EXPERIMENTS[name].findings([])
+    assert found and {finding.verdict for finding in found} == {NOT_RUN}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_the_runs_of_a_quick_version_are_too_few(name):
+    """Nothing is judged, however clear the runs are."""
+    entries = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
+    rows = rows_of(entries, lambda e: done(e.job, 100 + e.labels["repeat"]))
+    rows = [row | {"aggregation": 0.3, "overlap": 0.05, "ms_per_step": 2.0} for row in rows]
+    found = {finding.verdict for finding in EXPERIMENTS[name].findings(rows)}
+    assert found <= {TOO_FEW, NOT_RUN, ""} and (TOO_FEW in found or name == "infer")  # which judges nothing
+
+
+class TestHopCounts:
+    @pytest.mark.parametrize(
+        "better, expected", [(True, [HOLDS] * 4), (False, [FAILS] * 4)], ids=["they help", "they hinder"]
+    )
+    def test_each_measure_has_its_own_direction(self, better, expected):
+        """More dust, and less of all else: an inverted sign, or another measure's column, changes a verdict."""
+
+        def outcome(entry):
+            k = entry.labels["repeat"]
+            if entry.job.genome.use_hop_count == better:
+                return done(entry.job, 150 + k, 66, 3000 + k, 60.0 + k)
+            return done(entry.job, None, 20 + k, 9000 + k, 300.0 + k)
+
+        assert list(verdicts("hop-count", made("hop-count", outcome)).values()) == expected
+
+    @pytest.mark.parametrize("measure", range(4))
+    def test_each_statement_is_on_its_measure_alone(self, measure):
+        """Runs differ in one of time, dust, collisions and carriage, and the others are equal to the last digit."""
+
+        def outcome(entry):
+            k, there = entry.labels["repeat"], entry.job.genome.use_hop_count
+            values = [100, 50, 2800, 60.0]
+            values[measure] += (1 if there == (measure == 1) else -1) * (20 + k)
+            return done(entry.job, *values)
+
+        expected = [HOLDS if n == measure else FAILS for n in range(4)]
+        assert list(verdicts("hop-count", made("hop-count", outcome)).values()) == expected
+
+
+class TestDensities:
+    @pytest.mark.parametrize(
+        "best, sparse, expected",
+        [
+            (0.15, None, [HOLDS, HOLDS, HOLDS, HOLDS, HOLDS, HOLDS, FAILS]),
+            (0.2, 900, [FAILS, FAILS, FAILS, UNDECIDED, HOLDS, FAILS, FAILS]),
+            (0.4, None, [FAILS, FAILS, FAILS, FAILS, HOLDS, HOLDS, FAILS]),
+        ],
+    )
+    def test_all_measures_are_lowest_at_one(self, best, sparse, expected):
+        """0.05 finishes late or not at all, all others do."""
+
+        def outcome(entry):
+            d, k = entry.labels["density"], entry.labels["repeat"]
+            far = 1 + abs(d - best)
+            time = sparse if d == 0.05 else round(150 * far) + k
+            return done(entry.job, time, 66 if time else 40, round(280 * far * entry.job.n_robots), 60 * far)
+
+        assert list(verdicts("density", made("density", outcome)).values()) == expected
+
+
+class TestTypes:
+    def test_types_that_are_the_papers(self):
+        """Times about 310 and 311 steps and the fitness that follows from them; aggregation is compared."""
+        found = EXPERIMENTS["types"].findings(type_rows(310, 311))
+        assert [f.verdict for f in found] == [HOLDS] * 3 + [UNDECIDED] + [HOLDS] * 3 + [NOT_RUN] * 2
+        assert found[0].ours.startswith("type1: 96 of 96 runs") and "; type2: 96 of 96 runs" in found[0].ours
+        assert "median 313 steps (95 % interval 303 to 321)" in found[1].ours
+
+    @pytest.mark.parametrize(
+        "one, two, repeats, expected",
+        [
+            (310, 380, 96, [FAILS, FAILS, FAILS, FAILS]),  # 22 % later; 7075 points, 9 % off
+            (200, 201, 96, [FAILS, HOLDS, FAILS, HOLDS]),
+            (380, 310, 96, [FAILS, FAILS, FAILS, FAILS]),
+            (310, 360, 8, [UNDECIDED] * 4),
+            (310, 345, 4, [TOO_FEW] * 4),
+        ],
+    )
+    def test_types_that_are_not(self, one, two, repeats, expected):
+        """By intervals: what differs is told from what is only uncertain, and nothing follows from a few runs."""
+        rows = [row for row in type_rows(one, two) if row["repeat"] < repeats]
+        _, times, alike, _, points, as_fit, *_ = verdicts("types", rows).values()
+        assert [times, alike, points, as_fit] == expected
+
+    @pytest.mark.parametrize("time, early, expected", [(250, 0, HOLDS), (None, 0, HOLDS), (250, 12, FAILS)])
+    def test_runs_that_are_faster_than_the_papers_shortest_time(self, time, early, expected):
+        """The first `early` runs of type 2 finish in 249 steps, the others at `time`."""
+        rows = [
+            row | {"finished_at": 249 if row["type"] == "type2" and row["repeat"] < early else time}
+            for row in type_rows(310, 311)
+        ]
+        assert verdicts("types", rows)["No run of both types finishes in less than 250 steps"] == expected
+
+    @pytest.mark.parametrize("points, collisions, n_robots, step", [(7771, 180, 280, 310), (7766, 80, 314, 311)])
+    def test_the_papers_times_follow_from_its_fitness(self, points, collisions, n_robots, step):
+        """The formula of section 4.6 gives the paper's points with so many collisions a robot, and not a step later."""
+        run = Measures(72, 72, collisions * n_robots, None, step)
+        assert latest_finish(points) == step and fitness(run, n_robots, 72, 800) == pytest.approx(points)
+        assert fitness(run._replace(collisions=0, finished_at=step + 1), n_robots, 72, 800) < points
+
+    def test_another_preset_is_held_against_both_types(self):
+        """Fitter than type 1 and less fit than type 2."""
+        level = {"type1": 0, "type2": 200, "evolved": 100}
+        rows = type_rows(310, 311)
+        rows += [
+            row_of(e, done(e.job, 300, 72)) | {"aggregation": None}
+            for e in ENTRIES["types"]
+            if e.labels["type"] == "evolved"
+        ]
+        rows = [row | {"fitness": float(level[row["type"]] + row["repeat"] % 24)} for row in rows]
+        assert list(verdicts("types", rows).values())[-2:] == [HOLDS, FAILS]
+
+    def test_aggregation_by_hand(self):
+        """Of the empty workers two of three are near a dust area in the first step, none in the second."""
+        rd = 2e-3 * np.sqrt(2)
+        far = [0.0, 20 * rd, 0.0]
+        near, edge = [16 * rd, 0.0, 0.0], [(16 - 3 - 3.4) * rd, 0.0, 0.0]
+        frames = {
+            "pose": np.array([[near, edge, far, near, near], [far] * 5, [near] * 5]),
+            "is_loaded": np.array([[False, False, False, True, False]] * 3),
+            "scene_is_scout": np.array([False, False, False, False, True]),
+            "scene_dust_areas": np.array([[13.0, -3, 19, 3], [-19, -3, -13, 3]]) * rd,
+            "ball_position": np.zeros((3, 4, 3)),
+            "delivered": np.array([0, 1, 2]),
+        }
+        assert observed.aggregation(frames) == pytest.approx((2 / 3 + 0) / 2)
+
+
+class TestChoices:
+    def test_what_changes_the_time_and_what_stops_the_swarm(self):
+        """Wrong bits triple the time; a wall range stops all but two runs."""
+
+        def outcome(entry):
+            choice, k = entry.labels["choice"], entry.labels["repeat"]
+            stops = choice == "optics.wall_range" and k > 1
+            return done(entry.job, None if stops else (450 if choice == "optics.independent_bit_errors" else 150) + k)
+
+        rows = made("sensitivity", outcome)
+        reaches, grips, changed = EXPERIMENTS["sensitivity"].findings(rows)
+        assert (reaches.verdict, grips.verdict, changed.verdict) == (UNDECIDED, HOLDS, "")
+        assert "wall_range = 0.75: 2 of 10 runs" in reaches.ours and grips.ours == "4 of 4"
+        assert "independent_bit_errors = True: +300 (+298 to +302" in changed.ours and "dust_range" not in changed.ours
+        found = {change.choice: change for change in changes(rows)}
+        same, slow = found["strategy.random_turn"], found["optics.independent_bit_errors"]
+        assert same.effect.estimate == 0 and same.p == same.adjusted == 1.0
+        assert slow.adjusted == pytest.approx(min(1, len(changes(rows)) * slow.p)) and slow.reached == "10/10"
+
+    @pytest.mark.parametrize(
+        "choice, value, expected",
+        [
+            ("gripper.relative_humidity", "50.0", [HOLDS, FAILS, ""]),
+            ("optics.line_of_sight", "False", [FAILS, HOLDS, ""]),
+        ],
+    )
+    def test_a_choice_with_which_no_run_gets_there(self, choice, value, expected):
+        """At 50 % of humidity, by arithmetic; elsewhere the statement on the choices themselves fails."""
+
+        def outcome(entry):
+            fails = (entry.labels["choice"], entry.labels["value"]) == (choice, value)
+            return done(entry.job, None if fails else 150 + entry.labels["repeat"], 10 if fails else 66)
+
+        assert list(verdicts("sensitivity", made("sensitivity", outcome)).values()) == expected
+
+
+class TestRobustness:
+    def test_dead_robots_that_cost_time(self):
+        def outcome(entry):
+            part, k, slow = entry.labels["fraction"], entry.labels["repeat"], 1 + (entry.labels["kind"] == "dead")
+            return done(entry.job, None if part == 0.5 and slow == 2 else round(150 * (1 + slow * part)) + k)
+
+        robust, cost = EXPERIMENTS["robustness"].findings(made("robustness", outcome))
+        assert (robust.verdict, cost.verdict) == (FAILS, HOLDS)
+        assert "50 %: 0 of 12 runs, median 1200" in robust.ours and "0 %: 12 of 12 runs" in robust.ours
+        assert "10 %: difference of the medians 15 steps (" in cost.ours and "medians 970 steps (" in cost.ours
+
+    def test_bodies_that_cost_nothing(self):
+        rows = made("robustness", lambda e: done(e.job, 150 + 7 * e.labels["repeat"] % 12))
+        assert list(verdicts("robustness", rows).values()) == [HOLDS, UNDECIDED]
+
+
+def test_slow_messages():
+    """One rate slows, one hastens, one changes nothing; hop counts help in all."""
+
+    def outcome(entry):
+        later = {"1000": 100, "2000": -30}.get(entry.labels["setting"][:4], 0)
+        at = (150 if entry.labels["use_hop_count"] else 800) + later + entry.labels["repeat"]
+        return done(entry.job, at)
+
+    fast, middle, slow, _, *hops = EXPERIMENTS["message-time"].findings(made("message-time", outcome))
+    assert (fast.verdict, middle.verdict, slow.verdict) == (UNDECIDED, FAILS, HOLDS)
+    assert slow.ours.startswith("median 256 ") and "p = 1 by Holm for 4" in fast.statistics
+    times = [finding for finding in hops if "more quickly" in finding.claim]
+    assert [finding.verdict for finding in times] == [HOLDS] * 4 and times[2].claim.endswith("messages at 1000 bit/s")
+
+
+class TestResolvedGrasps:
+    def rows(self, time, failed, entries=ENTRIES["resolved-grasps"]):
+        found = []
+        for entry in entries:
+            k, at, vain = entry.labels["repeat"], time(entry.labels), failed(entry.labels)
+            run = Outcome(66, 66, 2800, 60.0, at + k, at + k, 0.0, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
+            found.append(row_of(entry, run))
+        return found
+
+    @staticmethod
+    def time(labels):
+        """Low voltages take longer; by trials type 2 takes longer with 55 V in dry air, and as much shorter in damp."""
+        is_apart = labels["type"] == "type2" and labels["resolution"] == "dynamic" and labels["grasp_voltage"] == 55
+        later = {10: 60, 50: -60}.get(labels["relative_humidity"], 0) if is_apart else 0
+        return 300 + later + (200 if labels["grasp_voltage"] == 30 else 0)
+
+    @staticmethod
+    def failed(labels):
+        return 40 if labels["grasp_voltage"] == 30 and labels["relative_humidity"] == 50 else 4
+
+    def test_differences_are_told_from_none(self):
+        found = EXPERIMENTS["resolved-grasps"].findings(self.rows(self.time, self.failed))
+        # although the mean of all humidities is the same
+        assert [f.verdict for f in found] == [HOLDS] * 8 + [HOLDS, HOLDS, FAILS, *[HOLDS] * 5]
+        apart = found[10].ours.split("; ")
+        dry, damp = (np.log((300 + way + np.arange(24)) / (300 + np.arange(24))).mean() for way in (60, -60))
+        assert f"{math.exp(dry):.3g} " in apart[0] and f"{math.exp(damp):.3g} " in apart[2]
+        even = EXPERIMENTS["resolved-grasps"].findings(self.rows(lambda labels: 300, lambda labels: 4))
+        assert [finding.verdict for finding in even] == [*[HOLDS] * 6, FAILS, UNDECIDED] * 2
+
+    def test_few_runs_and_runs_that_do_not_end(self):
+        quick = self.rows(self.time, self.failed, plans.resolved_grasps(Plan(quick=True)))
+        found = list(verdicts("resolved-grasps", quick).values())
+        assert found[:8] == [*(TOO_FEW, NOT_RUN, TOO_FEW) * 2, NOT_RUN, TOO_FEW]
+        idle = [{**row, "finished_at": None} for row in self.rows(self.time, self.failed)]
+        assert EXPERIMENTS["resolved-grasps"].findings(idle)[0].verdict == TOO_FEW
+
+
+class TestTimeStep:
+    def rows(self, overlap, collisions=lambda rate: 2800, first=150):
+        """Rows with 24 different times and collisions about functions of the number of physics steps."""
+        found = []
+        for entry in ENTRIES["time-step"]:
+            rate, k = entry.labels["rate"], entry.labels["repeat"]
+            outcome = Outcome(66, 70, collisions(rate) + 10 * k, 60.0 + k, first + k, first + k, 0.0)
+            seen = {"overlap": overlap / rate, "ms_per_step": 2.0 + 0.01 * rate} if k < 6 else {}
+            found.append({**row_of(entry, outcome), "overlap": None, "ms_per_step": None, **seen})
+        return found
+
+    def test_nothing_that_changes(self):
+        *same, overlap, cost, refused = EXPERIMENTS["time-step"].findings(self.rows(6))
+        assert [f.verdict for f in same] == [HOLDS] * 4 and (overlap.verdict, cost.verdict) == (HOLDS, "")
+        # Runs that reach the goal have delivered as many balls as it asks for, at any time step.
+        assert [f.kind for f in same] == [PREDICTED, CONSTRUCTED, PREDICTED, PREDICTED]
+        assert "type1, 10: 0.6, 20: 0.3, 50: 0.12, 100: 0.06" in overlap.ours and "100: 3 ms" in cost.ours
+        assert "2: drive.walk_substeps must be at least 6" in refused.ours
+
+    def test_what_changes_and_what_only_may_have(self):
+        """Five runs scatter too much for an equivalence within 10 %, though their medians are the same."""
+        rows = self.rows(20, collisions=lambda rate: 2800 + 3000 * (rate == 10))
+        time, _, collisions, _, overlap, *_ = verdicts("time-step", rows).values()
+        assert (time, collisions, overlap) == (HOLDS, FAILS, FAILS)
+        few = [row for row in self.rows(6, first=80) if row["repeat"] % 5 == 0]
+        assert EXPERIMENTS["time-step"].findings(few)[0].verdict == UNDECIDED
+        coarse = [row for row in rows if row["rate"] < 100]
+        assert list(verdicts("time-step", coarse).values())[4] == NOT_RUN
+
+    def test_overlaps_and_times_are_observed(self, small):
+        """Overlaps lessen with the time step."""
+        plan = Plan(replace(small, arena=replace(small.arena, n_dust=4)), quick=True)
+        entries = [e._replace(job=replace(e.job, n_robots=40, steps=30)) for e in plans.time_step(plan)]
+        entries = [e for e in entries if e.labels["type"] == "type1"]
+        rows = [row_of(e, run_job(e.job, PlanarSettings(1, refinement=1))) for e in entries]
+        observed.observe(plan, None, rows)
+        overlap = {row["rate"]: row["overlap"] for row in rows if row["repeat"] == 0}
+        assert 0.02 < overlap[50] < 0.5 * overlap[10] < 0.5
+        assert all((row["overlap"] is None) == (row["repeat"] > 0) for row in rows)
+        assert np.isfinite([row["ms_per_step"] for row in rows if row["repeat"] == 0]).all()
