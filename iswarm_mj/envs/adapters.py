@@ -97,4 +97,4 @@ class Worlds:
         found: State = jax.tree.map(np.array, self._state._replace(data=None))
         is_finished, fault = found.info["is_finished"], found.info["fault"]
         info = {**found.metrics, "is_finished": is_finished, "fault": fault}
-        return Outcome(found.obs, found.reward, is_finished, found.done & ~is_finished, info)
+        return Outcome(np.asarray(found.obs), np.asarray(found.reward), is_finished, found.done & ~is_finished, info)

@@ -189,8 +189,8 @@ def _attempts(
         releases,
         asked if voltage is None else jnp.minimum(asked, voltage[worker]),
         balls.radius,
-        scattered_work(balls.work_tool_object, conditions.spread_tool_object, draws[0]),
-        scattered_work(balls.work_object_substrate, conditions.spread_object_substrate, draws[1]),
+        jnp.asarray(scattered_work(balls.work_tool_object, conditions.spread_tool_object, draws[0])),
+        jnp.asarray(scattered_work(balls.work_object_substrate, conditions.spread_object_substrate, draws[1])),
         jnp.where(releases, 0.0, miss),
     )
 

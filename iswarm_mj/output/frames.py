@@ -18,6 +18,7 @@ from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
@@ -70,7 +71,7 @@ def scene_of(
     return Scene(
         robot_size=2 * MM * np.array(robot.half_edges),
         is_scout=_scouts(own),
-        ball_radius=seen.balls.radius[0],
+        ball_radius=np.asarray(seen.balls.radius[0]),
         arena_size=config.arena.size * ROBOT_DIAMETER,
         dump=rectangles.get("dump", np.zeros((1, 4)))[0],
         dust_areas=rectangles.get("dust_areas", np.zeros((0, 4))),
@@ -123,14 +124,15 @@ def frames_of(
 
 
 def _observed(
-    record: StepRecord, poses: Float[np.ndarray, "N 3"], control_period: float, task: Task, robot: Robot
+    record: StepRecord, poses: Float[Array, "N 3"], control_period: float, task: Task, robot: Robot
 ) -> Observed:
     """Steps of one world (T, ...), the first of which began at these poses, with what the task offers of them."""
     balls = balls_of(task, record.swarm.task)
     if balls is None:
         balls = jax.tree.map(lambda a: np.zeros((len(record.poses), *a.shape), a.dtype), no_balls())
     before = np.concatenate([poses[None], record.poses[:-1]])
-    return Observed(record, balls, ball_centres(balls, record.poses, robot), before, control_period)
+    centres = np.asarray(ball_centres(balls, record.poses, robot))
+    return Observed(record, balls, centres, before, control_period)
 
 
 def _scouts(start: StepRecord) -> Bool[np.ndarray, "N"]:
@@ -164,7 +166,7 @@ def watch(task: Task, config: SwarmConfig) -> Watch:
 
     @jax.jit
     @jax.vmap
-    def read(state: Any) -> dict[str, jax.Array]:
+    def read(state: Any) -> Any:
         shapes = task.areas(config, state) if areas and isinstance(task, DrawnTask) else {}
         numbers = task.metrics(state) if metrics else {}
         return {AREA + name: shapes[name] * MM for name in areas} | {METRIC + name: numbers[name] for name in metrics}

@@ -21,7 +21,7 @@ from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CO
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.trace_lines import LINES, UM
-from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.arrays import Quantity
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -55,13 +55,13 @@ class Laws:
         own = settings.get("calibration", {})
         self._tool, self._plate, self._gap, self._probe = (own.get(n, getattr(detachment, n)) for n in names)
 
-    def grasp(self, radius: Array, percent: float, gap: Array = 0.0) -> Array:
+    def grasp(self, radius: Quantity, percent: float, gap: Quantity = 0.0) -> Quantity:
         """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
         factor = humidity_factor(percent)
         adhesion = np.where(np.asarray(gap) <= 0, self._tool * factor, 0.0)
         return grasp_voltage(radius, adhesion, self._plate * factor, np.maximum(gap, self._gap), self._probe)
 
-    def release(self, radius: Array, percent: float, gap: Array = RELEASE_GAP) -> Array:
+    def release(self, radius: Quantity, percent: float, gap: Quantity = RELEASE_GAP) -> Quantity:
         """Least voltage that drops a held ball at a humidity [%]."""
         return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe)
 
@@ -123,7 +123,7 @@ def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
     return path.with_name(path.name + ".png")
 
 
-def _draw_group(axes: Axes, rows: Rows, law: Callable[..., np.ndarray], hue: str, mark: str) -> None:
+def _draw_group(axes: Axes, rows: Rows, law: Callable[..., Quantity], hue: str, mark: str) -> None:
     """Draw the repeats, their mean where each has a voltage, and the law, for one humidity."""
     percent, by_radius = rows[0]["relative_humidity"], {}
     for row in sorted(rows, key=lambda row: row["radius"]):

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int16, Shaped, UInt8, UInt32
 
 from iswarm_mj.output.trajectory import AREA, METRIC, Arrays
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import MM
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ SCENE_COLUMNS = {
 _PLACE = "of the centre after the step"
 
 
-def quantity(get: str | Callable[[Observed], Shaped[np.ndarray, "..."]], *columns: Column) -> Any:
+def quantity(get: str | Callable[[Observed], Shaped[Array, "..."]], *columns: Column) -> Any:
     """Return a field of `Frames`, whose annotation has its type and its axes.
 
     Args:

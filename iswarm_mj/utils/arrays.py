@@ -1,12 +1,17 @@
 """The array library of a law's arguments: NumPy, or JAX once somebody has imported it."""
 
 import sys
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Real
 
-Array: TypeAlias = Any
+if TYPE_CHECKING:
+    import jax
+
+    Array: TypeAlias = np.ndarray | jax.Array
+else:
+    Array = Any
 """A NumPy or JAX array; its shape stands in the annotation that contains it."""
 
 Quantity: TypeAlias = float | Real[Array, "..."]

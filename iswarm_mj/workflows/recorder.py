@@ -131,7 +131,9 @@ class Recorder:
                 for t, steps in enumerate(record.step[:, self._index]):
                     before, self._state = self._state, self._of_step(record, t)
                     balls = self._balls_of(self._state)
-                    self._attempts.append(int(steps), attempts_between(self._balls_of(before), balls), balls.position)
+                    self._attempts.append(
+                        int(steps), attempts_between(self._balls_of(before), balls), np.asarray(balls.position)
+                    )
             if sum(len(pending.step) for pending in self._pending) >= self._block:
                 self._write()
             if self._live is not None:

@@ -25,6 +25,7 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
@@ -141,7 +142,7 @@ def rollout(
         for column, last in enumerate(counted):
             while not run.is_over and run.step < last:
                 taken = run.advance()
-                poses += [] if taken is None else [taken.poses]
+                poses += [] if taken is None else [np.asarray(taken.poses)]
                 if recorder is not None and taken is not None:
                     recorder.add(taken)
             delivered[:, column] = run.progress()
@@ -175,9 +176,9 @@ def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarr
     )
 
 
-def _hold_last(poses: Sequence[np.ndarray], n_frames: int) -> np.ndarray:
+def _hold_last(poses: Sequence[Array], n_frames: int) -> np.ndarray:
     """Poses (W, F, N, 3) from blocks (T, W, N, 3); after the last block the robots rest."""
-    found = np.concatenate(poses).swapaxes(0, 1).astype(np.float32)
+    found = np.concatenate([np.asarray(block) for block in poses]).swapaxes(0, 1).astype(np.float32)
     rest = np.repeat(found[:, -1:], n_frames - found.shape[1], axis=1)
     return np.concatenate([found, rest], axis=1)
 

@@ -96,7 +96,7 @@ class MujocoEngine:
             self._scene,
             bodies.poses[:, :n],
             np.asarray(emits)[:, :n],
-            self._is_present & np.asarray(is_running)[:, None],
+            np.asarray(self._is_present & np.asarray(is_running)[:, None]),
         )
         if self._capacity == n:
             return sight

@@ -52,6 +52,7 @@ from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.melting import melting_energy, melting_time, melts
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
 from iswarm_mj.tasks.measures import Measures, fitness
+from iswarm_mj.utils.arrays import Array
 
 _R, _V = 20e-6, 40.0
 """A ball in the middle of the range, and a voltage of the range [m], [V]."""
@@ -199,13 +200,13 @@ def _always(rows: Rows) -> Judged | None:
     return always(lifted, len(tried), "all are", f"{lifted} of {len(tried)}", note)
 
 
-def _inside(found: np.ndarray, band: Sequence[float]) -> int:
+def _inside(found: Array, band: Sequence[float]) -> int:
     """Number of voltages in a band; they are multiples of a step, of which rounding makes 36.999... V."""
-    rounded = np.round(found, 6)
+    rounded = np.round(np.asarray(found), 6)
     return int(((rounded >= band[0]) & (rounded <= band[1])).sum())
 
 
-def _spread(found: np.ndarray) -> str:
+def _spread(found: Array) -> str:
     ends = np.quantile(found, [0.025, 0.975])
     return f"mean {span(interval(found), 'V')}, 95 % of the trials {ends[0]:.1f} to {ends[1]:.1f} V"
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Real
@@ -19,7 +19,7 @@ _BATCH = 2**24
 
 Values = Sequence[float] | Real[Array, "_"]
 """A sample."""
-Statistic = Callable[..., np.ndarray]
+Statistic = Callable[..., Any]
 """Of an array along `axis`, such as `numpy.median`."""
 
 

@@ -15,6 +15,7 @@ from iswarm_mj.experiments.analysis.statistics import difference, interval, rati
 from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, more_alone
 from iswarm_mj.experiments.report.markdown import table
 from iswarm_mj.experiments.studies import infer
+from iswarm_mj.utils.arrays import Array
 
 Cell = Callable[[Rows], object]
 
@@ -39,7 +40,7 @@ def _reached(rows: Rows) -> str:
 
 def _apart(first: Rows, second: Rows, measure: m.Measure) -> str:
     groups = [values(group, measure) for group in (first, second)]
-    return short(difference(*groups)) if all(map(len, groups)) else ""
+    return short(difference(groups[0], groups[1])) if all(map(len, groups)) else ""
 
 
 def _optional(rows: Rows, column: str, told: Callable[[list[float]], str]) -> str:
@@ -279,7 +280,7 @@ def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:
     return table([*head, f"equal within {100 * EQUAL:.0f} %"], lines)
 
 
-def _times(parts: Mapping[str, Rows]) -> dict[str, np.ndarray]:
+def _times(parts: Mapping[str, Rows]) -> dict[str, Array]:
     """Times by the names of swarms."""
     groups = {"Fig. 15, with hop counts": select(parts["hop-count"], use_hop_count=True)}
     groups |= {f"Fig. 17, density {d:g}": runs for d, runs in sorted(by(parts["density"], "density").items())}

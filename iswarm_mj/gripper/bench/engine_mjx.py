@@ -100,8 +100,8 @@ class MjxBench:
         self.where, forces = layout(model), gripper_forces(model)
         capacity: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self.physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
-        rows = [Parameters(trial.radius / UM, trial.probe_radius / UM, plugin_numbers(trial)) for trial in trials]
-        self.parameters = _single(jax.tree.map(lambda *values: np.array(values), *rows))
+        rows: list[Any] = [(trial.radius / UM, trial.probe_radius / UM, plugin_numbers(trial)) for trial in trials]
+        self.parameters = _single(Parameters(*jax.tree.map(lambda *values: np.array(values), *rows)))
         starts = [start(model, trial, start_gap) for trial in trials]
         qpos, self._touch = np.array([qpos for qpos, _ in starts]), np.array([touch for _, touch in starts])
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
@@ -124,12 +124,12 @@ class MjxBench:
         return self._watch(*jax.device_get((self._state, contacts)))
 
     def _watch(self, state: State, contacts: _Contacts) -> Watch:
-        def time(step: np.ndarray) -> np.ndarray:
-            return np.where(step >= 0, step * self.timestep, np.nan)
+        def time(step: Array) -> np.ndarray:
+            return np.where(np.asarray(step) >= 0, np.asarray(step) * self.timestep, np.nan)
 
         speed = np.linalg.norm(state.qvel[:, self.where.ball : self.where.ball + 3], axis=1) * UM / MS
-        finite = np.isfinite(state.qpos).all(axis=1) & np.isfinite(state.qvel).all(axis=1)
-        gaps = contacts.gaps.astype(float) * UM
+        finite = np.asarray(np.isfinite(np.hstack([state.qpos, state.qvel])).all(axis=1))
+        gaps = np.asarray(contacts.gaps, float) * UM
         landing_speed = np.where(contacts.first >= 0, contacts.landing_speed, np.nan) * UM / MS
         last_tool, last_plate = time(contacts.last).T
         return Watch(last_tool, last_plate, time(contacts.first), landing_speed, gaps[:, 0], gaps[:, 1], speed, finite)

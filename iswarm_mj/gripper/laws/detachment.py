@@ -132,7 +132,7 @@ def is_grasped(
     work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
-) -> Bool[Array, "..."]:
+) -> bool | Bool[Array, "..."]:
     """Whether a touching tool lifts the ball, F_C(pick) + F_TO > F_OS + weight.
 
     Source: Eq. 5 with the weight. Valid within the range of `probe_table`.
@@ -158,7 +158,7 @@ def is_released(
     work_tool_object: Quantity = WORK_TOOL_OBJECT,
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
-) -> Bool[Array, "..."]:
+) -> bool | Bool[Array, "..."]:
     """Whether a held ball leaves the tool, F_C(release) + weight > F_TO.
 
     Source: section 3.2.1, Fig. 2(b), with the weight. Valid within the range of `probe_table`.
