@@ -50,7 +50,11 @@ def test_packages_import_nothing_of_the_package(path):
     body = ast.parse(path.read_text()).body
     nodes = [node for node in body if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")]
     found = [part for node in nodes for part in ast.walk(node) if isinstance(part, ast.Import | ast.ImportFrom)]
-    lazy = {"from importlib import import_module", "from typing import TYPE_CHECKING, Any"}
+    lazy = {
+        "from importlib import import_module",
+        "from typing import TYPE_CHECKING, Any",
+        "from iswarm_mj.utils.errors import UserError",
+    }
     offers = path in (Path(iswarm_mj.__file__), Path(iswarm_mj.__file__).parent / "envs" / "__init__.py")
     assert {ast.unparse(node) for node in found} <= {"import os"} | (lazy if offers else set())
 

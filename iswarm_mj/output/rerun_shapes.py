@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Real, Shaped
 
 from iswarm_mj.output import rerun_names as names
 from iswarm_mj.output import rerun_swarm_view as look
@@ -148,7 +148,7 @@ def _series(scene: Scene, frames: Frames) -> Iterator[Shape]:
     yield from (_scalars(f"{names.METRICS}/{name}", [frames.task[METRIC + name]]) for name in scene.metric_names)
 
 
-def _scalars(entity: str, values: Float[np.ndarray, "T L"] | list[np.ndarray]) -> Shape:
+def _scalars(entity: str, values: Real[np.ndarray, "T L"] | list[np.ndarray]) -> Shape:
     """L time series, given as columns or as a list of them."""
     columns = np.stack(values, axis=1) if isinstance(values, list) else values
     return Shape(entity, rr.Scalars(columns.reshape(-1).astype(np.float64)), columns.shape[1])

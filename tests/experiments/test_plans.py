@@ -124,7 +124,7 @@ class TestPlans:
     def test_an_unknown_name_lists_the_others(self):
         with pytest.raises(
             UserError,
-            match=rf"'hops'; there are hop-count, density, .*{list(EXPERIMENTS)[-1]}: ",
+            match=rf"'hops'; .*hop-count, density, .*{list(EXPERIMENTS)[-1]}",
         ):
             experiment("hops")
         assert [line.split()[0] for line in listing().splitlines()] == list(EXPERIMENTS)

@@ -141,7 +141,9 @@ TINY = [
 
 
 def command(out, *flags):
-    return [sys.executable, "-m", "iswarm_mj", "evolve", *TINY, *flags, "--out", str(out)]
+    given = {flag.partition("=")[0] for flag in flags}
+    tiny = [flag for flag in TINY if flag.partition("=")[0] not in given]
+    return [sys.executable, "-m", "iswarm_mj", "evolve", *tiny, *flags, "--out", str(out)]
 
 
 def killed_at(runs, delay, out, *flags):

@@ -235,8 +235,8 @@ class TestResolvedGrasps:
         found = []
         for entry in entries:
             k, at, vain = entry.labels["repeat"], time(entry.labels), failed(entry.labels)
-            run = Outcome(66, 66, 2800, 60.0, at + k, at + k, 0.0, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
-            found.append(row_of(entry, run))
+            measures = Measures(66, 66, 2800, 60.0, at + k, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
+            found.append(row_of(entry, Outcome(measures, at + k, 0.0)))
         return found
 
     @staticmethod
@@ -274,7 +274,8 @@ class TestTimeStep:
         found = []
         for entry in ENTRIES["time-step"]:
             rate, k = entry.labels["rate"], entry.labels["repeat"]
-            outcome = Outcome(66, 70, collisions(rate) + 10 * k, 60.0 + k, first + k, first + k, 0.0)
+            measures = Measures(66, 70, collisions(rate) + 10 * k, 60.0 + k, first + k)
+            outcome = Outcome(measures, first + k, 0.0)
             seen = {"overlap": overlap / rate, "ms_per_step": 2.0 + 0.01 * rate} if k < 6 else {}
             found.append({**row_of(entry, outcome), "overlap": None, "ms_per_step": None, **seen})
         return found

@@ -189,7 +189,7 @@ def test_the_command_trains_a_policy_of_the_user(tmp_path, capfd, monkeypatch):
     weights = load_weights("runs/train/weights.npz")
     assert len(weights) == 4 * 4 + (4 + 4) * 2
     again = cli.parse(["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"])
-    np.testing.assert_array_equal(policy(again._strategy(), SMALL, 4).weights, weights)
+    np.testing.assert_array_equal(policy(again.own, SMALL, 4).weights, weights)
     Path("walk.py").write_text("class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n")
     with pytest.raises(SystemExit):
         cli.main(["train", "--strategy", "walk.py:Walk"])

@@ -81,7 +81,7 @@ def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):
     """The command says so before it looks for a run; for `Stage` the cameras of the model count."""
     with pytest.raises(SystemExit) as stop:
         main(["picture", "nowhere", "--camera", "side"])
-    assert stop.value.code == 2 and "--camera must be above or oblique (got 'side')" in capsys.readouterr().err
+    assert stop.value.code == 2 and "invalid choice 'side'" in capsys.readouterr().err
     with pytest.raises(UserError, match=r"^camera must be above or oblique \(got 'side'\)$"):
         render(directory, 0, Shot("side", size=(64, 64)), tmp_path / "a.png")
 

@@ -60,7 +60,7 @@ def test_robots_go_straight_between_two_steps():
     [
         (["--width", "641"], "--width must be an even number"),
         (["--frames-per-step", "0"], "--frames-per-step must be a whole number between 1 and 24"),
-        (["--camera", "side"], "--camera must be above or oblique (got 'side')"),
+        (["--camera", "side"], "invalid choice 'side'"),
         (["--out", "a.avi"], "--out must be a name ending in .mp4 (got 'a.avi')"),
     ],
 )

@@ -141,7 +141,7 @@ def no_file(rng, path):
     return kind
 
 
-def attack_file(attack, path, good, read, odd):
+def attack_file(attack, path, good, read, odd=garbled):
     """Put odd files where a good one belongs, and read them; `read` may raise a UserError of one line."""
     path.write_bytes(good)
     read()

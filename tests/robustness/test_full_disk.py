@@ -75,6 +75,7 @@ def test_at_any_write(attack, filler, recorded_run, tmp_path):
             outcome.append(told)
 
 
+@pytest.mark.slow
 @pytest.mark.attack(2)
 def test_a_directory_vanishes(attack, recorded_run, tmp_path):
     """Removed, moved away, or replaced by a file, while a command writes into it."""
@@ -108,6 +109,7 @@ def wait_for_work(process, out, rng):
     time.sleep(rng.random() ** 3)
 
 
+@pytest.mark.slow
 @pytest.mark.attack(2)
 def test_two_in_one_directory(attack, recorded_run, tmp_path):
     """One of them is refused, or comes after the other; the files are of one of them."""
@@ -138,6 +140,7 @@ def test_two_in_one_directory(attack, recorded_run, tmp_path):
             outcome.append("refused" if any(code for _, code in told) else "one after the other")
 
 
+@pytest.mark.slow
 def test_of_two_that_write_one_goes_on(tmp_path):
     """The second is refused while the first runs, and changes nothing."""
     out = cleared(tmp_path / "out")

@@ -59,7 +59,7 @@ def check(out):
     return content
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
 def test_in_the_middle_of_a_run(tmp_path, number):
     old = tmp_path / "trajectory.npz"
     old.write_text("of an earlier run")
@@ -105,6 +105,7 @@ def test_between_the_announcement_and_the_recording(tmp_path):
     assert check(tmp_path)["steps"] == 0
 
 
+@pytest.mark.slow
 def test_at_random_moments(tmp_path):
     """Before the run begins, earlier results stay as they were; from then on everything is the new run's."""
     names = "result.json", "trajectory.npz", "clean.rrd"

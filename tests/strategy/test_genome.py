@@ -53,15 +53,15 @@ def test_a_file_may_hold_all_or_some(write):
 @pytest.mark.parametrize(
     "text, message",
     [
-        ("{", r"not readable JSON.*write one object such as"),
-        ("", r"not readable JSON"),
+        ("{", r"no JSON.*write one object such as"),
+        ("", r"no JSON"),
         ("[1, 2]", r"holds a list; write one JSON object"),
         ("3", r"holds a int"),
         ('{"p_forget": 0.1}', r"names 'p_forget'; allowed names are density_of_robots, "),
         ('{"p_vector_forget": 1.2}', r"p_vector_forget must be between 0 and 1.*\(got 1\.2\)"),
         ('{"p_vector_forget": -0.1}', r"p_vector_forget must be .*\(got -0\.1\)"),
         ('{"p_vector_forget": NaN}', r"p_vector_forget must be .*\(got nan\)"),
-        ('{"p_vector_forget": 1e999}', r"p_vector_forget must be .*\(got inf\)"),
+        ('{"p_vector_forget": 1e999}', r"no JSON"),
         ('{"p_vector_forget": "0.1"}', r"p_vector_forget must be .*\(got '0\.1'\)"),
         ('{"p_vector_forget": null}', r"p_vector_forget must be .*\(got None\)"),
         ('{"p_vector_forget": true}', r"p_vector_forget must be .*\(got True\)"),
@@ -79,11 +79,11 @@ def test_broken_files(write, text, message):
 def test_bytes_that_are_no_text(tmp_path):
     path = tmp_path / "genome.json"
     path.write_bytes(b"\xff\xfe\x00{}")
-    with pytest.raises(UserError, match="not readable JSON"):
+    with pytest.raises(UserError, match="is no text"):
         load_genome(str(path))
 
 
-@pytest.mark.parametrize("name", ["type3", "missing.json", "", "."])
+@pytest.mark.parametrize("name", ["type3", "missing.json"])
 def test_unknown_names(name):
     with pytest.raises(UserError, match=r"a preset \(type1, type2, evolved\) or the path of a JSON file"):
         load_genome(name)

@@ -9,23 +9,9 @@ from rerun.chunk import RrdReader
 
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.config import GripperConfig
-from iswarm_mj.utils.errors import UserError
 
 MJX = {"engine": "mjx", "worlds": 2, "record_worlds": (1,), "robots": 30}
 DYNAMIC = GripperConfig(resolution="dynamic", grasp_voltage=30.0, relative_humidity=50.0)
-
-
-@pytest.mark.parametrize(
-    ("changed", "why"),
-    [
-        ({"gripper": GripperConfig()}, "without `gripper.resolution` dynamic"),
-        ({"record": False}, "with --no-record"),
-    ],
-)
-def test_grasps_that_cannot_be_recorded_are_refused(tmp_path, changed, why):
-    options = {"gripper": DYNAMIC, "arena": SMALL.arena, "out": tmp_path, "record_grasps": 5} | changed
-    with pytest.raises(UserError, match=why):
-        Clean(**options).run()
 
 
 @pytest.mark.slow

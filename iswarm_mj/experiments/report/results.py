@@ -107,10 +107,16 @@ def collect(directories: Sequence[Path]) -> Results:
     return results
 
 
+_NUMBERS = ("relative_humidity", "radius", "gap", "voltage")
+"""Columns of trials that figures group by or draw."""
+
+
 def judged(name: str, path: Path, rows: Rows, settings: Mapping[str, Any]) -> Result | None:
     """What follows from a table; None if it holds something else than its name and settings say."""
     try:
         if name == GRASP:
+            if any(isinstance(row[column], str) for row in rows for column in _NUMBERS):
+                return None
             findings = [s.finding(rows) for s in bench_statements.STATEMENTS if s.study == GRASP]
         elif name in EXPERIMENTS:
             findings = EXPERIMENTS[name].findings(rows)
