@@ -20,6 +20,25 @@ CONFIG_FLOATS = [
     if kind is float
 ]
 GENOME_FLOATS = [name for name, kind in get_type_hints(Genome).items() if kind is float]
+WALK = """
+from dataclasses import dataclass
+import jax.numpy as jnp
+from iswarm_mj.strategy.interface import Command
+
+@dataclass
+class Walk:
+    speed: float = 1.0
+
+    def init(self, n_robots, key):
+        return jnp.zeros(n_robots)
+
+    def picks(self, memory):
+        return memory < jnp.inf
+
+    def act(self, memory, seen, key):
+        return memory + self.speed, Command(memory, jnp.full_like(memory, self.speed))
+"""
+"""A strategy of a user: all robots go straight on."""
 
 
 def code_of(*arguments):

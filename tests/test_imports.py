@@ -53,7 +53,6 @@ def test_packages_import_nothing_of_the_package(path):
     lazy = {
         "from importlib import import_module",
         "from typing import TYPE_CHECKING, Any",
-        "from iswarm_mj.utils.errors import UserError",
     }
     offers = path in (Path(iswarm_mj.__file__), Path(iswarm_mj.__file__).parent / "envs" / "__init__.py")
     assert {ast.unparse(node) for node in found} <= {"import os"} | (lazy if offers else set())

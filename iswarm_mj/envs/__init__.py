@@ -32,12 +32,4 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, own = _HOMES[name]
-    try:
-        return getattr(import_module(f"{__name__}.{module}"), own)
-    except ModuleNotFoundError as error:
-        from iswarm_mj.utils.errors import UserError
-
-        package = (error.name or "").partition(".")[0]
-        if package not in ("pettingzoo", "gymnasium"):
-            raise
-        raise UserError(f"this environment needs the package {package}; run pip install 'iswarm-mj[marl]'") from None
+    return getattr(import_module(f"{__name__}.{module}"), own)

@@ -1,5 +1,7 @@
 """What adapters to other interfaces have in common: worlds as arrays; seeds and actions that are refused."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import jax
@@ -15,6 +17,16 @@ from iswarm_mj.utils.errors import UserError
 
 MOST_SEED = 2**32 - 1
 """Keys of JAX take no more bits of a seed."""
+
+
+@contextmanager
+def installed() -> Iterator[None]:
+    """Raise a UserError where a package that is imported inside is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        raise UserError(f"this environment needs {package}; run pip install 'iswarm-mj[marl]'") from None
 
 
 class Outcome(NamedTuple):

@@ -2,15 +2,17 @@
 
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 
 from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.adapters import Worlds
+from iswarm_mj.envs.adapters import Worlds, installed
 from iswarm_mj.utils.constraints import check, is_whole
+
+with installed():
+    import gymnasium
+    from gymnasium.spaces import Box
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
 
 
 class SwarmVectorEnv(VectorEnv):

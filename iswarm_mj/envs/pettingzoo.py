@@ -4,12 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box, Space
-from pettingzoo import ParallelEnv
 
 from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.adapters import Worlds
+from iswarm_mj.envs.adapters import Worlds, installed
 from iswarm_mj.utils.errors import UserError
+
+with installed():
+    from gymnasium.spaces import Box, Space
+    from pettingzoo import ParallelEnv
 
 
 class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):

@@ -87,7 +87,7 @@ def load_genome(name: str) -> Genome:
     if name in PRESETS:
         return PRESETS[name]
     path, example = Path(name), '{"use_hop_count": true, "p_vector_forget": 0.29}'
-    if not path.exists():
+    if not path.exists() or path.is_dir():
         fact = f"there is no file {shown(name)}" if path.suffix == ".json" else None
         raise ConfigError("genome", name, f"a preset ({', '.join(PRESETS)}) or the path of a JSON file", fact)
     values = read_json(path, f"write one object such as {example}", what="genome file ")

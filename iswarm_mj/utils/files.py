@@ -97,7 +97,7 @@ def from_json(text: str | bytes, name: str, remedy: str) -> Any:
 
     def number(digits: str) -> int | float:
         if not math.isfinite(value := float(digits)):
-            raise ValueError(f"a number of {len(digits)} digits")
+            raise ValueError(f"no float holds {shown(digits)}")
         return int(digits) if digits.lstrip("-").isdigit() else value
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -101,7 +101,7 @@ def test_a_changed_byte_changes_no_run(path, written):
     assert refused > 75
 
 
-@pytest.mark.parametrize("content", [b"{}\n", b"\xff\xfe\n", b"a note", b"SQLite format 3\0"])
+@pytest.mark.parametrize("content", [b"\n", b"{}\n", b"\xff\xfe\n", b"a note", b"SQLite format 3\0"])
 def test_other_files_are_refused(path, content):
     path.write_bytes(content)
     assert count(path) == 0

@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers_cli import code_of
+from helpers_cli import WALK, code_of
 from helpers_recorded import write_run
 from helpers_signals import SMALL
 from helpers_small import FLAGS
@@ -47,22 +47,6 @@ TEXTS = [
     "walk.py:Walk", "walk.py:", ":Walk", "robot6.xml", "odd.xml", "results", "new/deep", "a.html", "a.mp4", "loop",
     "genome.json/below", "type2", "density", "time-step", "evolve-paper", "odd.toml", "runs/clean/result.json",
 ]  # fmt: skip
-WALK = """
-from dataclasses import dataclass
-import jax.numpy as jnp
-from iswarm_mj.strategy.interface import Command
-
-@dataclass
-class Walk:
-    speed: float = 1.0
-
-    def init(self, n_robots, key):
-        return jnp.zeros(n_robots)
-    def picks(self, memory):
-        return memory < jnp.inf
-    def act(self, memory, seen, key):
-        return memory + self.speed, Command(memory, jnp.full_like(memory, self.speed))
-"""
 
 
 class Reached(BaseException):

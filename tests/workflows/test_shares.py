@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers_cli import SMALL, code_of, result
+from helpers_cli import SMALL, WALK, code_of, result
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.faults import decode
@@ -16,25 +16,6 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import FaultKind, UserError
 from iswarm_mj.workflows.clean import clean
 from iswarm_mj.workflows.shares import _compute, parts
-
-WALK = """
-from dataclasses import dataclass
-import jax.numpy as jnp
-from iswarm_mj.strategy.interface import Command
-
-@dataclass
-class Walk:
-    speed: float = 1.0
-
-    def init(self, n_robots, key):
-        return jnp.zeros(n_robots)
-
-    def picks(self, memory):
-        return memory < jnp.inf
-
-    def act(self, memory, seen, key):
-        return memory + self.speed, Command(memory, jnp.full_like(memory, self.speed))
-"""
 
 SETTINGS = RunSettings(30, 30, 5, n_worlds=3, record_worlds=(2,))
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from iswarm_mj.experiments.analysis import bench_statements, evolution_statements
 from iswarm_mj.experiments.analysis.evolution import samples_of
@@ -13,6 +13,7 @@ from iswarm_mj.experiments.report.command_lines import command_line
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.tables import read_table, write_csv
+from iswarm_mj.workflows.grasp_table import TrialRow
 
 SEARCH, TRIALS, FINDINGS = "evolution.parquet", "trials.parquet", "findings.csv"
 METHODS = ("paper", "random", "cmaes")
@@ -107,15 +108,11 @@ def collect(directories: Sequence[Path]) -> Results:
     return results
 
 
-_NUMBERS = ("relative_humidity", "radius", "gap", "voltage")
-"""Columns of trials that figures group by or draw."""
-
-
 def judged(name: str, path: Path, rows: Rows, settings: Mapping[str, Any]) -> Result | None:
     """What follows from a table; None if it holds something else than its name and settings say."""
     try:
         if name == GRASP:
-            if any(isinstance(row[column], str) for row in rows for column in _NUMBERS):
+            if not all(_is_trial(row) for row in rows):
                 return None
             findings = [s.finding(rows) for s in bench_statements.STATEMENTS if s.study == GRASP]
         elif name in EXPERIMENTS:
@@ -125,6 +122,12 @@ def judged(name: str, path: Path, rows: Rows, settings: Mapping[str, Any]) -> Re
         return Result(name, path, rows, settings, findings, command_line(name, settings))
     except Exception:  # columns may lack, or hold anything
         return None
+
+
+def _is_trial(row: Mapping[str, Any]) -> bool:
+    """Whether columns that hold numbers do; figures group by them and draw them."""
+    text = {name for name, kind in get_type_hints(TrialRow).items() if kind is str}
+    return not any(isinstance(row[name], str | list) for name in TrialRow._fields if name not in text)
 
 
 def files_in(directory: Path, pattern: str) -> Iterator[Path]:

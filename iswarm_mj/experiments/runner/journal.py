@@ -10,7 +10,7 @@ import os
 import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.files import write_error
 
 Key = tuple[int, ...]
+_HEAD = b"SQLite format 3\0"
+"""How its files begin; SQLite writes over shorter ones."""
 _REFUSED = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 """Codes of errors of the disk, not of the content."""
 
@@ -47,6 +49,8 @@ class Journal:
         self._path = path
         wanted = json.loads(json.dumps({"versions": versions(), "settings": settings}))
         with self._explained():
+            if path.is_file() and path.open("rb").read(len(_HEAD)) not in (b"", _HEAD):
+                raise ValueError("it is no file of SQLite")
             self._file = sqlite3.connect(path)
             try:
                 with self._file:
@@ -112,7 +116,7 @@ def _row(key: Key, entry: Any) -> tuple[str, str, int]:
 def count(path: Path) -> int:
     """Number of the runs in a journal; 0 if it cannot be read."""
     try:
-        with sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True) as file:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
             return file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1
     except sqlite3.Error:
         return 0
