@@ -2,6 +2,7 @@
 
 import ctypes
 import importlib
+import pickle
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,7 @@ import pytest
 
 import iswarm_mj.gripper.plugin as plugin
 from iswarm_mj.gripper.native import abi as plugin_abi
+from iswarm_mj.gripper.native import state
 from iswarm_mj.utils.errors import UserError
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
@@ -45,6 +47,12 @@ def test_importing_again_registers_nothing_new():
     after = importlib.reload(plugin).SLOTS
     assert before == after
     assert plugin_abi.library().mjp_pluginCount() == count
+
+
+@pytest.mark.parametrize("places", [state.OF_ADHESION, state.OF_ELECTROSTATIC])
+def test_what_callbacks_enclose_has_the_same_bytes_in_every_process(places):
+    """They are part of the key under which numba caches callbacks; a class that pickle cannot name has others."""
+    assert pickle.loads(pickle.dumps(places)) == places
 
 
 def test_a_binary_model_loads_with_its_plugins(model, tmp_path):

@@ -82,8 +82,9 @@ def state_fields(plugin: str) -> tuple[str, ...]:
     return (*(attribute.name for attribute in ATTRIBUTES[plugin]), *COMPUTED[plugin])
 
 
-OF_ADHESION, OF_ELECTROSTATIC = (
-    namedtuple("Places", state_fields(plugin))(*range(len(state_fields(plugin))))
-    for plugin in (ADHESION, ELECTROSTATIC)
-)
-"""Place of each number in an instance's state, by name; constants where numba compiles."""
+AdhesionPlaces = namedtuple("AdhesionPlaces", state_fields(ADHESION))
+ElectrostaticPlaces = namedtuple("ElectrostaticPlaces", state_fields(ELECTROSTATIC))
+OF_ADHESION = AdhesionPlaces(*range(len(AdhesionPlaces._fields)))
+OF_ELECTROSTATIC = ElectrostaticPlaces(*range(len(ElectrostaticPlaces._fields)))
+"""Place of each number in an instance's state, by name; constants where numba compiles. Pickle finds the classes by
+their names: else their bytes, which are part of the key of numba's cache, would be others in each process."""
