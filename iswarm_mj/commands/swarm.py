@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, cast
 import tyro
 
 from iswarm_mj.commands.flags import refuse
-from iswarm_mj.commands.options import ConfigOptions, Refinement, Threads
+from iswarm_mj.commands.options import Accuracy, ConfigOptions, Refinement, Threads
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -75,6 +75,7 @@ class Swarm(ConfigOptions):
         MjxSettings.contact_capacity
     )
     refinement: Refinement = PlanarSettings.refinement
+    accuracy: Accuracy = PlanarSettings.accuracy
     devices: Annotated[str, _COMPILED] = "all"
     """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
     threads: Annotated[Threads, _ON_HOST] = 0

@@ -13,7 +13,7 @@ ENGINES: dict[str, type[EngineSettings]] = {
 }
 """Settings of each engine by its name."""
 
-IDENTITY = ("engine", "impl", "refinement", "solver_iterations")
+IDENTITY = ("engine", "impl", "refinement", "accuracy", "solver_iterations")
 """Keys of the `identity` of an engine; each has some of them."""
 
 if TYPE_CHECKING:

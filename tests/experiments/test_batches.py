@@ -143,9 +143,14 @@ def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
 class TestPlanarInBatches:
     def test_where_there_is_a_gpu(self, monkeypatch):
         with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")
-        assert not with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10}
+        assert not with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10, "accuracy": 0.01}
         monkeypatch.setattr(batches, "can_use_warp", lambda: True)
-        assert with_gpu.in_batches and with_gpu.identity == {"engine": "planar", "refinement": 10, "impl": "warp"}
+        assert with_gpu.in_batches and with_gpu.identity == {
+            "engine": "planar",
+            "refinement": 10,
+            "accuracy": 0.01,
+            "impl": "warp",
+        }
         assert not spread.in_batches and spread.settings == PlanarSettings(1)
         assert not Execution().in_batches
 

@@ -64,7 +64,7 @@ class TestRuns:
         [
             (["--seed", "3"], "made with another seed"),
             (["--optics.wall-range", "2"], "made with another config"),
-            (["--engine", "planar", "--same-engine"], "made with another engine, another refinement"),
+            (["--engine", "planar", "--same-engine"], "made with another accuracy, another engine, another refinement"),
             (["--engine", "planar"], "there"),
         ],
     )

@@ -63,7 +63,9 @@ class TestAgainstTheEngineForCpus:
             replace(WORLD, genome=PRESETS["type2"], index=1),
             replace(WORLD, index=2),
         ]
-        ours, theirs = (planar_run(engine, worlds, steps=4) for engine in (warp(), PlanarSettings(1)))
+        ours, theirs = (
+            planar_run(engine, worlds, steps=4) for engine in (warp(accuracy=2e-5), PlanarSettings(1, accuracy=2e-5))
+        )
         np.testing.assert_allclose(poses(ours[0])[:, :15], poses(theirs[0])[:, :15], atol=0.02)
         np.testing.assert_allclose(poses(ours[0])[1:], poses(theirs[0])[1:], atol=0.02)
         assert [ours[0].measures(w) for w in range(3)] == [theirs[0].measures(w) for w in range(3)]
@@ -79,7 +81,7 @@ def test_what_is_recorded_is_what_happened(batch):
     moves = np.linalg.norm(np.diff(np.concatenate([run.start.poses, record.poses]), axis=0)[..., :2], axis=-1)
     np.testing.assert_allclose(moves.mean(axis=-1), record.speed, rtol=1e-4)
     assert sum(run.measures(w).picked for w in range(WORLDS)) > 3
-    assert run.identity == {"engine": "planar", "refinement": 10, "impl": "warp"}
+    assert run.identity == {"engine": "planar", "refinement": 10, "accuracy": 0.01, "impl": "warp"}
 
 
 def test_a_fault_ends_its_world_alone(batch, monkeypatch):

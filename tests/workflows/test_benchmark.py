@@ -36,5 +36,5 @@ def test_counts_and_keys(small, engine, capfd):
 
 def test_engines_print_the_same_keys_and_recording_adds_one(small):
     plain = benchmark(small, MujocoSettings(1))
-    assert benchmark(small, PlanarSettings(1)).keys() == plain.keys() | {"refinement"}
+    assert benchmark(small, PlanarSettings(1)).keys() == plain.keys() | {"refinement", "accuracy"}
     assert benchmark(small, MujocoSettings(1), record=True).keys() == plain.keys() | {"record_ms"}

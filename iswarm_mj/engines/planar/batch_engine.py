@@ -19,7 +19,7 @@ from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.physics import SKIN
-from iswarm_mj.engines.planar.plane import Plane, read_plane
+from iswarm_mj.engines.planar.plane import FINEST, Plane, read_plane
 from iswarm_mj.engines.planar.reception import Light, points_of, read_light
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
@@ -137,17 +137,18 @@ class PlanarBatchEngine:
         return 32 * max(1, min(8, round(n_robots / ROBOTS_PER_WARP))) if self.on_gpu else 1
 
 
-def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str) -> PlanarBatchEngine:
+def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance: float = FINEST) -> PlanarBatchEngine:
     """Read the model.
 
     Args:
         arena: compiled; any number of its robots stands for all.
         config: optics and obstacles.
         platform: of the devices, as JAX calls it.
+        tolerance: see `read_plane`.
 
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
     boxes = tuple(map(tuple, numbers(config.arena.obstacles, RD).tolist()))
     light = read_light(arena.robot, config.optics)
-    return PlanarBatchEngine(read_plane(arena), light, arena.robot, platform != "cpu", boxes)
+    return PlanarBatchEngine(read_plane(arena, tolerance), light, arena.robot, platform != "cpu", boxes)

@@ -12,7 +12,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
-from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.engines.planar.plane import FINEST, read_plane
 from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_sight, sense
 from iswarm_mj.sensors.links import Links
@@ -27,22 +27,24 @@ _SHARES = 4  # of the worlds for each thread, so that none waits long for anothe
 class PlanarEngine:
     """`Engine` of B worlds at once, bit-identical at any number of threads.
 
-    Robots end a control step within 0.001 mm of where MuJoCo in C puts them. Those that overlap by more than their
-    height differ: MuJoCo pushes them apart vertically, which their joints do not allow; here they part.
+    At the finest tolerance robots end a control step within 0.001 mm of where MuJoCo in C puts them. Those that
+    overlap by more than their height differ: MuJoCo pushes them apart vertically, which their joints do not allow; here
+    they part.
     """
 
-    def __init__(self, config: SwarmConfig, arena: ArenaModel, n_threads: int = 0):
+    def __init__(self, config: SwarmConfig, arena: ArenaModel, n_threads: int = 0, tolerance: float = FINEST):
         """Read the model.
 
         Args:
             config: optics and obstacles.
             arena: compiled; any number of its robots stands for all.
             n_threads: threads, 0 for one a core.
+            tolerance: see `read_plane`.
 
         Raises:
             UserError: the model has features that this engine does not simulate.
         """
-        self.plane, self.robot = read_plane(arena), arena.robot
+        self.plane, self.robot = read_plane(arena, tolerance), arena.robot
         self._light, self._points = read_light(arena.robot, config.optics), points_of(arena.robot)
         self._boxes = numbers(config.arena.obstacles, RD)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))

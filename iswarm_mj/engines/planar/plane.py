@@ -14,6 +14,11 @@ _MIN_VALUE = mujoco.mjMINVAL
 _IMPEDANCE = (mujoco.mjMINIMP, mujoco.mjMAXIMP)
 
 
+FINEST = 2e-5
+"""Tolerance with which robots end a control step in jams within 0.0001 mm of where more sweeps put them [mm/s]. 32-bit
+floats reach a fifth of it."""
+
+
 class Plane(NamedTuple):
     """Robots that slide and turn in the plane between four walls. Units: mm, mg, s."""
 
@@ -36,15 +41,18 @@ class Plane(NamedTuple):
     """Its time steps in a physics step of the drive's configuration."""
     between_robots: ContactLaw
     at_walls: ContactLaw
-    tolerance: float = 2e-5
-    """Largest change of a velocity by a contact in the last sweep of the contact solver [mm/s]: in jams, robots end a
-    control step within 0.0001 mm of where more sweeps put them. 32-bit floats reach a fifth of it."""
+    tolerance: float = FINEST
+    """Largest change of a velocity by a contact in the last sweep of the contact solver [mm/s]."""
     max_sweeps: int = 20_000
     """Sweeps after which the contact solver has failed."""
 
 
-def read_plane(arena: ArenaModel) -> Plane:
+def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
     """Read what moves the robots of a compiled arena and keeps them apart.
+
+    Args:
+        arena: compiled; any number of its robots stands for all.
+        tolerance: of the contact solver [mm/s]; `FINEST` at least.
 
     Raises:
         UserError: the model has features that this engine does not simulate.
@@ -67,6 +75,7 @@ def read_plane(arena: ArenaModel) -> Plane:
         refinement=arena.refinement,
         between_robots=_law(model, hull, hull, 2 * weight),
         at_walls=_law(model, hull, arena.walls[0], weight),
+        tolerance=max(tolerance, FINEST),
     )
 
 

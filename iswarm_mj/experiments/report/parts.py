@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj import __version__
+from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.report.results import METHODS, SEARCH, TRIALS
 from iswarm_mj.experiments.runner.experiment import Experiment, Plan, run_experiment, settings_of
@@ -71,7 +72,7 @@ class Part:
         except UserError:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
-        ignored = () if same_engine or self.name in OWN_ENGINE else ("engine", "impl", "refinement")
+        ignored = () if same_engine or self.name in OWN_ENGINE else IDENTITY
         names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
         if names:
             return f"made with another {', another '.join(sorted(names))}"

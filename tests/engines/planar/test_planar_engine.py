@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from helpers_crowds import crowd, partly_absent
 from helpers_planar import moved, placed
+from helpers_small import SMALL
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.settings import ModelSpec
+from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
@@ -208,6 +213,45 @@ class TestFaults:
             engine.move(placed(engine, poses), [inward], np.ones(1, bool)).bodies.poses for engine in (near, exact)
         )
         assert 0 < np.abs(here - there).max() < 1e-4
+
+
+@pytest.fixture(scope="module")
+def off():
+    """By accuracy, how far robots (B, N) of crowds end from where an exact solver puts them [mm]."""
+
+    def engine(accuracy):
+        return PlanarSettings(1, 1, accuracy).host_engine(ModelSpec(SMALL, 60, 60))(6, 1)
+
+    rng, exact = np.random.default_rng(7), engine(2e-5)
+    exact.plane = exact.plane._replace(tolerance=1e-10)
+    found = {accuracy: [] for accuracy in (2e-5, 0.01, 1.0)}
+    poses = np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(6)])
+    for _ in range(10):
+        command = Command(rng.uniform(-0.6, 0.6, (6, 60)), rng.uniform(0.0, math.sqrt(2), (6, 60)))
+        phases, all_run = drive_phases(SMALL.drive, command), np.ones(6, bool)
+        ends = exact.move(placed(exact, poses), phases, all_run).bodies.poses
+        for accuracy, gaps in found.items():
+            here = engine(accuracy)
+            gaps.append(np.abs(here.move(placed(here, poses), phases, all_run).bodies.poses - ends)[..., :2].max(-1))
+        poses = ends
+    return {accuracy: np.concatenate(gaps) for accuracy, gaps in found.items()}
+
+
+class TestAccuracy:
+    """What `PlanarSettings` promise, by control steps from rest in crowds of 60 robots."""
+
+    def test_99_of_100_robots_end_within_it(self, off):
+        for accuracy, gaps in off.items():
+            assert np.mean(gaps <= accuracy) >= 0.99
+
+    def test_less_of_it_is_used(self, off):
+        """A coarser one makes fewer sweeps."""
+        assert 0 < off[2e-5].max() < off[0.01].max() < off[1.0].max()
+
+    def test_it_is_one_of_a_control_step(self, small):
+        slow = replace(small, drive=replace(small.drive, control_period=4.0))
+        planes = [PlanarSettings(1).host_engine(ModelSpec(config, 1, 1))(1, 1).plane for config in (small, slow)]
+        assert [plane.tolerance for plane in planes] == [0.01, 0.0025]
 
 
 class TestManyWorlds:
