@@ -14,7 +14,7 @@ from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.deciders import by_host
-from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
+from iswarm_mj.gripper.bench.single import SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 
@@ -97,8 +97,8 @@ def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool(
         assert np.asarray(is_released(55.0, radius, share * WORK_TOOL_OBJECT)).all()
 
 
-def test_a_ball_that_rests_as_soon_as_it_is_looked_at_needs_no_film():
-    """Whose flight ended before what was filmed last."""
+def test_a_ball_that_rests_as_soon_as_it_is_looked_at_ends_its_trial_then():
+    """Between two leaps."""
     _, duration, _ = swarm_trials.attempted(Trial(21.9e-6, 0.41e-3, 14.7e-3), 62.0, GRIPPER.release_gap)
     assert 0 < duration < swarm_trials.RELEASE_LIMIT + swarm_trials.PROTOCOL.flight_limit
 
@@ -197,6 +197,30 @@ def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
     swarm_trials.attempted(Trial(24e-6, 1.2e-3, 16e-3), 20.0, None)
     swarm_trials.attempted(Trial(22e-6, 1.4e-3, 14e-3), 60.0, gap)
     lifted, dropped = swarm_trials.attempted(trial, 35.0, None), swarm_trials.attempted(trial, 55.0, gap)
-    start = swarm_trials.PROTOCOL.start_gap
-    new = [MujocoBench([trial], start, 1, hanging=h, timestep=swarm_trials.TIMESTEP) for h in (None, gap)]
-    assert lifted == swarm_trials.lift_on(new[0], 35.0) and dropped == swarm_trials.drop_on(new[1], 55.0, gap)
+    new = [SingleBench(swarm_trials.TIMESTEP) for _ in range(2)]
+    assert lifted == swarm_trials.attempt(new[0], trial, 35.0, None)
+    assert dropped == swarm_trials.attempt(new[1], trial, 55.0, gap)
+
+
+def test_a_step_without_attempts_asks_nobody(monkeypatch):
+    """The same program calls the host once there is an attempt in any of its worlds, and then for all of them."""
+    asked, decided = [], swarm_trials.outcomes
+
+    def outcomes(gap, attempts):
+        asked.append(attempts.lifts.sum())
+        return decided(gap, attempts)
+
+    monkeypatch.setattr(swarm_trials, "outcomes", outcomes)
+    one = jnp.ones((2, 3), jnp.float32)
+    decide = jax.jit(jax.vmap(lambda *arrays: by_host(GRIPPER, Attempts(*arrays))))
+
+    def lifted(lifts):
+        nothing = jnp.zeros((2, 3), bool)
+        found = decide(lifts, nothing, 40 * one, 20e-6 * one, 1.41e-3 * one, 14.7e-3 * one, 0 * one)
+        return np.asarray(jax.block_until_ready(found).lifted)
+
+    lifts = np.zeros((2, 3), bool)
+    assert not lifted(lifts).any() and asked == []
+    lifts[1, 2] = True
+    np.testing.assert_array_equal(lifted(lifts), lifts)
+    assert asked == [1]

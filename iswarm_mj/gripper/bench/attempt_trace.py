@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, drop_on, lift_on
+from iswarm_mj.gripper.bench.single import SingleBench
+from iswarm_mj.gripper.bench.swarm_trials import TIMESTEP, attempt
 from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
@@ -61,9 +61,8 @@ def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
     """
     works = tried.work_tool_object, tried.work_object_substrate
     trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
-    hanging = None if tried.is_lift else gap
-    bench = MujocoBench([trial], PROTOCOL.start_gap, 1, hanging=hanging, timestep=TIMESTEP, is_recorded=True)
-    succeeded, *_ = lift_on(bench, tried.voltage) if tried.is_lift else drop_on(bench, tried.voltage, gap)
+    bench = SingleBench(TIMESTEP, is_recorded=True)
+    succeeded, *_ = attempt(bench, trial, tried.voltage, None if tried.is_lift else gap)
     trace = trace_of(bench)
     places = np.array([PHASES.index(name) for name in trace.phases])
     return trace._replace(phase=places[trace.phase], phases=PHASES), succeeded

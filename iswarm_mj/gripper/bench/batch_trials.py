@@ -17,7 +17,7 @@ from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared
 from iswarm_mj.gripper.bench.leap_laws import REST, Hanging
 from iswarm_mj.gripper.bench.model import SINK, Layout
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
-from iswarm_mj.gripper.bench.staircase import TOUCH, lifting, touching
+from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
 from iswarm_mj.gripper.bench.swarm_trials import PRESSED, PROTOCOL, RELEASE_LIMIT, TIMESTEP
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import GRAVITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
@@ -151,7 +151,6 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
     speed = jnp.linalg.norm(data.qvel[where.ball : where.ball + 3]) * (UM / MS)
     stays = down & (volts == 0) & (speed**2 / (2 * GRAVITY) + jnp.maximum(gap_plate, 0.0) < gap / 2)
     is_late = jnp.where(jnp.isinf(left), time > RELEASE_LIMIT, time > left + PROTOCOL.flight_limit)
-    hangs = (gap_plate > PROTOCOL.away) & (gap_tool < TOUCH)
     is_over = jnp.where(attempt.releases, stays | is_late, time >= script.end[-1])
     waits, falls = attempt.releases & jnp.isinf(left) & (time > PROTOCOL.rise_time), down & ~is_over
     limits = jnp.where(waits, (RELEASE_LIMIT - time) / MS, 0.0), jnp.where(falls, PROTOCOL.flight_limit / MS, 0.0)
@@ -163,7 +162,7 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
         down=down,
         impact=impact,
         is_over=is_over,
-        succeeded=jnp.where(attempt.releases, stays, hangs),
+        succeeded=jnp.where(attempt.releases, stays, hangs(gap_tool, gap_plate, PROTOCOL)),
         time=time + (hung + flown) * MS,
     )
     kept = jax.tree.map(partial(jnp.where, slot.is_over), slot[2:], new[2:])
@@ -173,7 +172,7 @@ def _advanced(bench: MjxBench, script: Script, gap: float, attempt: Attempts, sl
 def _skip_hanging(
     where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data, force: Force, limit: Array
 ) -> tuple[mjx.Data, State, Array]:
-    """Charge flows while a ball hangs at rest after a step, see `leaps.hang`: data, ball, and the time [ms]."""
+    """Charge flows while a ball hangs at rest after a step, see `SingleBench.hang`: data, ball, and the time [ms]."""
     above, below = _gaps(where, forces, model, data)
     tool, plate = (force.adhesion[k] for k in forces.tool_and_plate)
     hold = tool - plate + model.body_mass[forces.joints[forces.ball][0].body] * model.opt.gravity[2]
@@ -191,7 +190,7 @@ def _skip_hanging(
 def _skip_flight(
     where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: State, limit: Array
 ) -> tuple[mjx.Data, Array]:
-    """An uncharged ball flies freely, see `leaps.fly`: data, and the time [ms]; turning does not matter of a sphere."""
+    """An uncharged ball flies freely, see `SingleBench.fly`: data, and the time [ms]; a sphere need not turn."""
     gravity, rise = -model.opt.gravity[2], data.qvel[where.ball + 2]
     above, below = (gap - CLEARANCE for gap in _gaps(where, forces, model, data))
     can = (data.ctrl[where.voltage] == 0) & (ball.charge == 0) & (above > 0) & (below > 0)
@@ -211,7 +210,7 @@ def _synced(where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Da
 
 
 def _gaps(where: Layout, forces: GripperForces, model: mjx.Model, data: mjx.Data) -> tuple[Array, Array]:
-    """Gaps between the tool's face and a ball below it, and between ball and plate, see `leaps` [um]."""
+    """Gaps between the tool's face and a ball below it, and between ball and plate, see `SingleBench` [um]."""
     height, radius = data.qpos[where.ball + 2], model.geom_size[forces.ball, 0]
     return data.qpos[where.slide] + where.tip_height - height - radius, height - radius
 
@@ -256,5 +255,5 @@ def _start(bench: MjxBench, attempt: Attempts, gap: float) -> Array:
 
 
 def _is_pressed(bench: MjxBench, attempt: Attempts) -> Array:
-    """Whether the trial begins where the tool presses the ball, see `leaps.press`."""
+    """Whether the trial begins where the tool presses the ball, see `single.SingleBench.press`."""
     return attempt.lifts & (attempt.misalignment < bench.parameters.probe_radius[0] * UM)

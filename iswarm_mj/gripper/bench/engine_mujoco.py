@@ -1,8 +1,7 @@
 """Benches in MuJoCo's C engine: many at once on a thread pool, with the plugins."""
 
 from collections.abc import Sequence
-from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -12,29 +11,55 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Move, Voltages, Watch
-from iswarm_mj.gripper.bench.contact_log import ContactLog, Film, scattered
-from iswarm_mj.gripper.bench.leaps import Row, press
-from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, resized, sized, start
-from iswarm_mj.gripper.bench.protocol import minimum_jerk
+from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.model import (
+    STATE,
+    Recorded,
+    layout,
+    plugin_numbers,
+    resized,
+    shares,
+    start,
+    usual_model,
+)
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
-MEMORY = 2**18
-"""Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
-STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-"""What a recorded state consists of."""
 BLOCK = 256
 """Physics steps in one call of MuJoCo."""
 
 
-class Recorded(NamedTuple):
-    """T physics steps of a bench one after the other."""
+class ContactLog:
+    """Contacts of n benches, in steps since the move began, in the bench's units.
 
-    phases: list[str]
-    """Of each step."""
-    states: Float[np.ndarray, "T+1 n"]
-    """Of MuJoCo, before the first step and after each of them."""
+    Attributes:
+        last: (n, 2) step of the last contact with tool and plate, nan: never.
+        first: (n,) step of the first contact with the plate, nan: never.
+        landing_speed: (n,) downward speed at that moment.
+        gaps: (n, 2) to tool and plate at the last step.
+    """
+
+    def __init__(self, count: int):
+        self.last = np.full((count, 2), np.nan)
+        self.first = np.full(count, np.nan)
+        self.landing_speed = np.full(count, np.nan)
+        self.gaps = self._before = np.full((count, 2), np.nan)
+
+    def add(self, gaps: np.ndarray, speed: np.ndarray, first: int) -> None:
+        """Process T steps from `first` on: gaps (n, T, 2) to tool and plate, downward speeds (n, T)."""
+        rows, count = np.arange(len(gaps)), gaps.shape[1]
+        touches = gaps <= 0
+        last = first + count - 1 - np.argmax(touches[:, ::-1], axis=1)
+        self.last = np.where(touches.any(axis=1), last, self.last)
+        new = touches[:, :, 1].any(axis=1) & np.isnan(self.first)
+        if new.any():
+            at = np.argmax(touches[:, :, 1], axis=1)
+            self.first = np.where(new, first + at, self.first)
+            now = np.stack([gaps[rows, at, 1], speed[rows, at]], axis=1)
+            earlier = np.stack([gaps[rows, at - 1, 1], speed[rows, at - 1]], axis=1)
+            before = np.where(at[:, None] > 0, earlier, self._before)
+            self.landing_speed = np.where(new, speed_at_zero(before, now), self.landing_speed)
+        self.gaps, self._before = gaps[:, -1], np.stack([gaps[:, -1, 1], speed[:, -1]], axis=1)
 
 
 class MujocoBench:
@@ -43,8 +68,6 @@ class MujocoBench:
     Attributes:
         model: of the first bench.
         where: numbers are in its arrays.
-        at: indices of the plugins' numbers in `plugin_state`, by instance and field.
-        row: state of the first bench; physics resumes from what is written there.
         recorded: all steps of the first bench, where they are kept.
     """
 
@@ -53,7 +76,6 @@ class MujocoBench:
         trials: Sequence[Trial],
         start_gap: float,
         threads: int = 0,
-        hanging: float | None = None,
         timestep: float | None = None,
         is_recorded: bool = False,
     ):
@@ -63,157 +85,48 @@ class MujocoBench:
             trials: B of them.
             start_gap: between tool and ball [m].
             threads: 0 for one a core.
-            hanging: balls hang at the tool, at this height above the plate [m]; None: they lie on the plate.
             timestep: instead of that of the model [s].
             is_recorded: keep all states of the first bench, for `tracing.trace_of`.
         """
         self.recorded: list[Recorded] | None = [] if is_recorded else None
-        self._usual = partial(_usual, timestep, trials[0].probe_radius)
-        self._own: mujoco.MjModel | None = None
         models = [_model(timestep, trial.radius, trial.probe_radius) for trial in trials]
-        first = models[0]
-        self.timestep = float(first.opt.timestep) * MS
-        self.where, self.at = layout(first), plugin.state_indices(first)
-        self._gaps = [self.at["electrostatic", name] for name in ("probe_gap", "plate_gap")]
-        self._numbers = [self.at[names] for names in plugin_numbers(trials[0])]
+        first = self.model = models[0]
+        self.timestep, self.steps = float(first.opt.timestep) * MS, 0
+        self.where, at = layout(first), plugin.state_indices(first)
+        self._gaps = [at["electrostatic", name] for name in ("probe_gap", "plate_gap")]
         keep_no_log()
         self._batch = Batch(first, len(trials), threads)
         self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
-        self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
-        self._first = self._batch.state[0].copy()
+        self._qpos, state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
         self._touch = np.zeros(len(trials))
-        self.row = Row(self._qpos[0], self._qvel[0], self._state[0], self._batch.bind("qacc_warmstart")[0])
-        self._place(models, trials, start_gap, hanging)
-
-    def place(self, trial: Trial, start_gap: float, hanging: float | None = None) -> None:
-        """Start another trial on a bench of one, in a tenth of the time that a new bench takes.
-
-        See `__init__`; the probe is that of the first trial.
-        """
-        self._own = resized(self._usual(), trial.radius, self._own)
-        self._place([self._own], [trial], start_gap, hanging)
-
-    def _place(
-        self, models: list[mujoco.MjModel], trials: Sequence[Trial], start_gap: float, hanging: float | None
-    ) -> None:
-        self.steps = 0
-        self.model = models[0]
         self._batch.set_models(models)
-        self._batch.state[:], self._batch.warning[:] = self._first, 0
-        qpos, state = self._qpos, self._state
         for i, (model, trial) in enumerate(zip(models, trials, strict=True)):
-            qpos[i], self._touch[i] = start(model, trial, start_gap, hanging)
-            state[i, self._numbers] = list(plugin_numbers(trial).values())
-        self._ctrl[:] = 0
-        self._ctrl[:, self.where.tip] = qpos[:, self.where.slide]
-        self._ctrl[:, self.where.aside_servo] = qpos[:, self.where.aside]
+            self._qpos[i], self._touch[i] = start(model, trial, start_gap)
+            state[i, [at[names] for names in plugin_numbers(trial)]] = list(plugin_numbers(trial).values())
+        self._ctrl[:, self.where.tip] = self._qpos[:, self.where.slide]
+        self._ctrl[:, self.where.aside_servo] = self._qpos[:, self.where.aside]
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
-        n_steps, begin, end = self._plan(ids, duration, tip, voltage)
-        contacts = ContactLog(len(ids))
-        chosen = None if active is None else ids
-        is_still = bool((begin == end).all())
-        for first in range(0, n_steps, BLOCK):
-            count = min(BLOCK, n_steps - first)
-            control = None if is_still else self._way(begin, end, _shares(n_steps)[first : first + count])
-            speed = -self._qvel[ids, None, self.where.ball + 2]
-            block = self._rollout([phase] * count, control, ("qvel", "plugin_state"), chosen)
-            speed = np.concatenate([speed, -block["qvel"][:, :-1, self.where.ball + 2]], axis=1)
-            contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
-        return self._watch(contacts, ids)
-
-    def moves(self, moves: Sequence[Move], skip: int = 0) -> Watch:
-        """Make several moves one after the other; gaps, speed and `finite` at their end are known, no contacts.
-
-        Args:
-            moves: of the tool.
-            skip: leap over that many steps, in the last of which the tool presses the ball on the plate.
-        """
-        ids, ways, phases = np.arange(len(self._touch)), [], []
-        begin = self._ctrl[ids]
-        for phase, duration, tip, voltage in moves:
-            n_steps, _, end = self._plan(ids, duration, tip, voltage, begin)
-            ways.append(self._way(begin, end, _shares(n_steps)))
-            phases += [phase] * n_steps
-            begin = ways[-1][:, -1]
-        way = np.concatenate(ways, axis=1)
-        if skip:
-            self.elapse(phases[:skip], way[:, :skip])
-            press(self, way[0, skip - 1])
-        self._rollout(phases[skip:], way[:, skip:])
-        return self._watch(ContactLog(len(ids), self._state[:, self._gaps]), ids)
-
-    def film(self, phase: str, duration: float, tip: float, voltage: float) -> Film:
-        """Let physics go on where tip [m] and voltage [V] are and stay, on a bench with one ball."""
-        n_steps, _, self._ctrl[:] = self._plan(np.zeros(1, int), duration, tip, voltage)
-        time, fall, self._warned = (
-            self._batch.state[0, 0],
-            -self._qvel[0, self.where.ball + 2],
-            self._batch.warning.copy(),
-        )
-        # A bench with a warning stands still from then on.
-        block = self._rollout([phase] * n_steps, None, ("qvel", "plugin_state", STATE))
-        velocity, gaps = block["qvel"][0, :, self.where.ball :], block["plugin_state"][0][:, self._gaps] * UM
-        finite = np.isfinite(block[STATE][0]).all(axis=1)
-        if (self._batch.warning > self._warned).any():
-            finite[max(int(np.count_nonzero(np.diff(block[STATE][0, :, 0], prepend=time))) - 1, 0) :] = False
-        return Film(
-            gap_tool=gaps[:, 0],
-            gap_plate=gaps[:, 1],
-            fall=np.concatenate([[fall], -velocity[:-1, 2]]) * UM / MS,
-            speed=np.sqrt((velocity[:, :3] ** 2).sum(axis=1)) * UM / MS,
-            finite=finite,
-            states=block[STATE][0],
-        )
-
-    def rewind(self, film: Film, step: int) -> None:
-        """Return to the end of a step of the last film; what happened since is forgotten."""
-        self._batch.state[0] = film.states[step]
-        forgotten = len(film.finite) - 1 - step % len(film.finite)
-        while self.recorded and forgotten:
-            last = self.recorded.pop()
-            kept, forgotten = max(0, len(last.phases) - forgotten), max(0, forgotten - len(last.phases))
-            if kept:
-                self.recorded.append(Recorded(last.phases[:kept], last.states[: kept + 1]))
-        if film.finite[step]:
-            self._batch.warning[:] = self._warned
-
-    def number(self, instance: str, field: str) -> float:
-        """A number of the first ball's plugins, see `plugin.state_index`."""
-        return float(self._state[0, self.at[instance, field]])
-
-    def elapse(self, phases: list[str], control: np.ndarray | None = None) -> None:
-        """Let time pass without physics, unless what happens meanwhile is recorded; arguments as of `_rollout`."""
-        if self.recorded is None:
-            self._batch.state[0, 0] += len(phases) * self.timestep / MS
-        elif phases:
-            self._rollout(phases, control)
-
-    def _rollout(
-        self, phases: list[str], control: np.ndarray | None, record: tuple[Any, ...] = (), ids: np.ndarray | None = None
-    ) -> dict[Any, np.ndarray]:
-        """Take a physics step for each phase with these controls (n, T, nu), None: the present ones."""
-        begin = self._batch.state[:1].copy()
-        wanted = record if self.recorded is None else (*record, STATE)
-        with without_timers():
-            block = self._batch.rollout(len(phases), control, record=tuple(dict.fromkeys(wanted)), ids=ids)
-        if self.recorded is not None:
-            self.recorded.append(Recorded(phases, np.concatenate([begin, block[STATE][0]])))
-        return block
-
-    def _plan(
-        self, ids: np.ndarray, duration: float, tip: float, voltage: Voltages, begin: np.ndarray | None = None
-    ) -> tuple[int, np.ndarray, np.ndarray]:
-        """Number of steps of a move, and controls (n, nu) at its begin, by default the present ones, and its end."""
-        n_steps = max(1, round(duration / self.timestep))
+        n_steps, ball = max(1, round(duration / self.timestep)), self.where.ball + 2
         self.steps += n_steps * len(ids)
-        begin = self._ctrl[ids] if begin is None else begin
+        begin = self._ctrl[ids]
         end = begin.copy()
         end[:, self.where.tip] = self._touch[ids] + tip / UM - self.where.tip_height
         end[:, self.where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
-        return n_steps, begin, end
+        contacts, record = ContactLog(len(ids)), ("qvel", "plugin_state", *(() if self.recorded is None else (STATE,)))
+        for first in range(0, n_steps, BLOCK):
+            count = min(BLOCK, n_steps - first)
+            control = self._way(begin, end, shares(n_steps)[first : first + count]) if (begin != end).any() else None
+            speed, before = -self._qvel[ids, None, ball], self._batch.state[:1].copy()
+            with without_timers():
+                block = self._batch.rollout(count, control, record=record, ids=None if active is None else ids)
+            if self.recorded is not None:
+                self.recorded.append(Recorded([phase] * count, np.concatenate([before, block[STATE][0]])))
+            speed = np.concatenate([speed, -block["qvel"][:, :-1, ball]], axis=1)
+            contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
+        return self._watch(contacts, ids)
 
     def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
@@ -244,7 +157,10 @@ class MujocoBench:
         )
         if len(ids) == len(self._touch):
             return watch
-        return Watch(*(scattered(values, ids, len(self._touch)) for values in watch))
+        full = [np.full(len(self._touch), True if values.dtype == bool else np.nan) for values in watch]
+        for own, values in zip(full, watch, strict=True):
+            own[ids] = values
+        return Watch(*full)
 
     def save(self) -> Float[np.ndarray, "B n"]:
         """See `Bench.save`."""
@@ -255,24 +171,7 @@ class MujocoBench:
         self._batch.state[:] = state
 
 
-@lru_cache(maxsize=64)
-def _shares(n_steps: int) -> np.ndarray:
-    """Shares (n_steps, 2) of the way after each step of a move: of time and voltage, and of the tool."""
-    share = np.arange(1, n_steps + 1) / n_steps
-    return np.stack([share, minimum_jerk(share)], axis=1)
-
-
 @lru_cache(maxsize=4096)
 def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
     """The bench with these sizes [m] and a time step [s], by default its own."""
-    return resized(_usual(timestep, probe_radius), radius)
-
-
-@lru_cache(maxsize=16)
-def _usual(timestep: float | None, probe_radius: float) -> mujoco.MjModel:
-    """The default bench with a ball of 20 um."""
-    spec = bench_spec()
-    spec.memory = MEMORY
-    if timestep is not None:
-        spec.option.timestep = timestep / MS
-    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius))
+    return resized(usual_model(timestep, probe_radius), radius)

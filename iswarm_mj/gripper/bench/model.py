@@ -2,15 +2,18 @@
 
 import copy
 import re
+from functools import lru_cache
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
+from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.units import NN, PER_OHM, PRESSURE, UM
+from iswarm_mj.gripper.units import MS, NN, PER_OHM, PRESSURE, UM
 
 
 def bench_spec() -> mujoco.MjSpec:
@@ -30,6 +33,21 @@ _IDLE = (
     mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS,
 )
 """Stages of the physics step that have nothing to do on the bench."""
+
+
+STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""What a recorded state consists of."""
+MEMORY = 2**18
+"""Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
+
+
+class Recorded(NamedTuple):
+    """T physics steps of a bench one after the other."""
+
+    phases: list[str]
+    """Of each step."""
+    states: Float[np.ndarray, "T+1 n"]
+    """Of MuJoCo, before the first step and after each of them."""
 
 
 class Layout(NamedTuple):
@@ -69,6 +87,23 @@ def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
     return spec.compile()
+
+
+@lru_cache(maxsize=16)
+def usual_model(timestep: float | None, probe_radius: float) -> mujoco.MjModel:
+    """The default bench with a ball of 20 um and this probe [m]; a time step of its own if None [s]."""
+    spec = bench_spec()
+    spec.memory = MEMORY
+    if timestep is not None:
+        spec.option.timestep = timestep / MS
+    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius))
+
+
+@lru_cache(maxsize=64)
+def shares(n_steps: int) -> np.ndarray:
+    """Shares (n_steps, 2) of the way after each step of a move: of time and voltage, and of the tool."""
+    share = np.arange(1, n_steps + 1) / n_steps
+    return np.stack([share, minimum_jerk(share)], axis=1)
 
 
 def resized(model: mujoco.MjModel, radius: float, into: mujoco.MjModel | None = None) -> mujoco.MjModel:

@@ -7,7 +7,7 @@ with a ball that bounces. Hence the rungs are tried upwards, in steps of `STRIDE
 lifted ball is bisected. A ball that only a range narrower than `STRIDE` lifts can be missed.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -84,14 +84,14 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
     return Grasp(np.where(high <= top, voltage, np.nan), faulty)
 
 
-def hangs(watch: Watch, protocol: Protocol) -> Mask:
-    """(B,) whether the ball hangs at the tool, off the plate, at the end of a move."""
-    return (watch.gap_plate > protocol.away) & (watch.gap_tool < TOUCH)
+def hangs(gap_tool: Any, gap_plate: Any, protocol: Protocol) -> Any:
+    """Whether a ball with these gaps to tool and plate [m] hangs at the tool, off the plate."""
+    return (gap_plate > protocol.away) & (gap_tool < TOUCH)
 
 
 def stays_up(watch: Watch, protocol: Protocol) -> Mask:
     """(B,) whether the ball hangs at the end and was off the plate all the time; one that flies to and fro was not."""
-    return hangs(watch, protocol) & np.isnan(watch.first_plate)
+    return hangs(watch.gap_tool, watch.gap_plate, protocol) & np.isnan(watch.first_plate)
 
 
 STRIDE = 1.0
@@ -108,4 +108,4 @@ def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = Non
     """
     bench.move("carry", protocol.carry_time(gap - protocol.lift), gap, 0.0, active)
     watch = bench.move("hold", protocol.hold_time, gap, 0.0, active)
-    return hangs(watch, protocol)
+    return hangs(watch.gap_tool, watch.gap_plate, protocol)

@@ -6,12 +6,11 @@ from threading import Lock
 
 import numpy as np
 
+from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.base import Move
-from iswarm_mj.gripper.bench.contact_log import joined
-from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.leaps import fly, hang, is_below
+from iswarm_mj.gripper.bench.base import Move, speed_at_zero
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.single import SingleBench
 from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import GRAVITY
@@ -30,7 +29,7 @@ servo and contacts have come to rest [s]."""
 _LOOK = 0.08e-3
 """Interval at which a ball that falls is looked at [s]."""
 _LEAVES, _FALLS, _HITS = 0.08e-3, 0.08e-3, 0.03e-3
-"""Physics that is filmed at once: of a ball about to leave, one that falls, one about to touch plate or tool [s]."""
+"""Physics between two leaps: of a ball about to leave, one that falls, one about to touch plate or tool [s]."""
 
 
 _IN_USE = Lock()
@@ -38,94 +37,125 @@ _IN_USE = Lock()
 
 
 @cache
-def _bench() -> MujocoBench:
-    """The bench of one trial that all attempts use, since making one takes as long as 300 steps."""
-    return MujocoBench([Trial(20e-6, 0.0, 0.0)], PROTOCOL.start_gap, threads=1, timestep=TIMESTEP)
+def _bench() -> SingleBench:
+    """The bench that all attempts use, since making one takes as long as 300 steps."""
+    return SingleBench(TIMESTEP)
 
 
 def attempted(trial: Trial, voltage: float, gap: float | None) -> tuple[bool, float, float]:
-    """Outcome of one attempt, see `lift_on` for a gap of None and `drop_on` for that of a release."""
+    """Outcome of one attempt, see `attempt`."""
     with _IN_USE:
-        _bench().place(trial, PROTOCOL.start_gap, gap)
-        return lift_on(_bench(), voltage) if gap is None else drop_on(_bench(), voltage, gap)
+        return attempt(_bench(), trial, voltage, gap)
 
 
-def lift_on(bench: MujocoBench, voltage: float) -> tuple[bool, float, float]:
-    """Touch, raise the voltage, retract, switch off: whether a ball on a new bench hangs then.
+def attempt(bench: SingleBench, trial: Trial, voltage: float, gap: float | None) -> tuple[bool, float, float]:
+    """Try to lift a ball, or to release one.
 
-    Returns:
-        Whether it does, how long that took [s], and 0, since nothing landed.
-    """
-    p = PROTOCOL
-    watch = bench.moves([*touching(p), *lifting(p, voltage)], round(PRESSED / bench.timestep) if is_below(bench) else 0)
-    return bool(hangs(watch, p)[0] and watch.finite[0]), bench.steps * bench.timestep, 0.0
-
-
-def drop_on(bench: MujocoBench, voltage: float, gap: float) -> tuple[bool, float, float]:
-    """Raise the voltage on a hanging, uncharged ball and cut it when it has left: whether it stays on the plate.
+    Args:
+        bench: on which the trial is placed.
+        trial: the ball.
+        voltage: of the tool [V].
+        gap: between plate and ball at the release [m]; None for a lift.
 
     Returns:
-        Whether it does, how long that took [s], and the speed of its landing [m/s], 0 if there is none.
+        Whether it hangs, or stays on the plate; how long that took [s]; and the speed of its landing [m/s], 0 if there
+        is none.
     """
-    p = PROTOCOL
-    bench.moves([Move("rise", p.rise_time, gap, voltage)])
-    time = p.rise_time + hang(bench, "wait", voltage, RELEASE_LIMIT - p.rise_time)
-    seen = _seen_to_leave(bench, gap, voltage, RELEASE_LIMIT - time)
+    bench.place(trial, PROTOCOL.start_gap, gap)
+    with without_timers():
+        return _lift(bench, voltage) if gap is None else _drop(bench, voltage, gap)
+
+
+def _lift(bench: SingleBench, voltage: float) -> tuple[bool, float, float]:
+    """Touch, raise the voltage, retract, switch off."""
+    way = bench.way([*touching(PROTOCOL), *lifting(PROTOCOL, voltage)])
+    skip = 0
+    if bench.is_below:
+        skip = round(PRESSED / bench.timestep)
+        for sample in way[:skip] if bench.recorded is not None else ():
+            bench.step(*sample)
+        bench.press(way[skip - 1][1])
+    for sample in way[skip:]:
+        bench.step(*sample)
+    return bool(hangs(bench.gap_tool, bench.gap_plate, PROTOCOL)) and bench.is_finite, len(way) * bench.timestep, 0.0
+
+
+def _drop(bench: SingleBench, voltage: float, gap: float) -> tuple[bool, float, float]:
+    """Raise the voltage on a hanging, uncharged ball and cut it when it has left."""
+    p, dt = PROTOCOL, bench.timestep
+    for sample in bench.way([Move("rise", p.rise_time, gap, voltage)]):
+        bench.step(*sample)
+    time = p.rise_time + bench.hang("wait", voltage, RELEASE_LIMIT - p.rise_time)
+    seen = _seen_to_leave(bench, RELEASE_LIMIT - time)
     if seen is None:
         return False, RELEASE_LIMIT, 0.0
-    last, impact = seen
-    watch = bench.move("cut", p.cut_time, gap, 0.0)
-    start = time + (last + 1) * bench.timestep + p.cut_time
-    time, since, film = start, start, None
-    landing, speed, above, finite = (
-        float(values[0]) for values in (watch.landing_speed, watch.speed, watch.gap_plate, watch.finite)
-    )
-    impact = landing if np.isnan(impact) else impact
-    stays = not np.isnan(impact) and bool(_reach(speed, above) < gap / 2)
-    while not stays and finite and time < start + p.flight_limit - p.cut_time:
-        time += fly(bench, "fall", start + p.flight_limit - p.cut_time - time)
-        film = bench.film("fall", _FALLS if np.isnan(impact) else _HITS, gap, 0.0)
-        impact = film.landing_speed(len(film.finite) - 1) if np.isnan(impact) else impact
-        returns = np.flatnonzero(_reach(film.speed, film.gap_plate) >= gap / 2)
-        since = time + (returns[-1] + 1 if len(returns) else 0) * bench.timestep
-        time, finite = time + len(film.finite) * bench.timestep, bool(film.finite[-1])
+    steps, impact = seen
+    landing = _Landing()
+    for sample in bench.way([Move("cut", p.cut_time, gap, 0.0)]):
+        bench.step(*sample)
+        landing.look(bench)
+    impact = landing.speed if np.isnan(impact) else impact
+    time = since = start = time + steps * dt + p.cut_time
+    end = start + p.flight_limit - p.cut_time
+    stays = not np.isnan(impact) and _reach(bench) < gap / 2
+    while not stays and time < end and bench.is_finite:
+        time = since = time + bench.fly("fall", end - time)
+        count, landing = round((_FALLS if np.isnan(impact) else _HITS) / dt), _Landing()
+        for step in range(count):
+            bench.step("fall")
+            landing.look(bench)
+            since = time + (step + 1) * dt if _reach(bench) >= gap / 2 else since
+        impact = landing.speed if np.isnan(impact) else impact
+        time += count * dt
         stays = not np.isnan(impact) and since < time
     until = start + math.ceil((since - start) / _LOOK - 1e-6) * _LOOK
-    more = round((until - time) / bench.timestep)
-    if film is not None and more < 0:
-        bench.rewind(film, max(more - 1, -len(film.finite)))
-    bench.elapse(["fall"] * max(0, more))
+    more = round((until - time) / dt)
+    bench.forget(-more)
+    bench.elapse("fall", more)
     return stays, until, float(np.nan_to_num(impact))
 
 
-def _reach(speed: np.ndarray | float, above: np.ndarray | float) -> np.ndarray:
-    """Height above the plate [m] up to which a ball with this speed [m/s] at this height [m] can fly."""
-    return np.asarray(speed) ** 2 / (2 * GRAVITY) + np.maximum(above, 0.0)
+def _reach(bench: SingleBench) -> float:
+    """Height above the plate [m] up to which the ball can fly."""
+    return bench.speed**2 / (2 * GRAVITY) + max(bench.gap_plate, 0.0)
 
 
-def _seen_to_leave(bench: MujocoBench, gap: float, voltage: float, limit: float) -> tuple[int, float] | None:
+class _Landing:
+    """Downward speed at the first contact with the plate, nan: there was none [m/s]."""
+
+    def __init__(self):
+        self.speed, self._before = math.nan, np.full(2, np.nan)
+
+    def look(self, bench: SingleBench) -> None:
+        """Look at a step that was taken."""
+        if math.isnan(self.speed):
+            now = np.array([bench.gap_plate, bench.fall])
+            self.speed = float(speed_at_zero(self._before, now)) if now[0] <= 0 else math.nan
+            self._before = now
+
+
+def _seen_to_leave(bench: SingleBench, limit: float) -> tuple[int, float] | None:
     """Steps until a ball, looked at since it last touched the tool, is seen to have left it; its landing speed [m/s].
 
-    The bench is there. None: the ball still hangs after a time [s].
+    None: the ball still hangs after a time [s].
     """
     again, most = (round(duration / bench.timestep) for duration in (PROTOCOL.watch_time, limit))
     if most < 1:
         return None
-    film = bench.film("wait", _LEAVES, gap, voltage)
-    while True:
-        away = film.gap_tool > PROTOCOL.away
-        first = int(np.argmax(away)) if away.any() else len(away)
-        touches = np.flatnonzero(film.gap_tool[:first] <= 0)
-        last = max(1, int(touches[-1])) - 1 if len(touches) else 0
-        seen = [step for step in range(last, len(away), again) if away[step]]
-        if seen or not film.finite[-1]:
-            last = seen[0] if seen else len(away) - 1
-            bench.rewind(film, last)
-            return last, film.landing_speed(last)
-        if len(away) > most:
-            bench.rewind(film, most - 1)
-            return None
-        film = joined(film, bench.film("wait", PROTOCOL.watch_time, gap, voltage))
+    count = round(_LEAVES / bench.timestep)
+    count += max(0, (most - count) // again + 1) * again
+    landing, last, was_away = _Landing(), 0, False
+    for step in range(count):
+        bench.step("wait")
+        landing.look(bench)
+        is_away = bench.gap_tool > PROTOCOL.away
+        was_away |= is_away
+        if not was_away and bench.gap_tool <= 0:
+            last = max(0, step - 1)
+        if is_away and (step - last) % again == 0:
+            return step + 1, landing.speed
+    bench.forget(count - most)
+    return None
 
 
 def outcomes(gap: float, attempts: Attempts) -> Outcomes:

@@ -5,10 +5,11 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.engine_mujoco import STATE, MujocoBench
-from iswarm_mj.gripper.bench.model import layout
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
+from iswarm_mj.gripper.bench.model import STATE, layout
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.single import SingleBench
 from iswarm_mj.gripper.bench.staircase import hang, rung, stays_up, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
@@ -39,7 +40,7 @@ def trace_trial(
     return trace_of(bench)
 
 
-def trace_of(bench: MujocoBench) -> Trace:
+def trace_of(bench: MujocoBench | SingleBench) -> Trace:
     """Trace of all physics steps of a recorded bench: each sample is a state, with the forces that act from it on."""
     recorded, model, where = bench.recorded or [], bench.model, layout(bench.model)
     before, after = (np.concatenate([part.states[cut] for part in recorded]) for cut in (np.s_[:-1], np.s_[1:]))
