@@ -60,7 +60,7 @@ def scene_of(
     """
     recorded = recorded or {}
     for name in map(array_name, recorded):
-        if name in ARRAYS or name.startswith((AREA, METRIC)):
+        if name in (*ARRAYS, "file", "allow_pickle") or name.startswith((AREA, METRIC)):  # NumPy names two itself
             raise UserError(
                 f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
             )
