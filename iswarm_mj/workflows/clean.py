@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from statistics import fmean
@@ -21,7 +21,7 @@ from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import postponed, saved
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress, waiting
-from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown
+from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown, advanced
 
 MAX_LISTED = 10
 """Worlds whose numbers the summary lists; of more it states averages and ranges."""
@@ -106,15 +106,10 @@ def _advance(run: Run, recorders: Sequence[Recorder]) -> None:
     robots = f"{run.settings.n_robots} robots in {len(run.worlds)} world{'s' * (len(run.worlds) > 1)}"
     what = f"compiling the control step of {robots} ({run.identity['engine']}), kept for the next run of this size"
     with Progress(run.settings.steps, "step", waiting=what) as bar:
-        while not run.is_over:
-            before = run.step
-            # What was computed is recorded; but the first call compiles, which may take long.
-            with postponed() if before else nullcontext():
-                record = run.advance()
-                if record is not None:
-                    for recorder in recorders:
-                        recorder.add(record)
+        before = 0
+        for _ in advanced(run, recorders):
             bar.update(run.step - before)
+            before = run.step
             if bar.is_due():
                 bar.say(f"progress {int(run.progress().sum())}{goal}")
 

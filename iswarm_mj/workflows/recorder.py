@@ -1,6 +1,8 @@
-"""Recording of one world of a run, for Rerun and as trajectory.npz; its frames are kept on disk."""
+"""The steps of a run, and recordings of its worlds, for Rerun and as trajectory.npz; frames are kept on disk."""
 
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -158,6 +160,18 @@ class Recorder:
             del block
             if n_bytes >= LARGE_BYTES:
                 give_back()
+
+
+def advanced(run: Run, recorders: Sequence[Recorder] = ()) -> Iterator[StepRecord | None]:
+    """Take all steps of a run, and record them; yield each record, see `Run.advance`, after it was recorded."""
+    while not run.is_over:
+        # What was computed is recorded; but the first call compiles, which may take long.
+        with postponed() if run.step else nullcontext():
+            record = run.advance()
+            if record is not None:
+                for recorder in recorders:
+                    recorder.add(record)
+        yield record
 
 
 class _Queue:

@@ -12,6 +12,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.pool import connected
+from iswarm_mj.workflows.recorder import advanced
 
 
 def parts(n_worlds: int, count: int, recorded: Sequence[int] = ()) -> list[list[int]]:
@@ -76,6 +77,6 @@ def computed(makers: Sequence[Callable[[], Run]], own: Sequence[Any] = ()) -> It
 def _compute(make: Callable[[], Run]) -> Share:
     """Take all steps of a run."""
     run = make()
-    while not run.is_over:
-        run.advance()
+    for _ in advanced(run):
+        pass
     return share_of(run)
