@@ -127,7 +127,7 @@ class Reproduce(ManyRunsOptions):
         from iswarm_mj.experiments.runner.search_settings import Search
         from iswarm_mj.workflows.grasp_settings import GraspSettings
 
-        search, grasp = Search(self.config, seed=self.seed, replicates=self.replicates), Grasp()
+        search, grasp = Search(config=self.config, seed=self.seed, replicates=self.replicates), Grasp()
         repeats = self.trials
         if self.quick:
             search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1

@@ -1,6 +1,5 @@
 """Frames of a run that goes on, on disk until its trajectory is written, however many there are."""
 
-import zipfile
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO
@@ -8,12 +7,11 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from iswarm_mj.output.schema import Frames
-from iswarm_mj.output.trajectory import Arrays
 from iswarm_mj.utils.files import write_error
 
 
 class FrameStore:
-    """Blocks of frames one after the other in a file without a name, which goes with the process."""
+    """Frames one after the other, rows of a structured array, in a file without a name, which goes with the process."""
 
     def __init__(self, directory: Path):
         """Begin without frames.
@@ -24,12 +22,11 @@ class FrameStore:
         Raises:
             UserError: no file can be made there.
         """
-        self._directory = directory
+        self._directory, self._rows = directory, np.zeros(0, [])
         try:
-            self._file: Any = TemporaryFile(dir=directory)  # noqa: SIM115, closed in `close`
+            self._file = TemporaryFile(dir=directory, buffering=0)  # noqa: SIM115, closed in `close`
         except OSError as error:
             raise write_error(directory, error) from None
-        self._blocks: list[dict[str, tuple[int, np.ndarray]]] = []  # where each array begins, and one without memory
 
     def append(self, frames: Frames) -> None:
         """Keep some further frames; where they cannot be written, those before stay as they were.
@@ -37,37 +34,28 @@ class FrameStore:
         Raises:
             UserError: the disk is full.
         """
-        places = {}
+        arrays = frames.arrays()
+        rows = np.zeros(len(frames), [(name, array.dtype, array.shape[1:]) for name, array in arrays.items()])
+        for name, array in arrays.items():
+            rows[name] = array
+        left = memoryview(rows.tobytes())
         try:
-            for name, array in frames.arrays().items():
-                places[name] = self._file.seek(0, 2), np.broadcast_to(array.dtype.type(), array.shape)
-                self._file.write(np.ascontiguousarray(array).tobytes())
-            self._file.flush()
+            self._file.seek(self._rows.nbytes)
+            while left:
+                left = left[self._file.write(left) :]
         except OSError as error:
             raise write_error(self._directory, error) from None
-        self._blocks.append(places)
+        self._rows = np.memmap(self._file, rows.dtype, "r", shape=len(self._rows) + len(rows))
 
-    def write(self, file: BinaryIO, more: Arrays) -> None:
-        """Write all frames, and more arrays, as `numpy.savez` does, without having all of them in memory.
+    def write(self, file: BinaryIO, more: dict[str, Any]) -> None:
+        """Write all frames, and more arrays, by `numpy.savez`, without having all of them in memory.
 
         Args:
             file: open for writing.
             more: arrays by their names.
         """
-        with zipfile.ZipFile(file, "w") as archive:
-            for name, (_, like) in (self._blocks[0] if self._blocks else {}).items():
-                places = [block[name] for block in self._blocks]
-                shape = (sum(len(array) for _, array in places), *like.shape[1:])
-                descr = np.lib.format.dtype_to_descr(like.dtype)
-                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                    head = {"descr": descr, "fortran_order": False, "shape": shape}
-                    np.lib.format.write_array_header_1_0(entry, head)
-                    for at, array in places:
-                        self._file.seek(at)
-                        entry.write(self._file.read(array.nbytes))
-            for name, values in more.items():
-                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                    np.lib.format.write_array(entry, np.asanyarray(values), allow_pickle=False)
+        arrays: dict[str, Any] = {name: self._rows[name] for name in self._rows.dtype.names or ()}
+        np.savez(file, **(arrays | more))
 
     def close(self) -> None:
         """Let the frames go."""

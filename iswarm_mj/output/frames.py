@@ -1,7 +1,7 @@
 """From records of a run to frames of a trajectory, and what its task adds: arena units become SI here."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -13,6 +13,7 @@ from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.schema import ARRAYS, IN_FILES, Frames, Observed
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
@@ -20,7 +21,6 @@ from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 FIXED = ("dump", "dust_areas")
@@ -28,111 +28,87 @@ FIXED = ("dump", "dust_areas")
 _BLOCK = 64
 """Steps of a program, which is compiled for as many."""
 
-Watch = Callable[[Any], dict[str, np.ndarray]]
-"""From the states of a task after T steps to arrays (T, ...) by their names in a trajectory, areas in m."""
 
+class RecordedWorld:
+    """A recorded world of a run.
 
-def scene_of(
-    config: SwarmConfig,
-    robot: Robot,
-    start: StepRecord,
-    world: int,
-    number: int,
-    recorded: Mapping[str, str] | None = None,
-    payload: Payload | None = None,
-    *,
-    task: Task,
-) -> Scene:
-    """Return what does not change in one world of a run.
-
-    Args:
-        config: of the run.
-        robot: its geometry.
-        start: record of the start (1, W, ...).
-        world: which of the W worlds.
-        number: of this world in its run.
-        recorded: parts of the memory and their units, see `strategy.declared`.
-        payload: what messages carry; nothing by default.
-        task: of the run.
-
-    Raises:
-        UserError: a part has the name of another array of trajectories.
+    Attributes:
+        config: its configuration.
+        scene: what does not change in it.
     """
-    recorded = recorded or {}
-    for name in map(array_name, recorded):
-        if name in ARRAYS or name.startswith((AREA, METRIC)):
-            raise UserError(
-                f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
-            )
-    own = jax.tree.map(lambda a: a[:, world], start)
-    seen = _observed(own, start.poses[0, world], config.drive.control_period, task, robot)
-    rectangles = _fixed_areas(task, config, jax.tree.map(lambda a: a[0], own.swarm.task))
-    areas, metrics = _looks(task), _quantities(task)
-    return Scene(
-        robot_size=2 * MM * np.array(robot.half_edges),
-        is_scout=_scouts(own),
-        ball_radius=np.asarray(seen.balls.radius[0]),
-        arena_size=config.arena.size * ROBOT_DIAMETER,
-        dump=rectangles.get("dump", np.zeros((1, 4)))[0],
-        dust_areas=rectangles.get("dust_areas", np.zeros((0, 4))),
-        control_period=config.drive.control_period,
-        is_alive=own.swarm.is_alive[0],
-        payload=stored(payload or Payload()),
-        world=number,
-        n_leds=len(robot.leds),
-        memory_names=tuple(map(array_name, recorded)),
-        memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in recorded.values()),
-        memory_sizes=tuple(math.prod(np.shape(parts_of(own.swarm.memory)[name])[2:]) for name in recorded),
-        obstacles=np.array(config.arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
-        area_names=tuple(areas),
-        area_colours=tuple(look.colour for look in areas.values()),
-        area_shapes=tuple(look.shape for look in areas.values()),
-        metric_names=tuple(metrics),
-        metric_units=tuple(quantity.unit for quantity in metrics.values()),
-        metric_descriptions=tuple(quantity.description for quantity in metrics.values()),
-    )
 
+    def __init__(self, run: Run, index: int):
+        """Take in how it starts.
 
-def frames_of(
-    records: Sequence[StepRecord],
-    world: int,
-    recorded: Mapping[str, str] | None = None,
-    watched: Watch | None = None,
-    before: StepRecord | None = None,
-    control_period: float = 1.0,
-    *,
-    task: Task,
-    robot: Robot,
-) -> Frames:
-    """Return the frames of one world.
+        Args:
+            run: at its start.
+            index: which of its recorded worlds.
 
-    Args:
-        records: of consecutive steps (T, W, ...).
-        world: which of the W worlds.
-        recorded: as for `scene_of`.
-        watched: what the task adds, see `watch`.
-        before: record that ends with the step before the first of these; None if they begin with the start.
-        control_period: duration of a step [s].
-        task: of the run.
-        robot: its geometry.
-    """
-    record = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
-    poses = record.poses[0] if before is None else before.poses[-1, world]
-    seen, parts = _observed(record, poses, control_period, task, robot), parts_of(record.swarm.memory)
-    memory = {array_name(name): _in_si(parts[name], unit) for name, unit in (recorded or {}).items()}
-    return Frames.observed(seen, memory, {} if watched is None else watched(record.swarm.task))
+        Raises:
+            UserError: a part of the memory that is recorded has the name of another array of trajectories.
+        """
+        for name in map(array_name, run.recorded):
+            if name in (*ARRAYS, "file", "allow_pickle") or name.startswith((AREA, METRIC)):  # NumPy has two itself
+                raise UserError(
+                    f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
+                )
+        world = run.worlds[run.settings.record_worlds[index]]
+        self.config, self._index = world.config or run.config, index
+        self._task, self._robot, self._recorded = run.task, run.robot, run.recorded
+        self._watch = _watch(run.task, self.config)
+        self.scene = self._scene(jax.tree.map(lambda a: a[:, index], run.start), world.index, run.payload)
 
+    def frames(self, records: Sequence[StepRecord], before: StepRecord | None = None) -> Frames:
+        """Return its frames.
 
-def _observed(
-    record: StepRecord, poses: Float[Array, "N 3"], control_period: float, task: Task, robot: Robot
-) -> Observed:
-    """Steps of one world (T, ...), the first of which began at these poses, with what the task offers of them."""
-    balls = balls_of(task, record.swarm.task)
-    if balls is None:
-        balls = jax.tree.map(lambda a: np.zeros((len(record.poses), *a.shape), a.dtype), no_balls())
-    before = np.concatenate([poses[None], record.poses[:-1]])
-    centres = np.asarray(ball_centres(balls, record.poses, robot))
-    return Observed(record, balls, centres, before, control_period)
+        Args:
+            records: of consecutive steps (T, W, ...) of the W recorded worlds.
+            before: record that ends with the step before the first of these; None if they begin with the start.
+        """
+        world = self._index
+        record = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
+        seen = self._observed(record, record.poses[0] if before is None else before.poses[-1, world])
+        parts = parts_of(record.swarm.memory)
+        memory = {array_name(name): _in_si(parts[name], unit) for name, unit in self._recorded.items()}
+        return Frames.observed(seen, memory, self._watch(record.swarm.task))
+
+    def _scene(self, own: StepRecord, number: int, payload: Payload) -> Scene:
+        """Constants of the world of this number, from the record of its start (1, ...)."""
+        config, task, recorded = self.config, self._task, self._recorded
+        rectangles = _fixed_areas(task, config, jax.tree.map(lambda a: a[0], own.swarm.task))
+        areas, metrics = _looks(task), _quantities(task)
+        return Scene(
+            robot_size=2 * MM * np.array(self._robot.half_edges),
+            is_scout=_scouts(own),
+            ball_radius=np.asarray(self._observed(own, own.poses[0]).balls.radius[0]),
+            arena_size=config.arena.size * ROBOT_DIAMETER,
+            dump=rectangles.get("dump", np.zeros((1, 4)))[0],
+            dust_areas=rectangles.get("dust_areas", np.zeros((0, 4))),
+            control_period=config.drive.control_period,
+            is_alive=np.asarray(own.swarm.is_alive[0]),
+            payload=stored(payload),
+            world=number,
+            n_leds=len(self._robot.leds),
+            memory_names=tuple(map(array_name, recorded)),
+            memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in recorded.values()),
+            memory_sizes=tuple(math.prod(np.shape(parts_of(own.swarm.memory)[name])[2:]) for name in recorded),
+            obstacles=np.array(config.arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
+            area_names=tuple(areas),
+            area_colours=tuple(look.colour for look in areas.values()),
+            area_shapes=tuple(look.shape for look in areas.values()),
+            metric_names=tuple(metrics),
+            metric_units=tuple(quantity.unit for quantity in metrics.values()),
+            metric_descriptions=tuple(quantity.description for quantity in metrics.values()),
+        )
+
+    def _observed(self, record: StepRecord, poses: Float[Array, "N 3"]) -> Observed:
+        """Its steps (T, ...), the first of which began at these poses, with what the task offers of them."""
+        balls = balls_of(self._task, record.swarm.task)
+        if balls is None:
+            balls = jax.tree.map(lambda a: np.zeros((len(record.poses), *a.shape), a.dtype), no_balls())
+        before = np.concatenate([poses[None], record.poses[:-1]])
+        centres = np.asarray(ball_centres(balls, record.poses, self._robot))
+        return Observed(record, balls, centres, before, self.config.drive.control_period)
 
 
 def _scouts(start: StepRecord) -> Bool[np.ndarray, "N"]:
@@ -158,8 +134,11 @@ def _quantities(task: Task) -> dict[str, Quantity]:
     return {name: quantity for name, quantity in getattr(task, "measured", {}).items() if name not in ARRAYS}
 
 
-def watch(task: Task, config: SwarmConfig) -> Watch:
-    """Return what reads areas and metrics of a task in worlds of this configuration."""
+def _watch(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np.ndarray]]:
+    """Return what reads areas [m] and metrics of a task in worlds of this configuration.
+
+    It takes the states of the task after T steps, and returns arrays (T, ...) by their names in a trajectory.
+    """
     areas, metrics = _looks(task), _quantities(task)
     if not areas and not metrics:
         return lambda state: {}

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
@@ -14,7 +15,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float, Int
 
-from iswarm_mj.utils.deadline import ends_within
 from iswarm_mj.utils.errors import UserError
 
 _END = b"RRF2FOOT\x01\x00\x00\x00"
@@ -64,17 +64,30 @@ def written(path: str | Path, stream: rr.RecordingStream) -> Iterator[None]:
 
 
 def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
-    """Do what Rerun sometimes never ends on a full disk: it waits for a thread that has just given up.
+    """Do what Rerun sometimes never ends, on a full disk or without a viewer: it waits for a thread that has given up.
 
     Args:
-        call: opens or closes a file.
+        call: opens or closes a file or a connection.
         limit_s: after which it is left in a thread that goes with the process [s].
 
     Raises:
-        RuntimeError: it has not ended by then, and its stream is to be left alone; other errors are its own.
+        TimeoutError: it has not ended by then, and its stream is to be left alone; other errors are its own.
     """
-    if not ends_within(limit_s, call):
-        raise RuntimeError(f"not done within {limit_s:g} s")
+    errors: list[Exception] = []
+
+    def work() -> None:
+        try:
+            call()
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(limit_s)
+    if errors:
+        raise errors[0]
+    if thread.is_alive():
+        raise TimeoutError(f"not done within {limit_s:g} s")
 
 
 def save(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> None:
@@ -121,8 +134,8 @@ def close(stream: rr.RecordingStream, path: str | Path) -> None:
     """Close the file of a stream, and look whether it has its end; Rerun only logs that it could not write it.
 
     Raises:
-        OSError: there is no room.
-        RuntimeError: it has not, or was not closed in time, see `bounded`.
+        OSError: there is no room, or it was not closed in time, see `bounded`.
+        RuntimeError: it has not.
     """
     check_room(Path(path))
     bounded(stream.disconnect)

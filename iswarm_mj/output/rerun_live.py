@@ -4,11 +4,10 @@ import sys
 
 import rerun as rr
 
-from iswarm_mj.output.rerun_format import leave_alone
+from iswarm_mj.output.rerun_format import bounded, leave_alone
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.schema import Frames
-from iswarm_mj.utils.deadline import ends_within
 
 SECONDS = 5.0
 """How long a viewer may take to be reached, and to receive a block [s]."""
@@ -29,8 +28,9 @@ class LiveRecording(Recording):
 
     def _open(self) -> None:
         blueprint = layout(self._scene, follows=True)
-        # It never ends if the viewer is gone.
-        if not ends_within(SECONDS, lambda: self.stream.connect_grpc(self._path, default_blueprint=blueprint)):
+        try:  # it never ends if the viewer is gone
+            bounded(lambda: self.stream.connect_grpc(self._path, default_blueprint=blueprint), SECONDS)
+        except TimeoutError:
             leave_alone(self.stream)
             self.stream = rr.RecordingStream("iswarm_mj")  # whose entities go nowhere
             self._lose()

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,24 +52,38 @@ def about(run: Run, settings: RunSettings) -> dict[str, Any]:
     return json.loads(json.dumps(values))
 
 
-def result(
-    run: Run,
-    settings: RunSettings,
-    measures: Sequence[Measures],
-    metrics: Mapping[str, Any],
-    steps: int,
-    wall_s: float,
-) -> dict[str, Any]:
+class Share(NamedTuple):
+    """What some worlds of a run came to."""
+
+    step: int
+    """Control steps taken."""
+    devices: list[str]
+    """That computed."""
+    worlds: dict[int, tuple[Measures, dict[str, Any]]]
+    """Measures and metrics of each world, by its number."""
+    faults: list[str]
+    """Of worlds that could not go on."""
+
+
+def share_of(run: Run) -> Share:
+    """Return what the worlds of a run came to so far."""
+    metrics = run.metrics()
+    each = [{name: values[k].item() for name, values in metrics.items()} for k in range(len(run.worlds))]
+    worlds = {world.index: (run.measures(k), each[k]) for k, world in enumerate(run.worlds)}
+    return Share(run.step, run.devices, worlds, [str(fault) for fault in run.faults])
+
+
+def result(run: Run, settings: RunSettings, shares: Sequence[Share], wall_s: float) -> dict[str, Any]:
     """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
 
     Args:
         run: of this process.
         settings: of the run of all processes.
-        measures: of all worlds.
-        metrics: of the task in all worlds, by their names.
-        steps: control steps taken.
+        shares: of the worlds, each in one of them.
         wall_s: how long it took.
     """
+    found = {number: world for share in shares for number, world in share.worlds.items()}
+    measures, metrics = zip(*(found[number] for number in sorted(found)), strict=True)
     measured = getattr(run.task, "measured", {})
     units = {name: quantity.unit for name, quantity in measured.items() if quantity.unit}
 
@@ -87,10 +101,10 @@ def result(
         "n_robots": settings.n_robots,
         "max_steps": settings.steps,
         "stop_at": run.goal,
-        "steps": steps,
+        "steps": max(share.step for share in shares),
         **{name: each([getattr(m, name) for m in measures]) for name in counts},
         **scored,
-        "metrics": {name: each([_number(value) for value in values]) for name, values in metrics.items()},
+        "metrics": {name: each([_number(world[name]) for world in metrics]) for name in metrics[0]},
         **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),
         "seconds": {
@@ -99,6 +113,8 @@ def result(
         }
         | {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
         **about(run, settings),
+        "devices": [device for share in shares for device in share.devices],
+        "faults": [fault for share in shares for fault in share.faults],
     }
 
 

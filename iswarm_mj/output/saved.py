@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.serialization import restored
 
 
 @dataclass(frozen=True)
@@ -172,6 +171,20 @@ def load(path: str | Path) -> SavedRun:
         ) from None
     except UserError as error:
         raise UserError(f"{source}: {error}; {REMEDY}.") from None
+
+
+def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
+    """Return the dataclass that `asdict` turned into this dictionary.
+
+    Args:
+        cls: the dataclass; fields that are dataclasses have them as default factories.
+        values: by the names of its fields; those left out have their defaults.
+
+    Raises:
+        TypeError: a name that the dataclass does not have.
+    """
+    inner: dict[str, Any] = {f.name: f.default_factory for f in fields(cls) if is_dataclass(f.default_factory)}
+    return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in values.items()})
 
 
 def _by_world(values: Any, n_worlds: int) -> list[Any]:

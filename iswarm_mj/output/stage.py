@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT, rgb
+from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.saved import SavedRun, load
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
 from iswarm_mj.utils.constraints import check
@@ -82,6 +82,8 @@ class Stage:
         check("camera", shot.camera, " or ".join(cameras), shot.camera in cameras)
         for ball in range(len(arena.mocap)):
             model.geom(f"ball{ball}/ball").size[0] *= shot.ball_scale
+        for material, colour in (("dump", DUMP), ("dust", DUST)):  # as in recordings
+            model.material(material).rgba[:3] = np.array(rgb(colour)) / 255
         for name, geoms in (("dump", ("dump",)), ("dust_areas", ("dust_west", "dust_east"))):
             for geom in geoms if not np.any(frames[SCENE + name]) else ():  # the task has none
                 model.geom(geom).size[:] = 1e-6

@@ -49,9 +49,11 @@ def postponed() -> Iterator[None]:
 
 @contextmanager
 def saved(save: Callable[[], None]) -> Iterator[None]:
-    """Have something saved if an exception leaves the block."""
+    """Have something saved at the end of the block, also if an exception leaves it, then perhaps a second time."""
     try:
         yield
+        with postponed():
+            save()
     except BaseException:
         with postponed(), suppress(Exception):  # what the block raised says more
             save()

@@ -12,8 +12,9 @@ import numpy as np
 from iswarm_mj.output.trajectory import RECORDING
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.interruption import saved
 from iswarm_mj.utils.profiling import hardware
-from iswarm_mj.workflows.recorder import Recorder
+from iswarm_mj.workflows.recorder import Recorder, advanced
 
 
 def bench(run: Run, warm_up: int, record: bool = False) -> dict[str, Any]:
@@ -62,23 +63,19 @@ def bench(run: Run, warm_up: int, record: bool = False) -> dict[str, Any]:
 def _time(run: Run, warm_up: int, record: bool) -> tuple[float, list[float]]:
     """Take all steps; return the time of the first call, and per control step that of each call after the warm-up."""
     laps: list[float] = []
-    with ExitStack() as stack:
-        out = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        recorder = Recorder(run, out / RECORDING, trajectory=out) if record else None
-        if recorder is not None:
-            stack.callback(recorder.save)
-        first_call_s = 0.0
-        while not run.is_over:
-            if run.step == warm_up:
-                run.watch.laps.clear()
-            before, started = run.step, time.perf_counter()
-            taken = run.advance()
-            if recorder is not None and taken is not None:
-                recorder.add(taken)
+    with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
+        recorders = [Recorder(run, Path(name) / RECORDING, trajectory=Path(name))] if record else []
+        for recorder in recorders:
+            stack.enter_context(saved(recorder.save))
+        first_call_s, before, started = 0.0, 0, time.perf_counter()
+        for _ in advanced(run, recorders):
             seconds = time.perf_counter() - started
             first_call_s = first_call_s or seconds
             if before >= warm_up:
                 laps.append(seconds / (run.step - before))
+            if run.step == warm_up:
+                run.watch.laps.clear()
+            before, started = run.step, time.perf_counter()
         if not laps:
             raise UserError(
                 f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; use more balls or "

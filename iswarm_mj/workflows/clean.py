@@ -1,24 +1,27 @@
 """The main job, for every engine: a run of a task with its files, its progress and its summary."""
 
+import json
+import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 from iswarm_mj.output import results
-from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING
+from iswarm_mj.output.results import Share, share_of
+from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import postponed, saved
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress, waiting
-from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown
-from iswarm_mj.workflows.result_file import ResultFile
-from iswarm_mj.workflows.shares import Share, share_of
+from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown, advanced
 
 MAX_LISTED = 10
 """Worlds whose numbers the summary lists; of more it states averages and ranges."""
@@ -43,14 +46,14 @@ def clean(
         UserError: `out` cannot be written to, or is in use.
         SimulationFault: a world could not go on; the results of all others are in `out`.
     """
-    with locked(out), ExitStack() as stack:
-        result, recorders = _begin(run, settings, out, shown, stack)
-        _advance(run, recorders)
-        for recorder in recorders:
-            recorder.save()
-        with waiting("waiting for the other shares of the worlds"):
-            shares = [share_of(run), *others()]
-        content = result.end(shares)
+    shares: list[Share] = []
+    with locked(out):
+        with ExitStack() as stack:
+            save = partial(_save, run, settings, out, time.perf_counter(), shares)
+            _advance(run, _begin(run, settings, out, shown, save, stack))
+            with waiting("waiting for the other shares of the worlds"):
+                shares += [share_of(run), *others()]
+        content = json.loads((out / RESULT).read_bytes())
     print(summary(content, out))
     run.raise_faults()
     if content["faults"]:
@@ -58,10 +61,23 @@ def clean(
     return content
 
 
+def _save(run: Run, settings: RunSettings, out: Path, started: float, shares: Sequence[Share]) -> None:
+    """Write result.json; as that of an interrupted run, unless there are the shares of all worlds."""
+    mark: dict[str, Any] = {} if shares else {"interrupted": True}
+    if not shares and len(run.worlds) < settings.n_worlds:
+        mark["worlds"] = [world.index for world in run.worlds]
+    try:
+        content = results.result(run, settings, shares or [share_of(run)], time.perf_counter() - started)
+    except RuntimeError:  # a program that runs has taken the state of the worlds
+        content = json.loads((out / RESULT).read_bytes()) | {"steps": run.step}
+        content |= dict.fromkeys({*Measures._fields, "fitness", "metrics"} & content.keys())
+    results.write_result(out, content | mark)
+
+
 def _begin(
-    run: Run, settings: RunSettings, out: Path, shown: Shown, stack: ExitStack
-) -> tuple[ResultFile, list[Recorder]]:
-    """Remove what an earlier run left, announce this one and record its start; `stack` saves it if it is ended."""
+    run: Run, settings: RunSettings, out: Path, shown: Shown, save: Callable[[], None], stack: ExitStack
+) -> list[Recorder]:
+    """Remove what an earlier run left, announce this one and record its start; `stack` saves it at its end."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
     if recorded:
@@ -73,15 +89,15 @@ def _begin(
         results.clear_worlds(out)
         for place in places:
             make_output_directory(place)
-        result = ResultFile(run, settings, out)
-        stack.enter_context(saved(result.save))
+        save()
+        stack.enter_context(saved(save))
         name = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING
         recorders = []
         for index in range(len(recorded)):
             own = shown if index == 0 else shown._replace(viewer=None)
             recorders.append(Recorder(run, places[index] / name, index, places[index], settings, own))
             stack.enter_context(saved(recorders[-1].save))
-    return result, recorders
+    return recorders
 
 
 def _advance(run: Run, recorders: Sequence[Recorder]) -> None:
@@ -90,15 +106,10 @@ def _advance(run: Run, recorders: Sequence[Recorder]) -> None:
     robots = f"{run.settings.n_robots} robots in {len(run.worlds)} world{'s' * (len(run.worlds) > 1)}"
     what = f"compiling the control step of {robots} ({run.identity['engine']}), kept for the next run of this size"
     with Progress(run.settings.steps, "step", waiting=what) as bar:
-        while not run.is_over:
-            before = run.step
-            # What was computed is recorded; but the first call compiles, which may take long.
-            with postponed() if before else nullcontext():
-                record = run.advance()
-                if record is not None:
-                    for recorder in recorders:
-                        recorder.add(record)
+        before = 0
+        for _ in advanced(run, recorders):
             bar.update(run.step - before)
+            before = run.step
             if bar.is_due():
                 bar.say(f"progress {int(run.progress().sum())}{goal}")
 

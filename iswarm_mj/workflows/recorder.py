@@ -1,6 +1,8 @@
-"""Recording of one world of a run, for Rerun and as trajectory.npz; its frames are kept on disk."""
+"""The steps of a run, and recordings of its worlds, for Rerun and as trajectory.npz; frames are kept on disk."""
 
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +14,7 @@ from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.attempt_trace import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.frames import frames_of, scene_of, watch
+from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -73,15 +75,12 @@ class Recorder:
         from iswarm_mj.output.rerun_live import LiveRecording
         from iswarm_mj.output.rerun_swarm import Recording
 
-        self._watch, self._out, self._index, self._recorded = run.watch, trajectory, index, run.recorded
-        number = run.worlds[run.settings.record_worlds[index]].index
-        whole = run.config, run.robot, run.start, index, number, self._recorded, run.payload
-        self._scene = scene_of(*whole, task=run.task)
-        own = run.worlds[run.settings.record_worlds[index]].config or run.config
-        self._watched, self._task, self._robot = watch(run.task, own), run.task, run.robot
+        self._watch, self._out, self._index = run.watch, trajectory, index
+        world = RecordedWorld(run, index)
+        self._scene = world.scene
         self._about = results.about(run, settings or run.settings)
         self._is_saved = False
-        self._pending: list[StepRecord] = [run.start]
+        self._pending, self._unseen = _Queue(world, run.start), _Queue(world, run.start)
         self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
@@ -96,15 +95,13 @@ class Recorder:
         if shown.grasps and isinstance(run.task, BallTask):
             from iswarm_mj.output.rerun_attempts import AttemptView
 
-            gap = own.gripper.release_gap
+            gap = world.config.gripper.release_gap
             self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
             self._state, self._balls_of = self._of_step(run.start, 0), run.task.balls
         self._live = None
         if shown.viewer is not None:
             self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, lanes=shown.lanes)
-        self._unseen, self._shown_at = [run.start], 0.0
-        self._last_written: StepRecord | None = None
-        self._last_seen: StepRecord | None = None
+        self._shown_at = 0.0
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
@@ -134,7 +131,7 @@ class Recorder:
                     self._attempts.append(
                         int(steps), attempts_between(self._balls_of(before), balls), np.asarray(balls.position)
                     )
-            if sum(len(pending.step) for pending in self._pending) >= self._block:
+            if len(self._pending) >= self._block:
                 self._write()
             if self._live is not None:
                 self._unseen.append(record)
@@ -148,26 +145,50 @@ class Recorder:
     def _show(self, live: "LiveRecording") -> None:
         """Send what the viewer has not had."""
         if self._unseen:
-            unseen, self._unseen = self._unseen, []
-            live.append(self._frames_of(unseen, self._last_seen))
-            self._last_seen, self._shown_at = unseen[-1], time.monotonic()
-
-    def _frames_of(self, records: list[StepRecord], before: StepRecord | None) -> Frames:
-        period = self._scene.control_period
-        given = self._index, self._recorded, self._watched, before, period
-        return frames_of(records, *given, task=self._task, robot=self._robot)
+            live.append(self._unseen.taken())
+            self._shown_at = time.monotonic()
 
     def _write(self) -> None:
         if self._pending:
-            pending, self._pending = self._pending, []
-            block = self._frames_of(pending, self._last_written)
-            self._last_written = pending[-1]
+            block = self._pending.taken()
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())
             self._block = max(BLOCK, min(self._n_written // 16, LONG, LONG_BYTES * len(block) // n_bytes))
             if self._frames is not None:
                 self._frames.append(block)
-            del pending, block
+            del block
             if n_bytes >= LARGE_BYTES:
                 give_back()
+
+
+def advanced(run: Run, recorders: Sequence[Recorder] = ()) -> Iterator[StepRecord | None]:
+    """Take all steps of a run, and record them; yield each record, see `Run.advance`, after it was recorded."""
+    while not run.is_over:
+        # What was computed is recorded; but the first call compiles, which may take long.
+        with postponed() if run.step else nullcontext():
+            record = run.advance()
+            if record is not None:
+                for recorder in recorders:
+                    recorder.add(record)
+        yield record
+
+
+class _Queue:
+    """Records of a world that wait to be frames."""
+
+    def __init__(self, world: RecordedWorld, start: StepRecord):
+        self._world, self._records = world, [start]
+        self._before: StepRecord | None = None
+
+    def __len__(self) -> int:
+        return sum(len(record.step) for record in self._records)
+
+    def append(self, record: StepRecord) -> None:
+        self._records.append(record)
+
+    def taken(self) -> Frames:
+        """Return the frames of all that wait, which are then gone."""
+        records, self._records = self._records, []
+        before, self._before = self._before, records[-1]
+        return self._world.frames(records, before)

@@ -29,7 +29,7 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
-from iswarm_mj.workflows.recorder import Recorder
+from iswarm_mj.workflows.recorder import Recorder, advanced
 
 
 class Rollout(NamedTuple):
@@ -136,18 +136,12 @@ def rollout(
         task=task,
     )
     counted = np.minimum(np.arange(every, steps + every, every), steps)
-    delivered, poses = np.zeros((len(keys), len(counted)), int), [run.start.poses]
-    recorder = None if record is None else Recorder(run, Path(record))
-    with nullcontext() if recorder is None else saved(recorder.save):
-        for column, last in enumerate(counted):
-            while not run.is_over and run.step < last:
-                taken = run.advance()
-                poses += [] if taken is None else [np.asarray(taken.poses)]
-                if recorder is not None and taken is not None:
-                    recorder.add(taken)
-            delivered[:, column] = run.progress()
-        if recorder is not None:
-            recorder.save()
+    delivered, poses = np.tile(run.progress()[:, None].astype(int), len(counted)), [run.start.poses]
+    recorders = [] if record is None else [Recorder(run, Path(record))]
+    with saved(recorders[0].save) if recorders else nullcontext():
+        for taken in advanced(run, recorders):
+            poses += [] if taken is None else [np.asarray(taken.poses)]
+            delivered[:, counted >= run.step] = run.progress()[:, None]
     return _rollout(run, counted, delivered, _hold_last(poses, 1 + steps) if poses_of else None)
 
 

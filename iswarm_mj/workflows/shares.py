@@ -5,34 +5,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.machinery import PathFinder
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
+from iswarm_mj.output.results import Share, share_of
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.pool import connected
-
-
-class Share(NamedTuple):
-    """What some worlds of a run came to."""
-
-    step: int
-    """Control steps taken."""
-    devices: list[str]
-    """That computed."""
-    worlds: dict[int, tuple[Measures, dict[str, Any]]]
-    """Measures and metrics of each world, by its number."""
-    faults: list[str]
-    """Of worlds that could not go on."""
-
-
-def share_of(run: Run) -> Share:
-    """Return what the worlds of a run came to so far."""
-    metrics = run.metrics()
-    each = [{name: values[k].item() for name, values in metrics.items()} for k in range(len(run.worlds))]
-    worlds = {world.index: (run.measures(k), each[k]) for k, world in enumerate(run.worlds)}
-    return Share(run.step, run.devices, worlds, [str(fault) for fault in run.faults])
+from iswarm_mj.workflows.recorder import advanced
 
 
 def parts(n_worlds: int, count: int, recorded: Sequence[int] = ()) -> list[list[int]]:
@@ -97,6 +77,6 @@ def computed(makers: Sequence[Callable[[], Run]], own: Sequence[Any] = ()) -> It
 def _compute(make: Callable[[], Run]) -> Share:
     """Take all steps of a run."""
     run = make()
-    while not run.is_over:
-        run.advance()
+    for _ in advanced(run):
+        pass
     return share_of(run)

@@ -251,9 +251,10 @@ class TestMistakes:
         changed(old, new)
         assert re.search(words, self.wrong(capfd))
 
-    def test_names_that_trajectories_have(self, capfd):
-        Path("walk.py").write_text(textwrap.dedent(WALK).replace('"turned"', '"pose"'))
-        assert "cannot be called pose" in self.wrong(capfd)
+    @pytest.mark.parametrize("name", ["pose", "file"])
+    def test_names_that_trajectories_or_their_writer_have(self, capfd, name):
+        Path("walk.py").write_text(textwrap.dedent(WALK).replace('"turned"', f'"{name}"'))
+        assert f"cannot be called {name}" in self.wrong(capfd)
 
     def test_exceptions_of_the_constructor(self, capfd):
         changed("    def init", "    def __post_init__(self):\n        raise ValueError('too\\nbad')\n    def init")

@@ -6,7 +6,6 @@ The robot is 1 x 2 x 1 mm; the LED of its front sits 0.4 mm left of the middle. 
 import shutil
 import subprocess
 import sys
-from collections import namedtuple
 
 import jax
 import jax.numpy as jnp
@@ -23,17 +22,15 @@ from helpers_worlds import start_of
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import models_directory, read_robot
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.output.frames import scene_of
+from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import led_positions, receive
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.state import StepRecord, SwarmState
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -207,12 +204,7 @@ def test_a_whole_run_of_such_robots(file):
 
 @pytest.fixture(scope="module")
 def scene(file):
-    memory = namedtuple("Memory", "is_scout")(np.zeros((1, 1, N), bool))
-    balls, alive = jax.tree.map(lambda a: a[None, None], start_of(CONFIG, N, 0, 0).task), np.ones((1, 1, N), bool)
-    swarm = SwarmState(memory, balls, alive, ~alive)
-    parts = {"swarm": swarm, "poses": np.zeros((1, 1, N, 3))}
-    start = StepRecord(**dict.fromkeys(StepRecord._fields) | parts)
-    return scene_of(CONFIG, read_robot(file), start, 0, 0, task=CLEANING)
+    return RecordedWorld(run_of(CONFIG, n_robots=N, steps=1, robot_file=file), 0).scene
 
 
 class TestOutput:

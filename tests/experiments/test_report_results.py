@@ -133,8 +133,8 @@ class TestResults:
     def test_operators_and_another_setting_are_told(self, tmp_path):
         """The command brings back the settings; a comment says what is not the paper's."""
         search = Search(
-            SwarmConfig(arena=ArenaConfig(n_dust=24), optics=OpticsConfig(line_of_sight=False)),
-            Operators(elite=3, relative_span=True),
+            config=SwarmConfig(arena=ArenaConfig(n_dust=24), optics=OpticsConfig(line_of_sight=False)),
+            operators=Operators(elite=3, relative_span=True),
             steps=200,
         )
         write_table(tmp_path / "evolution.parquet", search_rows(1), asdict(search))

@@ -56,3 +56,8 @@ def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):
     store.write(found, {})
     found.seek(0)
     np.testing.assert_array_equal(np.load(found)["pose"], made(64, 2).pose)
+    store.append(block)  # there is room again
+    again = io.BytesIO()
+    store.write(again, {})
+    again.seek(0)
+    np.testing.assert_array_equal(np.load(again)["pose"], joined([made(64, 2), block]).pose)

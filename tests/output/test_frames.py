@@ -1,5 +1,6 @@
 """Frames of a trajectory from the records of a run."""
 
+from copy import copy
 from dataclasses import replace
 
 import jax
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from helpers_runs import N, run_of
 
-from iswarm_mj.output.frames import frames_of, scene_of
+from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -16,21 +17,25 @@ from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
 
 @pytest.fixture(scope="module")
 def run(small):
-    """Two worlds of different genomes and seeds, both recorded."""
-    return run_of(small, worlds=[World(PRESETS["type1"], N), World(PRESETS["type2"], N, seed=1)])
+    """Two worlds of different genomes, seeds and dumps, both recorded, of control steps of half a second."""
+    config = replace(small, drive=replace(small.drive, control_period=0.5))
+    other = replace(config, arena=replace(config.arena, dump_size=2.0))
+    return run_of(config, worlds=[World(PRESETS["type1"], N, 0, 3), World(PRESETS["type2"], N, 1, 4, config=other)])
 
 
 def test_each_world_has_its_own_scene(run):
-    scenes = [scene_of(run.config, run.robot, run.start, world, world + 3, task=run.task) for world in (0, 1)]
+    scenes = [RecordedWorld(run, index).scene for index in (0, 1)]
     assert [(scene.is_scout.sum(), scene.world) for scene in scenes] == [(2, 3), (8, 4)]
     for scene, start in zip(scenes, run.starts, strict=True):
         np.testing.assert_array_equal(scene.ball_radius, start.task.radius)
     assert (scenes[0].ball_radius != scenes[1].ball_radius).all()
+    assert scenes[1].dump[2] == pytest.approx(RD) != pytest.approx(scenes[0].dump[2])
 
 
 def test_obstacles_are_in_metres_and_radians(run):
-    arena = replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),))
-    scene = scene_of(replace(run.config, arena=arena), run.robot, run.start, 0, 0, task=run.task)
+    run = copy(run)
+    run.config = replace(run.config, arena=replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),)))
+    scene = RecordedWorld(run, 0).scene
     np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
 
 
@@ -40,10 +45,10 @@ def test_getters_see_where_robots_were_before_each_step_also_across_blocks(run, 
     records = [records[0]] + [jax.tree.map(lambda a: a[:1], record) for record in records[1:]]
     poses = np.concatenate([record.poses for record in records])[:, 1]
     whole = np.concatenate([poses[:1], poses[:-1]])
-    seen, before, observed = [], None, Frames.observed
+    world, seen, before, observed = RecordedWorld(run, 1), [], None, Frames.observed
     monkeypatch.setattr(Frames, "observed", staticmethod(lambda *given: (seen.append(given[0]), observed(*given))[1]))
     for block in (records[:1], records[1:3], records[3:]):
-        frames_of(block, 1, before=before, control_period=0.5, task=run.task, robot=run.robot)
+        world.frames(block, before)
         before = block[-1]
     np.testing.assert_array_equal(np.concatenate([each.poses_before for each in seen]), whole)
     assert {each.control_period for each in seen} == {0.5}

@@ -11,9 +11,10 @@ from helpers_opengl import needs_opengl, of_colour
 from helpers_recorded import write_run
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT
+from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.render import render
-from iswarm_mj.output.stage import Shot
+from iswarm_mj.output.saved import load
+from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.utils.errors import UserError
 
 N = 330
@@ -75,6 +76,16 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
     for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, size))):
         found = of_colour(pixels, colour)
         assert found[rows].sum() > 0.7 * found.sum() > 500
+
+
+@needs_opengl
+def test_the_floor_has_the_colours_of_recordings(directory):
+    """Above all, dust areas are not blue as loaded robots are."""
+    run = load(directory)
+    with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
+        for material, colour in (("dump", DUMP), ("dust", DUST)):
+            shown = stage._arena.model.material(material).rgba[:3]
+            np.testing.assert_allclose(255 * shown, rgb(colour), atol=1e-3)
 
 
 def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):

@@ -1,6 +1,7 @@
 """Loading the files of one run: units, files that lack something, what is no run."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +11,8 @@ from helpers_recorded import of_world
 from helpers_runs import run_of
 
 import iswarm_mj
+from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
+from iswarm_mj.output.saved import restored
 from iswarm_mj.output.tables import TABLES
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
@@ -190,3 +193,16 @@ class TestNoRun:
 
 def test_tables_are_of_arrow(small_run):
     assert isinstance(iswarm_mj.load(small_run).robots, pa.Table)
+
+
+@pytest.mark.parametrize(
+    "config", [*READINGS.values(), SwarmConfig(optics=OpticsConfig(mode="power", baud_rate=5000.0))]
+)
+def test_configurations_come_back(config):
+    assert restored(SwarmConfig, json.loads(json.dumps(asdict(config)))).optics == config.optics
+    assert restored(SwarmConfig, asdict(config)) == config
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(TypeError, match="colour"):
+        restored(SwarmConfig, {"arena": {"colour": 1}})

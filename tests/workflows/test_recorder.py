@@ -4,7 +4,7 @@ import pytest
 from helpers_runs import run_of
 from rerun.chunk import RrdReader
 
-from iswarm_mj.output.frames import frames_of, watch
+from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.workflows import recorder
 from iswarm_mj.workflows.clean import clean
 
@@ -16,8 +16,7 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
     small, tmp_path, monkeypatch, frames, frames_of_bytes, largest
 ):
     run = run_of(small, steps=STEPS)
-    watched = watch(run.task, run.config)
-    start = frames_of([run.start], 0, run.recorded, watched, task=run.task, robot=run.robot)
+    start = RecordedWorld(run, 0).frames([run.start])
     each = sum(array.nbytes for array in start.arrays().values())
     limits, given_back = {"BLOCK": 2, "LONG": frames, "LONG_BYTES": frames_of_bytes * each, "LARGE_BYTES": 4 * each}, []
     for name, value in limits.items():

@@ -5,7 +5,7 @@ genomes when a search is repeated or resumed.
 """
 
 from collections.abc import Sequence
-from typing import Literal, Protocol, get_args
+from typing import Protocol, get_args
 
 import numpy as np
 from cmaes import CMAwM
@@ -19,9 +19,8 @@ from iswarm_mj.experiments.runner.evolution import (
     ranges,
     to_genome,
 )
+from iswarm_mj.experiments.runner.search_settings import Method
 
-Method = Literal["paper", "cmaes", "random"]
-"""The paper's evolution, CMA-ES with margin, or random search."""
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
