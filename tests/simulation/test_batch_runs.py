@@ -63,9 +63,7 @@ class TestAgainstTheEngineForCpus:
             replace(WORLD, genome=PRESETS["type2"], index=1),
             replace(WORLD, index=2),
         ]
-        ours, theirs = (
-            planar_run(engine, worlds, steps=4) for engine in (warp(accuracy=2e-5), PlanarSettings(1, accuracy=2e-5))
-        )
+        ours, theirs = (planar_run(engine, worlds, steps=4) for engine in (warp(), PlanarSettings(1)))
         np.testing.assert_allclose(poses(ours[0])[:, :15], poses(theirs[0])[:, :15], atol=0.02)
         np.testing.assert_allclose(poses(ours[0])[1:], poses(theirs[0])[1:], atol=0.02)
         assert [ours[0].measures(w) for w in range(3)] == [theirs[0].measures(w) for w in range(3)]
@@ -139,7 +137,7 @@ class TestRollouts:
         return rollout(TINY, strategy, self.KEYS, n_robots=N, steps=steps, every=10, poses_of=(1,), engine=engine)
 
     def test_the_first_steps_are_those_of_the_engine_for_cpus(self):
-        ours, theirs = (self.cleaned(engine, 4) for engine in (warp(), PlanarSettings(1)))
+        ours, theirs = (self.cleaned(engine, 4) for engine in (warp(accuracy=2e-5), PlanarSettings(1, accuracy=2e-5)))
         np.testing.assert_allclose(ours.poses, theirs.poses, atol=0.02)
         for name in ("picked", "collisions", "steps", "delivered_after"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
