@@ -141,7 +141,7 @@ def test_jams_end_where_mujoco_ends(impl):
 def test_runs_begin_alike(small):
     """Strategy, messages and balls included; later, chaos makes different runs of them."""
     settings = RunSettings(30, 20, seed=5, n_worlds=2, failed_fraction=0.1, record_worlds=(0, 1))
-    runs = [Run(small, Genome(), settings, engine) for engine in (MujocoSettings(1), PlanarSettings(1, refinement=1))]
+    runs = [Run(small, Genome(), settings, engine) for engine in (MujocoSettings(1), PlanarSettings(1, 1, 2e-5))]
     for _ in range(20):
         in_c, here = (run.advance() for run in runs)
         np.testing.assert_allclose(here.poses, in_c.poses, atol=1e-4)
