@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
-from iswarm_mj.commands.grasp import Grasp, parse_radii
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.experiments.runner.limits import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, check, validate
@@ -127,17 +126,8 @@ class Reproduce(ManyRunsOptions):
         from iswarm_mj.experiments.runner.search_settings import Search
         from iswarm_mj.workflows.grasp_settings import GraspSettings
 
-        search, grasp = Search(config=self.config, seed=self.seed, replicates=self.replicates), Grasp()
-        repeats = self.trials
+        search, repeats = Search(config=self.config, seed=self.seed, replicates=self.replicates), self.trials
         if self.quick:
             search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
-        trials = GraspSettings(
-            parse_radii(grasp.radius),
-            grasp.rh,
-            repeats,
-            self.seed,
-            grasp.gap,
-            grasp.no_contact_gap,
-            protocol=grasp.protocol,
-        )
+        trials = GraspSettings(repeats=repeats, seed=self.seed)
         return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials)

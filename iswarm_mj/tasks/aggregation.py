@@ -20,7 +20,7 @@ from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs, only
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within, validate
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -141,7 +141,16 @@ class Beeclust:
         return jnp.zeros(len(memory["wait"]), bool)
 
     def act(self, memory: Any, observation: Observation, key: Array) -> tuple[dict[str, Array], Command]:
-        """Steps left to wait, or negative those in which the robot leaves."""
+        """Steps left to wait, or negative those in which the robot leaves.
+
+        Raises:
+            UserError: the task has no light.
+        """
+        if "light" not in observation.sensed:
+            raise UserError(
+                "Beeclust follows the light of the task aggregation, and this task has none; "
+                "use `iswarm run --task aggregation --strategy beeclust`, or task=Aggregation()"
+            )
         wait, light = memory["wait"], observation.sensed["light"]
         chance, aside = jax.random.uniform(key, (2, len(wait)), minval=-1.0)
         meets = (observation.is_heard & (observation.distance < mm_from_rd(self.meeting))).any(axis=1)

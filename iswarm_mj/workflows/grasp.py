@@ -125,7 +125,7 @@ def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> 
     from iswarm_mj.output.rerun_trial import record_trace
 
     lifts = None if np.isnan(voltage) else float(voltage)
-    gap = next(iter(settings.release_gaps), RELEASE_GAP)
+    gap = next(iter(settings.gap), RELEASE_GAP)
     trace = trace_trial(case.trial, settings.protocol, lifts, gap)
     metadata = {**settings.metadata(), "trial": case.trial._asdict(), "repeat": case.repeat, "grasp_voltage": lifts}
     record_trace(path.with_suffix(".rrd"), trace, metadata)

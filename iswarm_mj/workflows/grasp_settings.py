@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass, field
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
@@ -10,6 +10,7 @@ from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
+from iswarm_mj.utils.constraints import Needs, Within, check, validate
 
 CALIBRATION = (
     "WORK_TOOL_OBJECT",
@@ -22,34 +23,65 @@ CALIBRATION = (
     "BALL_DENSITY",
 )
 """Constants of `detachment` that tables record."""
+_GAP = Within(0.5e-6, 50e-6, "m")
 
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """The trials, and the engine in which they run. SI units."""
+    """The trials, and the engine in which they run; also flags of their command. SI units.
 
-    radii: tuple[float, ...]
-    """Of the balls [m]."""
-    humidities: tuple[float, ...]
+    Raises:
+        ConfigError: values out of range, no radius or humidity, or too many trials.
+    """
+
+    radius: tuple[str, ...] = ("15e-6:25e-6:5",)
+    """Radii of the balls, a list or start:stop:count [m]."""
+    rh: Annotated[tuple[float, ...], Within(0, 100, "%")] = (10.0, 30.0, 50.0)
     """Relative humidities [%]."""
-    repeats: int
-    """Trials at each radius and humidity."""
-    seed: int
-    release_gaps: tuple[float, ...] = (detachment.RELEASE_GAP,)
-    """Between ball and plate [m]."""
-    no_contact_gaps: tuple[float, ...] = (1e-6,)
-    """Between tool and ball [m]."""
-    engine: str = "mujoco"
-    impl: str = "jax"
-    """Of MJX."""
-    threads: int = 0
+    repeats: Annotated[int, Within(1, 100_000)] = 5
+    """Trials at each radius and humidity, each with its own works of adhesion."""
+    seed: Annotated[int, Within(0, 2**32 - 1)] = 0
+    """Seed of the works of adhesion."""
+    gap: Annotated[tuple[float, ...], _GAP] = (detachment.RELEASE_GAP,)
+    """Gaps to the plate at which a ball is released [m]."""
+    no_contact_gap: Annotated[tuple[float, ...], _GAP] = (1e-6, 2e-6, 5e-6)
+    """Gaps to the ball at which the tool stops in attempts without contact [m]."""
+    engine: Literal["mujoco", "mjx"] = "mujoco"
+    """Physics engine: mujoco (C, on CPUs), or mjx (JAX, on GPUs and CPUs)."""
+    impl: Annotated[Literal["jax", "warp"], Needs("engine", ("mjx",))] = "jax"
+    """Implementation of mjx."""
+    threads: Annotated[int, Within(0, 1024), Needs("engine", ("mujoco",))] = 0
+    """Threads of the C engine, 0 for one per core; the results do not depend on it."""
     protocol: Protocol = field(default_factory=Protocol)
     contacts: Contacts = field(default_factory=Contacts)
-    """Conduction and impacts."""
+    """Conduction, breakdown and impacts of the ball's contacts."""
     tool: Surface = field(default_factory=Surface)
-    """Roughness, preload and hysteresis of the tool's contact; by default the calibrated work holds them all."""
+    """Roughness, preload and hysteresis of the tool's contact."""
     plate: Surface = field(default_factory=Surface)
     """Of the plate's contact."""
+
+    def __post_init__(self):
+        validate(self)
+        check("rh", self.rh, "one or more relative humidities from 0 to 100 %", len(self.rh) > 0)
+        for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
+            for gap in gaps:
+                check(name, gap, "at most 4 times the least radius", gap <= 4 * min(self.radii))
+        check("repeats", self.repeats, "such that there are at most 1000000 trials", self.n_trials <= 1_000_000)
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Radii, each once [m]."""
+        return parse_radii(self.radius)
+
+    @property
+    def humidities(self) -> tuple[float, ...]:
+        """Relative humidities, each once [%]."""
+        return tuple(dict.fromkeys(self.rh))
+
+    @property
+    def n_trials(self) -> int:
+        """Number of the trials."""
+        return len(self.radii) * len(self.humidities) * self.repeats
 
     @property
     def engine_choice(self) -> EngineChoice:
@@ -58,15 +90,56 @@ class GraspSettings:
 
     @property
     def gaps(self) -> Gaps:
-        """Gaps of releases and of attempts without contact."""
-        return Gaps(self.release_gaps, self.no_contact_gaps)
+        """Gaps of releases and of attempts without contact, each once."""
+        return Gaps(tuple(dict.fromkeys(self.gap)), tuple(dict.fromkeys(self.no_contact_gap)))
 
     def metadata(self) -> dict[str, Any]:
         """Everything that determines the rows of a table, for its metadata."""
-        settings = asdict(self)
-        del settings["threads"]
-        settings |= {name: getattr(self, name)._asdict() for name in ("contacts", "tool", "plate")}
-        return {**settings, "calibration": {name: getattr(detachment, name) for name in CALIBRATION}}
+        return {
+            "radii": self.radii,
+            "humidities": self.humidities,
+            "repeats": self.repeats,
+            "seed": self.seed,
+            "release_gaps": self.gap,
+            "no_contact_gaps": self.no_contact_gap,
+            "engine": self.engine,
+            "impl": self.impl,
+            "protocol": asdict(self.protocol),
+            **{name: getattr(self, name)._asdict() for name in ("contacts", "tool", "plate")},
+            "calibration": {name: getattr(detachment, name) for name in CALIBRATION},
+        }
+
+
+_RADII = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
+
+
+def parse_radii(texts: tuple[str, ...]) -> tuple[float, ...]:
+    """Radii from numbers and ranges start:stop:count, each once [m].
+
+    Raises:
+        ConfigError: a text is neither, or a radius is out of range.
+    """
+    check("radius", texts, f"one or more {_RADII}", len(texts) > 0)
+    radii = [radius for text in texts for radius in _parse_range(text)]
+    for radius in radii:
+        check("radius", radius, _RADII, 10e-6 <= radius <= 50e-6)
+    return tuple(dict.fromkeys(radii))
+
+
+def _parse_range(text: str) -> list[float]:
+    """Radii of one number or range [m]."""
+    parts = text.split(":")
+    check("radius", text, _RADII, len(parts) in (1, 3))
+    try:
+        if len(parts) == 1:
+            return [float(text)]
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except ValueError:
+        check("radius", text, _RADII, False)
+        raise
+    check("radius", text, f"{_RADII}, with a count from 1 to 10000", 1 <= count <= 10_000)
+    step = (stop - start) / max(1, count - 1)
+    return [round(start + i * step, 15) for i in range(count)]
 
 
 class Case(NamedTuple):

@@ -135,7 +135,7 @@ def _number(value: float) -> float | None:
 
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
     """Names and texts of the lines of a readable summary."""
-    lines = [("trials", f"{len(settings.radii) * len(settings.humidities) * settings.repeats}, seed {settings.seed}")]
+    lines = [("trials", f"{settings.n_trials}, seed {settings.seed}")]
     names = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}
     for (experiment, name), rh in product(names.items(), settings.humidities):
         found = [row for row in rows if row.experiment == experiment and row.relative_humidity == rh]
@@ -152,7 +152,7 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
 def _fallen(settings: GraspSettings, rows: Sequence[TrialRow]) -> int:
     """Releases that did not come about since the ball, although it was lifted, no longer hung."""
     lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
-    return lifted * len(settings.release_gaps) - sum(row.experiment == "release" for row in rows)
+    return lifted * len(settings.gaps.release) - sum(row.experiment == "release" for row in rows)
 
 
 def _voltage_text(rows: Sequence[TrialRow]) -> str:

@@ -93,7 +93,7 @@ class TestRefusals:
             ("--stop-at 100", r"--stop-at must be between 1 and the number of balls, 24.*\(got 100\)"),
             ("--genome type3", r"--genome must be a preset \(type1, type2, evolved\) .*got 'type3'"),
             ("--genome nowhere.json", r"there is no file nowhere\.json"),
-            ("--genome .", "genome file . cannot be read"),
+            ("--genome .", r"--genome must be a preset .*got '\.'"),
             ("--p-vector-forget 1.5", r"--p-vector-forget must be .*\(got 1\.5\)"),
         ],
     )

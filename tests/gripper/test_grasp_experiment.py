@@ -16,7 +16,7 @@ from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 from iswarm_mj.workflows.grasp_table import summary, trial_rows
 
 RADII = np.linspace(15e-6, 25e-6, 5)
-SETTINGS = GraspSettings(tuple(RADII.tolist()), (10.0, 30.0, 50.0), repeats=5, seed=0)
+SETTINGS = GraspSettings(tuple(map(str, RADII)), no_contact_gap=(1e-6,))
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,12 @@ def test_released_balls_land_and_stay(rows):
 def melted(limit, radius=15e-6, **contacts):
     """Whether the row of a ball that cannot be lifted says that it melted, up to a voltage."""
     settings = GraspSettings(
-        (radius,), (10.0,), 1, 0, protocol=Protocol(grasp_limit=limit), contacts=Contacts(**contacts)
+        (str(radius),),
+        (10.0,),
+        1,
+        no_contact_gap=(1e-6,),
+        protocol=Protocol(grasp_limit=limit),
+        contacts=Contacts(**contacts),
     )
     case = cases(settings)[0]
     listed = [case._replace(trial=case.trial._replace(work_object_substrate=20 * WORK_OBJECT_SUBSTRATE))]
@@ -102,7 +107,7 @@ def test_a_ball_melts_where_the_oxide_breaks_and_the_heat_suffices_in_the_time_o
 
 def test_a_ball_that_fell_before_its_release_has_none_and_did_not_melt():
     """Its charge leaves it while it hangs: it is lifted, but falls before the ramp begins, whose end is 120 V."""
-    settings = GraspSettings((20e-6,), (10.0,), 1, 0, release_gaps=(5e-6, 6e-6))
+    settings = GraspSettings(("20e-6",), (10.0,), 1, gap=(5e-6, 6e-6), no_contact_gap=(1e-6,))
     listed = cases(settings)
     listed = [listed[0]._replace(trial=listed[0].trial._replace(work_tool_object=1e-6))]
     outcomes = run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps)

@@ -13,7 +13,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots
 from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import as_task, check_task
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout
 
@@ -95,6 +95,11 @@ def test_photodiodes_err_by_their_share():
 
 
 class TestBeeclust:
+    def test_without_light_the_task_that_has_it_is_named(self):
+        keys = jax.random.split(jax.random.key(0), 1)
+        with pytest.raises(UserError, match="--task aggregation"):
+            rollout(CONFIG, Beeclust(), keys, n_robots=4, steps=1, engine=PlanarSettings(1))
+
     def test_waits_as_long_as_it_is_bright(self):
         """Of robots that meet, one in the dark turns away, one in the light waits 300 l^2 / (l^2 + 0.25) steps."""
         bees, n = Beeclust(), 3
