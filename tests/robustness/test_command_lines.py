@@ -168,13 +168,18 @@ LONG = "n" * 300
     "line",
     [
         *(["clean", "--genome", LONG], ["clean", "--out", LONG], ["picture", LONG], ["video", "--out", LONG + ".mp4"]),
-        *(["report", "--results", LONG], ["report", "--results", ".", "--out", LONG + ".html"]),
-        *(["clean", "--out", ""], ["clean", "--genome", b"not-text-\xff"]),
+        *(["report", "--results", LONG], ["report", "--results", ".", "--out", LONG + ".html"], ["clean", "--out", ""]),
     ],
     ids=str,
 )
-def test_names_of_files(tmp_path, line):
-    process(*line, cwd=tmp_path)
+def test_names_of_files(tmp_path, monkeypatch, line):
+    monkeypatch.chdir(tmp_path)
+    assert answer(line) == "refused"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_no_text(tmp_path):
+    process("clean", "--genome", b"not-text-\xff", cwd=tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
