@@ -39,8 +39,7 @@ class Evolve(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.runner.search import run_search
-        from iswarm_mj.experiments.runner.search_settings import Search
+        from iswarm_mj.experiments.runner.search import Search, run_search
 
         if self.method != "paper":
             rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]

@@ -4,7 +4,7 @@ import ast
 import functools
 import inspect
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 
@@ -26,11 +26,15 @@ def _own_docs(cls: type) -> dict[str, str]:
     except (OSError, TypeError, SyntaxError):
         return {}
     node = tree.body[0]
-    body = node.body if isinstance(node, ast.ClassDef) and node.name == cls.__name__ else []
+    return docs_of(node.body) if isinstance(node, ast.ClassDef) and node.name == cls.__name__ else {}
+
+
+def docs_of(body: Sequence[ast.stmt]) -> dict[str, str]:
+    """Strings that follow assignments, by the names assigned to, each on one line."""
     found = {}
     for before, after in pairwise(body):
-        if isinstance(before, ast.AnnAssign) and isinstance(before.target, ast.Name) and isinstance(after, ast.Expr):
-            text = after.value.value if isinstance(after.value, ast.Constant) else None
-            if isinstance(text, str):
-                found[before.target.id] = " ".join(text.split())
+        target = before.targets[0] if isinstance(before, ast.Assign) else getattr(before, "target", None)
+        text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
+        if isinstance(target, ast.Name) and isinstance(text, str):
+            found[target.id] = " ".join(text.split())
     return found

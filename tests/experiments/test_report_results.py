@@ -16,8 +16,8 @@ from iswarm_mj.experiments.report.results import collect, files_in
 from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.search import Search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
-from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.tables import read_table, write_table
 

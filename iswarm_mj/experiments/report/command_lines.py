@@ -9,7 +9,7 @@ from typing import Any
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner.evolution import Operators
-from iswarm_mj.experiments.runner.search_settings import Search
+from iswarm_mj.experiments.runner.search import Search
 from iswarm_mj.strategy.genome import PRESETS
 
 
