@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iswarm_mj
-from iswarm_mj.experiments.report.markdown import code, target, text
+from iswarm_mj.experiments.report.markdown import code, text
 
 ROOT = Path(iswarm_mj.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
@@ -61,4 +61,3 @@ def test_words_by_hand():
     assert text("p < 0.001 | a") == "p < 0.001 \\| a"
     assert text("<script>x</script> ![i](http://a)") == "&lt;script>x&lt;/script> ![i]\\(http://a)"
     assert code("a`b") == "``a`b``" and code("`") == "`` ` ``"
-    assert target("a b).png") == "a%20b%29.png"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from iswarm_mj.commands.options import ConfigOptions
-from iswarm_mj.commands.rules import field_docs
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.rerun_names import NAMES
 from iswarm_mj.output.tables import TABLES, memory_columns
@@ -18,6 +17,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import choices, constraint_of
+from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -87,25 +87,21 @@ class Reproduce(ManyRunsOptions):
             refuse(self, others, f"with `{mode}`, which makes no runs")
         refuse(self, ["again", "beside"] if self.list else [], "with `list`")
         check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
-        from iswarm_mj.experiments.report.parts import parts_of
-        from iswarm_mj.experiments.report.reproduce import Places, chosen, listing, reproduce, rewrite
+        from iswarm_mj.experiments.report.reproduce import Places, listing, parts_of, redraw, reproduce, rewrite
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
         places = Places(results, out, self._pages, self.beside)
         if self.figures:
-            from iswarm_mj.experiments.report.reproduce import redraw
-
             print("\n".join(map(str, redraw(results))))
             return
         if self.tables:
             rewrite(places)
             return
-        parts = chosen(parts_of(self._plans, self.execution), self.only)
         if self.list:
-            print(listing(parts, results, self.same_engine))
+            print(listing(parts_of(self._plans, self.only), results, self.same_engine))
         else:
-            reproduce(parts, places, self.again, self.same_engine)
+            reproduce(self._plans, places, self.only, self.again, self.same_engine)
 
     @property
     def _pages(self) -> Sequence[Path]:
@@ -121,7 +117,7 @@ class Reproduce(ManyRunsOptions):
     @property
     def _plans(self) -> Any:
         """Settings of all parts; the quick ones are just enough for each step to be taken."""
-        from iswarm_mj.experiments.report.parts import Plans
+        from iswarm_mj.experiments.report.reproduce import Plans
         from iswarm_mj.experiments.runner.experiment import Plan
         from iswarm_mj.experiments.runner.search_settings import Search
         from iswarm_mj.workflows.grasp_settings import GraspSettings
@@ -130,4 +126,4 @@ class Reproduce(ManyRunsOptions):
         if self.quick:
             search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
         trials = GraspSettings(repeats=repeats, seed=self.seed)
-        return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials)
+        return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials, self.execution)

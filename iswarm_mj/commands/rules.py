@@ -1,13 +1,8 @@
 """How tyro makes flags of settings: with their ranges and units, the main ones alone where help is short."""
 
-import ast
-import functools
-import inspect
 import re
-import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, fields, is_dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -23,6 +18,7 @@ from tyro.constructors import (
 )
 
 from iswarm_mj.utils.constraints import constraint_of, validate
+from iswarm_mj.utils.docstrings import field_docs
 
 _UNIT = re.compile(r"\s*\[[^\]]*\]\.?$")
 
@@ -111,34 +107,6 @@ def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
         return f"({'; '.join(filter(None, facts))})" * any(facts)
 
     return StructFieldSpec(name, _annotated(kind, tyro.conf.arg(help_behavior_hint=hint)), default, text)
-
-
-@functools.cache
-def field_docs(cls: type) -> Mapping[str, str]:
-    """Return the docstrings of a class's fields, those of its bases included, each on one line.
-
-    A class whose source is not at hand, since it was made by a program, has those of its bases.
-    """
-    found: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        found |= _own_docs(base)
-    return found
-
-
-def _own_docs(cls: type) -> dict[str, str]:
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
-    except (OSError, TypeError, SyntaxError):
-        return {}
-    node = tree.body[0]
-    body = node.body if isinstance(node, ast.ClassDef) and node.name == cls.__name__ else []
-    found = {}
-    for before, after in pairwise(body):
-        if isinstance(before, ast.AnnAssign) and isinstance(before.target, ast.Name) and isinstance(after, ast.Expr):
-            text = after.value.value if isinstance(after.value, ast.Constant) else None
-            if isinstance(text, str):
-                found[before.target.id] = " ".join(text.split())
-    return found
 
 
 def _annotated(kind: Any, extra: object) -> Any:

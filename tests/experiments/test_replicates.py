@@ -13,11 +13,11 @@ from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
     BEST,
     TABLE,
+    replicate_seed,
     run_search,
     run_searches,
     summary,
 )
-from iswarm_mj.experiments.runner.search_table import replicate_seed
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.experiments.report.parts import PUBLISHED
+from iswarm_mj.experiments.report.reproduce import PUBLISHED
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.tasks.measures import Measures
@@ -208,8 +208,8 @@ class TestBadInput:
             (["--trials", "0"], "--trials must be"),
             (["--tables", "--results", "nowhere"], "--results must be an existing directory"),
             (["--results", "bad.md"], "--results must be a writable directory (got bad.md); choose another ("),
-            (["--pages", "none.md"], "none.md is not a readable page"),
-            (["--pages", "pipe.md"], "pipe.md is not a readable page"),
+            (["--pages", "none.md"], "none.md cannot be read"),
+            (["--pages", "pipe.md"], "pipe.md cannot be read"),
             (["--pages", "bad.md"], "bad.md:1: The block was 'densty'; there are"),
         ],
     )

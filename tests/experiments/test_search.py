@@ -11,15 +11,16 @@ from helpers_search import SEARCH, contents, pretend, worth
 from iswarm_mj.commands import main as cli
 from iswarm_mj.experiments.analysis.evolution import best_of, genome_of
 from iswarm_mj.experiments.runner.evolution import Operators, ranges, to_vector
-from iswarm_mj.experiments.runner.optimisers import METHODS, CmaEs, generator, optimiser
+from iswarm_mj.experiments.runner.experiment import run_seed
+from iswarm_mj.experiments.runner.optimisers import METHODS, generator, proposals
 from iswarm_mj.experiments.runner.search import (
     BEST,
     CHECKPOINT,
     TABLE,
+    replicate_seed,
     run_search,
     summary,
 )
-from iswarm_mj.experiments.runner.search_table import Place, replicate_seed, run_seed
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.tables import read_table
@@ -38,7 +39,7 @@ class TestTable:
         places = [(row["generation"], row["individual"], row["evaluation"]) for row in rows]
         assert places == [(g, i, k) for g in range(6) for i in range(5) for k in range(2)]
         assert len(begun) == 60 and {job.seed for job in begun} == {row["seed"] for row in rows}
-        assert all(row["seed"] == run_seed(SEARCH, Place(*place)) for row, place in zip(rows, places, strict=True))
+        assert all(row["seed"] == run_seed(3, *place) for row, place in zip(rows, places, strict=True))
 
     def test_a_row_says_what_was_run_and_what_came_of_it(self, done):
         _, rows, _, begun = done
@@ -97,7 +98,7 @@ def test_a_fitness_of_almost_nothing_has_no_sign(tmp_path):
 
 def test_seeds_differ_and_are_seeds():
     seeds = {
-        run_seed(replace(SEARCH, seed=s), Place(g, i, k, r))
+        run_seed(replicate_seed(s, r), g, i, k)
         for s in range(5)
         for g in range(20)
         for i in range(10)
@@ -105,27 +106,23 @@ def test_seeds_differ_and_are_seeds():
         for r in range(3)
     }
     assert len(seeds) == 6000 and max(seeds) < 2**32 - 1 and min(seeds) >= 0
-    assert run_seed(SEARCH, Place(1, 2, 0)) != run_seed(SEARCH, Place(2, 1, 0))
+    assert run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
     assert len({replicate_seed(seed, r) for seed in range(20) for r in range(20)}) == 400
 
 
 def test_generations_and_seeds_have_random_numbers_of_their_own():
     assert len({generator(seed, generation).random() for seed in range(5) for generation in range(20)}) == 100
-    search, found = optimiser("random", Operators(), 10, 3), []
-    for _ in range(4):
-        found += [individual.genome for individual in search.ask()]
-        search.tell([1.0] * 10)
-    assert len(set(found)) == 40
+    search = proposals("random", Operators(), 10, 3)
+    assert len({individual.genome for _ in range(4) for individual in next(search)}) == 40
 
 
 class TestOptimisers:
     def fitness(self, method, generations=60):
         """Fitness of each genome by generation."""
-        search, found = optimiser(method, Operators(), 10, seed=1), []
+        search, found = proposals(method, Operators(), 10, seed=1), [None]
         for _ in range(generations):
-            found.append([worth(individual.genome) for individual in search.ask()])
-            search.tell(found[-1])
-        return np.array(found)
+            found.append([worth(individual.genome) for individual in search.send(found[-1])])
+        return np.array(found[1:])
 
     @pytest.mark.parametrize("method", ["paper", "cmaes"])
     def test_searches_beat_chance(self, method):
@@ -140,25 +137,23 @@ class TestOptimisers:
     @pytest.mark.parametrize("method", METHODS)
     def test_genomes_lie_in_their_ranges(self, method):
         operators = Operators(density_min=0.1, density_max=0.2)
-        search, (low, high) = optimiser(method, operators, 10, seed=2), ranges(operators)
+        search, (low, high), fitness = proposals(method, operators, 10, seed=2), ranges(operators), None
         for _ in range(30):
-            population = search.ask()
+            population = search.send(fitness)
             vectors = np.array([to_vector(individual.genome) for individual in population])
             assert len(population) == 10 and (vectors >= low).all() and (vectors <= high).all()
-            search.tell([1000 * v[0] for v in vectors])  # the densest are the fittest
+            fitness = [1000 * v[0] for v in vectors]  # the densest are the fittest
         assert vectors[:, 0].max() <= 0.2 and (method == "random" or vectors[:, 0].mean() > 0.17)
 
-    def test_cma_es_begins_again_when_it_has_converged(self, monkeypatch):
-        search = CmaEs(Operators(), 10, seed=0)
-        first, starts = search._search, []
+    def test_cma_es_begins_again_when_it_has_converged(self):
+        """It converges to points that are alike, and never stays there."""
+        search, spreads = proposals("cmaes", Operators(), 10, seed=0), []
+        population = next(search)
         for _ in range(400):
-            spread = np.std([to_vector(i.genome)[0] for i in search.ask()])
-            search.tell([worth(Genome())] * 10)
-            starts.append(spread)
-            if search._search is not first:
-                break
-        assert search._search is not first
-        assert np.std([to_vector(i.genome)[0] for i in search.ask()]) > 0.02
+            spreads.append(np.std([to_vector(individual.genome)[0] for individual in population]))
+            population = search.send([1.0] * 10)
+        converged = int(np.argmin(spreads))
+        assert max(spreads[converged + 1 :]) > 5 * spreads[converged]
 
 
 @pytest.mark.parametrize(

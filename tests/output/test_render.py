@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -79,8 +80,9 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_
 
 
 @needs_opengl
-def test_the_floor_has_the_colours_of_recordings(directory):
-    """Above all, dust areas are not blue as loaded robots are."""
+def test_the_floor_has_the_colours_of_recordings(directory, monkeypatch):
+    """Above all, dust areas are not blue as loaded robots are. Without OpenGL, which other tests use in processes."""
+    monkeypatch.setattr("mujoco.Renderer", MagicMock())
     run = load(directory)
     with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
         for material, colour in (("dump", DUMP), ("dust", DUST)):

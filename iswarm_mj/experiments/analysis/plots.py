@@ -1,4 +1,7 @@
-"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, curves, samples, effects."""
+"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, curves, samples, effects.
+
+Each is written as PNG and SVG; functions take the path without suffix and return the paths of the PNG files.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -8,16 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from iswarm_mj.experiments.analysis.findings import Row, Rows
-from iswarm_mj.experiments.analysis.measures import MEASURES, TIME, Measure, values
+from iswarm_mj.experiments.analysis.findings import Rows
+from iswarm_mj.experiments.analysis.measures import MEASURES, TIME, Measure, by, values
 from iswarm_mj.experiments.analysis.statistics import Interval, compare
 from iswarm_mj.output.plot_style import figure
 
 BLUE, ORANGE, GREY, PALE = "#4477aa", "#d55e00", "#777777", "#a8c0d8"
 TESTS = "Tests stand in the findings."
 _TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
-Key = Callable[[Row], Any]
-"""What rows are grouped by."""
 
 
 class Effect(NamedTuple):
@@ -40,17 +41,16 @@ class Sample(NamedTuple):
     """Of the axis."""
 
 
-def _grouped(rows: Rows, key: Key, places: Sequence[Any] | None = None) -> dict[Any, list[Row]]:
-    """Rows by the values of a key, in the order of the places or sorted."""
-    places = sorted({key(row) for row in rows}) if places is None else places
-    return {place: [row for row in rows if key(row) == place] for place in places}
+def png(path: Path) -> list[Path]:
+    """The PNG file of a figure, in a list."""
+    return [path.with_name(path.name + ".png")]
 
 
 def _sizes(groups: Sequence[Rows]) -> str:
     """What triangles mean, if there are runs that did not reach their goal; the numbers of runs in groups."""
     late = [row for group in groups for row in group if row["finished_at"] is None]
-    counts = sorted({len(group) for group in groups})
-    n = f"n = {counts[0]} each." if len(counts) == 1 else f"n = {counts[0]} to {counts[-1]}." if counts else "n = 0."
+    counts = sorted({len(group) for group in groups}) or [0]
+    n = f"n = {counts[0]} each." if len(counts) == 1 else f"n = {counts[0]} to {counts[-1]}."
     limits = ", ".join(map(str, sorted({row["max_steps"] for row in late})))
     runs = f"{len(late)} run{'s' * (len(late) > 1)}"
     return f"Triangles: {runs} that had not reached the goal at the limit of {limits} steps. {n}" if late else n
@@ -65,27 +65,24 @@ def _dots(axes: Axes, along: float, rows: Rows, measure: Measure, hue: str, shif
     axes.plot(along_all[is_late], found[is_late], "^", color=hue, markersize=4, markerfacecolor="white", zorder=5)
 
 
-def draw_bars(rows: Rows, key: Key, label: str, names: Mapping[Any, str], path: Path) -> list[Path]:
+def draw_bars(rows: Rows, columns: Sequence[str], label: str, name: Callable[..., str], path: Path) -> list[Path]:
     """Draw the four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
 
     Runs that did not reach their goal are triangles at the time limit. Of two groups, each panel has the p of the test.
 
     Args:
         rows: of an experiment's table.
-        key: by which rows are grouped.
+        columns: whose values tell the bars apart.
         label: of the horizontal axis.
-        names: of the bars in their order, by values of the key.
+        name: of a bar, from these values.
         path: of the files, without suffix.
-
-    Returns:
-        Path of the PNG file.
     """
     rng = np.random.default_rng(0)
-    groups = _grouped(rows, key, list(names))
+    groups = by(rows, *columns)
+    names = [name(*(key if isinstance(key, tuple) else (key,))) for key in groups]
     test = "p: two-sided Mann-Whitney test." if len(names) == 2 else TESTS
     caption = f"Bars: medians; lines: up to the third quartile; dots: runs. {test}\n{_sizes(list(groups.values()))}"
-    lines = max(name.count("\n") for name in names.values())
-    size = (max(3.4, 0.7 * len(names)), 2.7 + 0.15 * lines)
+    size = (max(3.4, 0.7 * len(names)), 2.7 + 0.15 * max(text.count("\n") for text in names))
     with figure(path, rows=2, columns=2, size=size, caption=caption) as panels:
         for axes, measure, letter in zip(panels, MEASURES, "abcd", strict=True):
             samples = [values(group, measure) for group in groups.values()]
@@ -99,45 +96,45 @@ def draw_bars(rows: Rows, key: Key, label: str, names: Mapping[Any, str], path: 
                 _dots(axes, place, group, measure, ORANGE, rng.uniform(-0.2, 0.2, len(found)))
             tested = len(samples) == 2 and all(map(len, samples))
             p = f"  p = {compare(samples[0], samples[1]).p:.2g}" if tested else ""
-            axes.set_xticks(range(len(names)), list(names.values()))
+            axes.set_xticks(range(len(names)), names)
             axes.grid(axis="x", visible=False)
             axes.set_ylim(bottom=0)
             axes.set(xlabel=label, ylabel=measure.label)
             axes.set_title(f"({letter}){p}", loc="left", fontsize=9)
-    return [path.with_name(path.name + ".png")]
+    return png(path)
 
 
-def draw_curves(rows: Mapping[str, Rows], key: Key, label: str, measures: Sequence[Measure], path: Path) -> list[Path]:
+def draw_curves(
+    rows: Mapping[str, Rows], column: str, label: str, measures: Sequence[Measure], path: Path
+) -> list[Path]:
     """Draw measures against a quantity: lines through the medians, bands between the quartiles, a dot per run.
 
     Args:
         rows: of an experiment's table, by the names of the lines.
-        key: the quantity.
+        column: the quantity.
         label: of the horizontal axis.
         measures: one panel each.
         path: of the files, without suffix.
-
-    Returns:
-        Path of the PNG file.
     """
-    lines = {name: _grouped(mine, key) for name, mine in rows.items()}
-    sizes = _sizes([group for groups in lines.values() for group in groups.values()])
+    lines = {name: sorted(by(mine, column).items()) for name, mine in rows.items()}
+    sizes = _sizes([group for groups in lines.values() for _, group in groups])
     caption = f"Lines: medians; bands: from the first to the third quartile; dots: runs. {sizes} {TESTS}"
     with figure(path, columns=len(measures), size=(3.6, 3.2), caption=caption) as panels:
         for axes, measure in zip(panels, measures, strict=True):
             for (name, groups), hue, mark in zip(lines.items(), (BLUE, ORANGE), "ox", strict=False):
-                found = {step: sample for step, group in groups.items() if len(sample := values(group, measure))}
+                found = {step: sample for step, group in groups if len(sample := values(group, measure))}
                 if not found:
                     continue
                 low, middle, high = np.array([np.quantile(v, [0.25, 0.5, 0.75]) for v in found.values()]).T
                 axes.fill_between(list(found), low, high, color=hue, alpha=0.15, linewidth=0)
                 axes.plot(list(found), middle, marker=mark, color=hue, label=name)
-                for step in found:
-                    _dots(axes, step, groups[step], measure, hue)
+                for step, group in groups:
+                    if step in found:
+                        _dots(axes, step, group, measure, hue)
             axes.set_ylim(bottom=0)
             axes.set(xlabel=label, ylabel=measure.label)
         panels[0].legend(fontsize=8)
-    return [path.with_name(path.name + ".png")]
+    return png(path)
 
 
 def draw_samples(panels: Sequence[Sample], path: Path, caption: str, columns: int = 3) -> list[Path]:
@@ -148,9 +145,6 @@ def draw_samples(panels: Sequence[Sample], path: Path, caption: str, columns: in
         path: of the files, without suffix.
         caption: what dots are.
         columns: of panels.
-
-    Returns:
-        Path of the PNG file.
     """
     rng = np.random.default_rng(0)
     with figure(path, -(-len(panels) // columns), columns, (3.0, 2.6), f"{caption} Lines: medians. {TESTS}") as drawn:
@@ -165,10 +159,10 @@ def draw_samples(panels: Sequence[Sample], path: Path, caption: str, columns: in
             axes.set(xlim=(-0.6, len(groups) - 0.4), ylim=(low, 1.06 * most if high is None else high))
             axes.grid(axis="x", visible=False)
             axes.set_ylabel(fill(label, 30))
-    return [path.with_name(path.name + ".png")]
+    return png(path)
 
 
-def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str = "") -> list[Path]:
+def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str) -> list[Path]:
     """Draw effects with their intervals as a forest plot, by groups; zero means no effect.
 
     Args:
@@ -176,9 +170,6 @@ def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str 
         label: of the horizontal axis.
         path: of the files, without suffix.
         caption: of how many runs, and by which test.
-
-    Returns:
-        Path of the PNG file.
     """
     is_new = np.array([not n or effect.group != effects[n - 1].group for n, effect in enumerate(effects)])
     places = np.cumsum(1.0 + 0.6 * is_new)
@@ -196,10 +187,11 @@ def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str 
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
         low, high = axes.get_xlim()
+        ticks = [x for x in _TICKS if low <= x <= high]
         axes.set_xscale("symlog", linthresh=100, linscale=1.0)
-        axes.set_xticks([x for x in _TICKS if low <= x <= high], [str(x) for x in _TICKS if low <= x <= high])
+        axes.set_xticks(ticks, list(map(str, ticks)))
         axes.set_xticks([], minor=True)
         for limit in (-100, 100):
             axes.axvline(limit, color="0.7", linewidth=0.6, linestyle=":")
         axes.set_xlabel(f"{label}\nlinear between the dotted lines, logarithmic beyond")
-    return [path.with_name(path.name + ".png")]
+    return png(path)

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from iswarm_mj.experiments.analysis.evolution import FITTEST, LAST, PLATEAU, Evolution, by_replicate, samples_of
 from iswarm_mj.experiments.analysis.evolution_statements import TRAITS, trait_values
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, Sample, draw_samples
+from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, Sample, draw_samples, png
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import Combination, accepted
 from iswarm_mj.output.palette import BLUE as STRONG
@@ -23,7 +23,7 @@ _DASHES = ("-", (0, (3, 3)), (0, (1, 5)))
 """Of lines that may lie upon each other, which all are seen then."""
 
 
-def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
+def draw_fitness(rows: Rows, n_dust: int, path: Path) -> list[Path]:
     """Draw fitness over the generations; PNG and SVG.
 
     Of one search: each run as a dot, the best and the mean of each generation as lines. Of replicates: the best so far
@@ -63,6 +63,7 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
         axes.set(xlabel="generation", ylabel="fitness [points]")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4 if alone else 2, fontsize=8)
+    return png(path)
 
 
 def draw_searches(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: Path) -> list[Path]:
@@ -72,14 +73,10 @@ def draw_searches(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: P
     Args:
         searches: by method, rows and settings of their tables.
         out: directory.
-
-    Returns:
-        Paths of the PNG files.
     """
     drawn = []
     for method, (rows, settings) in searches.items():
-        draw_fitness(rows, settings["config"]["arena"]["n_dust"], out / f"evolution_{method}")
-        drawn.append(out / f"evolution_{method}.png")
+        drawn += draw_fitness(rows, settings["config"]["arena"]["n_dust"], out / f"evolution_{method}")
     found = samples_of(searches)
     tops = [one.top for one in found.get("paper", []) if one.top]
     if tops:
@@ -97,7 +94,7 @@ def draw_searches(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: P
                     line = np.polyval(np.polyfit(x, y, 1), ends)
                     axes.plot(ends, line, "--", color=f"C{place % 10}", linewidth=1)
             axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
-        drawn.append(out / "trade.png")
+        drawn += png(out / "trade")
     if any(len(sample) > 1 for sample in found.values()):
         panels = [
             Sample(t.label, {method: trait_values(t, sample) for method, sample in found.items()}, t.limits)
@@ -122,9 +119,6 @@ def draw_support(
         shares: of the labels of each factor among the accepted combinations.
         asked: texts of the statements, in the order of the answers.
         path: of the files, without suffix.
-
-    Returns:
-        Path of the PNG file.
     """
     sample, named = [c for c in every if c.reading is None], [c for c in every if c.reading is not None]
     kept = accepted(sample)
@@ -172,7 +166,7 @@ def draw_support(
         )
         for axes, title in zip((left, middle, right), titles, strict=True):
             axes.set_title(title, loc="left", fontsize=9)
-    return [path.with_name(path.name + ".png")]
+    return png(path)
 
 
 def draw_learning(rows: Rows, path: Path) -> None:

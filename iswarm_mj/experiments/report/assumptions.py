@@ -4,11 +4,12 @@ import ast
 import inspect
 import re
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from iswarm_mj import config
 from iswarm_mj.experiments.runner import evolution
 from iswarm_mj.gripper.laws import detachment
+from iswarm_mj.utils.docstrings import docs_of, field_docs
 
 RULES = (
     "All robots sense the same moment and all move at once; whether they also hear and speak at once or one after the "
@@ -52,26 +53,24 @@ class Setting(NamedTuple):
     meaning: str
 
 
+def settings() -> list[Setting]:
+    """All configuration values with their defaults."""
+    return [
+        Setting(f"{part.name}.{name}".replace("_", "-"), str(getattr(values, name)), meaning)
+        for part in fields(config.SwarmConfig)
+        for values in [getattr(config.SwarmConfig(), part.name)]
+        for name, meaning in field_docs(type(values)).items()
+    ]
+
+
 def assumed() -> list[Setting]:
     """Configuration values that are neither `GIVEN` nor calibrated."""
     return [found for found in settings() if found.name not in GIVEN and "calibrated" not in found.meaning]
 
 
-def settings() -> list[Setting]:
-    """All configuration values with their defaults."""
-    parts = {f.name: type(getattr(config.SwarmConfig(), f.name)) for f in fields(config.SwarmConfig)}
-    found = []
-    for part, cls in parts.items():
-        defaults, meanings = cls(), _descriptions(cls)
-        for f in fields(cls):
-            name = f"{part}.{f.name}".replace("_", "-")
-            found.append(Setting(name, str(getattr(defaults, f.name)), meanings[f.name]))
-    return found
-
-
 def fitted() -> list[Setting]:
     """Calibrated constants of the gripper."""
-    meanings = descriptions(detachment)
+    meanings = docs_of(ast.parse(inspect.getsource(detachment)).body)
     return [
         Setting(name, f"{getattr(detachment, name):g}", meaning)
         for name, meaning in meanings.items()
@@ -88,25 +87,3 @@ def operators() -> list[str]:
     """What the paper leaves open of its evolution: the items of the list in the docstring of `runner.evolution`."""
     items = re.split(r"^- ", inspect.getdoc(evolution) or "", flags=re.MULTILINE)[1:]
     return [" ".join(item.split()) for item in items]
-
-
-def _descriptions(cls: type[Any]) -> dict[str, str]:
-    """Docstrings below the fields of a dataclass."""
-    return _documented(ast.parse(inspect.getsource(cls)).body[0])
-
-
-def descriptions(module: Any) -> dict[str, str]:
-    """Docstrings below the constants of a module."""
-    return _documented(ast.parse(inspect.getsource(module)))
-
-
-def _documented(node: Any) -> dict[str, str]:
-    found = {}
-    for item, following in zip(node.body, node.body[1:], strict=False):
-        target = (
-            item.target if isinstance(item, ast.AnnAssign) else item.targets[0] if isinstance(item, ast.Assign) else 0
-        )
-        text = following.value if isinstance(following, ast.Expr) else None
-        if isinstance(target, ast.Name) and isinstance(text, ast.Constant) and isinstance(text.value, str):
-            found[target.id] = " ".join(text.value.split())
-    return found

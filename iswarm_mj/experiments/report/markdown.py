@@ -2,30 +2,20 @@
 
 import re
 from collections.abc import Sequence
-from urllib.parse import quote
-
-_TAG = re.compile(r"<(?=[A-Za-z/!?])")
-_BACKQUOTES = re.compile("`+")
 
 
 def text(value: object) -> str:
     """A value in one line of a page or a cell of a table; tags, links and pictures in it are shown as text."""
-    line = " ".join(str(value).split())
-    line = _TAG.sub("&lt;", line).replace("](", "]\\(")
+    line = re.sub(r"<(?=[A-Za-z/!?])", "&lt;", " ".join(str(value).split())).replace("](", "]\\(")
     return re.sub(r"(?<!\\)\|", r"\\|", line)
 
 
 def code(value: object) -> str:
     """A value as code, which may contain backquotes itself."""
     line = " ".join(str(value).split())
-    fence = "`" * (1 + max(map(len, _BACKQUOTES.findall(line)), default=0))
+    fence = "`" * (1 + max(map(len, re.findall("`+", line)), default=0))
     space = " " if line.startswith("`") or line.endswith("`") or not line else ""
     return f"{fence}{space}{line}{space}{fence}"
-
-
-def target(value: object) -> str:
-    """A path as the target of a link."""
-    return quote(str(value))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -1,20 +1,57 @@
-"""All results, the findings on them, the report, and the tables of README and docs."""
+"""All results by their parts, the findings on them, the report, and the tables of README and docs."""
 
-from collections.abc import Mapping, Sequence
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from iswarm_mj import __version__
+from iswarm_mj.engines.registry import IDENTITY
+from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
-from iswarm_mj.experiments.report.parts import Part, make
-from iswarm_mj.experiments.report.results import GRASP, collect, topics_of, write_findings
+from iswarm_mj.experiments.report.results import (
+    GRASP,
+    METHODS,
+    SEARCH,
+    TRIALS,
+    collect,
+    draw_table,
+    topics_of,
+    write_findings,
+)
 from iswarm_mj.experiments.report.tables import Tables, check_name, new_texts
 from iswarm_mj.experiments.report.writer import report
-from iswarm_mj.experiments.runner.search import FIGURE
+from iswarm_mj.experiments.runner.experiment import Plan, run_experiment, settings_of
+from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.search import FIGURE, begin, run_searches
+from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
+from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.tables import read_table
+from iswarm_mj.workflows.grasp import run_grasp
+from iswarm_mj.workflows.grasp_settings import GraspSettings
+
+OWN_ENGINE: Mapping[str, Mapping[str, Any]] = {
+    name: {"engine": "planar", "refinement": 1} for name in ("time-step", "resolved-grasps")
+}
+"""Experiments that are about an engine, or have too many runs for others, and its settings."""
+PUBLISHED = ("*.png", "best*.json")
+"""What is kept of a part beside its table."""
+
+
+class Plans(NamedTuple):
+    """Settings of all parts."""
+
+    experiment: Plan
+    search: Search
+    """Its method is replaced."""
+    trials: GraspSettings
+    execution: Execution
 
 
 class Places(NamedTuple):
@@ -30,16 +67,95 @@ class Places(NamedTuple):
     """Other results, whose verdicts stand beside these in the report."""
 
 
-def chosen(parts: Mapping[str, Part], only: Sequence[str]) -> list[Part]:
-    """Parts of these names, all if there are none.
+@dataclass(frozen=True)
+class Part:
+    """A directory of results with one table."""
+
+    name: str
+    """Of the directory."""
+    table: str
+    """Name of the table's file."""
+    settings: Mapping[str, Any]
+    """That the table contains."""
+    is_whole: Callable[[Rows], bool]
+    """Whether rows are those of all runs."""
+    make: Callable[[Path, bool], Any]
+    """Writes the results into a directory, resuming what is there unless it is told to begin again."""
+    search: Search | None = None
+    """A search, which is only begun by that and advances together with others."""
+
+    def lacks(self, results: Path, same_engine: bool = False) -> str:
+        """Why the part has to be made, in words; empty if its table is there.
+
+        Args:
+            results: directory of all parts.
+            same_engine: whether a table that another engine computed does not do.
+        """
+        path = results / self.name / self.table
+        if not path.is_file():
+            return "not there"
+        try:
+            rows, settings = read_table(path)
+        except UserError:
+            return "not readable"
+        wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
+        ignored = () if same_engine or self.name in OWN_ENGINE else IDENTITY
+        names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
+        if names:
+            return f"made with another {', another '.join(sorted(names))}"
+        return "" if self.is_whole(rows) else "made of other runs"
+
+    def publish(self, work: Path, results: Path) -> None:
+        """Copy the table, the figures and the best genomes from the directory where they were made; remove older ones.
+
+        Raises:
+            UserError: they cannot be written.
+        """
+        target = results / self.name
+        made = [work / self.table, *(path for pattern in PUBLISHED for path in work.glob(pattern))]
+        with locked(target):
+            for path in {path for pattern in PUBLISHED for path in target.glob(pattern)}:
+                if not (work / path.name).exists():
+                    remove(path)
+            for path in made:
+                with atomic_write(target / path.name) as part:
+                    shutil.copyfile(path, part)
+
+
+def parts_of(plans: Plans, only: Sequence[str] = ()) -> list[Part]:
+    """Parts of these names, all if there are none; searches last, since they take longest.
 
     Raises:
         UserError: there is none of a name.
     """
+    trials = plans.trials
+    found = [Part(GRASP, TRIALS, trials.metadata(), bool, lambda out, again: run_grasp(trials, out, record=()))]
+    for each in EXPERIMENTS.values():
+        own = replace(plans.execution, **OWN_ENGINE.get(each.name, {}))
+        seeds = [entry.job.seed for entry in each.entries(plans.experiment)]
+        found.append(
+            Part(
+                each.name,
+                each.table,
+                settings_of(each, plans.experiment, own),
+                lambda rows, seeds=seeds: [row["seed"] for row in rows] == seeds,
+                lambda out, again, each=each, own=own: run_experiment(each, plans.experiment, out, own, again),
+            )
+        )
+    n_rows = plans.search.generations * plans.search.n_runs
+    for method in METHODS:
+        search = replace(plans.search, method=method)
+
+        def open_search(out: Path, again: bool, search: Search = search) -> None:
+            with begin(out, search, plans.execution, True, again):
+                pass
+
+        settings = settings_of_search(search, plans.execution)
+        found.append(Part(f"evolve-{method}", SEARCH, settings, lambda rows: len(rows) == n_rows, open_search, search))
     for name in only:
-        if name not in parts:
-            raise UserError(f"The part was {name!r}; there are {', '.join(parts)}: choose of these with `only`.")
-    return [part for name, part in parts.items() if not only or name in only]
+        if name not in (names := [part.name for part in found]):
+            raise UserError(f"The part was {name!r}; there are {', '.join(names)}: choose of these with `only`.")
+    return [part for part in found if not only or part.name in only]
 
 
 def listing(parts: Sequence[Part], results: Path, same_engine: bool = False) -> str:
@@ -48,7 +164,9 @@ def listing(parts: Sequence[Part], results: Path, same_engine: bool = False) -> 
     return "\n".join(f"{part.name:{width}}  {part.lacks(results, same_engine) or 'there'}" for part in parts)
 
 
-def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_engine: bool = False) -> None:
+def reproduce(
+    plans: Plans, places: Places, only: Sequence[str] = (), again: bool = False, same_engine: bool = False
+) -> None:
     """Make the parts that are not there, then findings, tables and the report from all results.
 
     A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
@@ -56,8 +174,9 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
     damaged for example, is left out and named at the end.
 
     Args:
-        parts: to be made.
+        plans: settings of all parts.
         places: where.
+        only: names of the parts to make; all if there are none.
         again: make all of them, from the beginning.
         same_engine: make those too that another engine computed.
 
@@ -65,29 +184,37 @@ def reproduce(parts: Sequence[Part], places: Places, again: bool = False, same_e
         UserError: a page has a block that cannot be filled, something cannot be written, or a part was left out.
         SimulationFault: a run could not go on.
     """
+    parts, missing, refused, begun = parts_of(plans, only), [], {}, []
     new_texts(places.pages, check_name)  # before anything takes hours
     make_output_directory(places.results, setting="results")
+
+    def publish(part: Part) -> None:
+        part.publish(places.out / part.name, places.results)
+        print(f"{part.name}: made", flush=True)
+
     with locked(places.out):
-        _make(parts, places, again, same_engine)
-
-
-def _make(parts: Sequence[Part], places: Places, again: bool, same_engine: bool) -> None:
-    missing = []
-    for part in parts:
-        why = "again" if again else part.lacks(places.results, same_engine)
-        print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
-        if why:
-            missing.append(part)
-    refused = {}
-    for part, error in make(missing, places.out, again):
-        if error is None:
-            part.publish(places.out / part.name, places.results)
-            print(f"{part.name}: made", flush=True)
-        else:
-            refused[part.name] = error
-            print(f"{part.name}: not made, {error}", flush=True)
-    rewrite(places, partial=True)
-    report([places.results], places.out / "report.html", places.beside)
+        for part in parts:
+            why = "again" if again else part.lacks(places.results, same_engine)
+            print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
+            if why:
+                missing.append(part)
+        for part in missing:
+            try:
+                part.make(places.out / part.name, again)
+            except UserError as error:
+                refused[part.name] = error
+                print(f"{part.name}: not made, {error}", flush=True)
+                continue
+            if part.search is None:
+                publish(part)
+            else:
+                begun.append(part)
+        if begun:
+            run_searches({places.out / part.name: part.search for part in begun}, plans.execution, resume=True)
+        for part in begun:
+            publish(part)
+        rewrite(places, partial=True)
+        report([places.results], places.out / "report.html", places.beside)
     if refused:
         why = "; ".join(f"{name} was not made ({error})" for name, error in refused.items())
         raise UserError(f"{why}; all other parts are there: make it anew with `only` and `again`")
@@ -123,15 +250,12 @@ def redraw(results: Path) -> list[Path]:
         UserError: there is no such directory, or a file cannot be written.
     """
     drawn, kept = [], set(results.glob("**/*.svg"))
-    for name, result in collect([results]).used.items():
+    for result in collect([results]).used.values():
         out = result.path.parent
-        if name == GRASP:
-            drawn += draw_figures(result.rows, result.settings, out)
-        elif name in EXPERIMENTS:
-            drawn += EXPERIMENTS[name].draw(result.rows, out)
+        if "evolve-" in result.name:
+            drawn += draw_fitness(result.rows, result.settings["config"]["arena"]["n_dust"], out / FIGURE)
         else:
-            draw_fitness(result.rows, result.settings["config"]["arena"]["n_dust"], out / FIGURE)
-            drawn.append(out / f"{FIGURE}.png")
+            drawn += draw_table(result, out)
     for path in drawn:
         if (drawing := path.with_suffix(".svg")) not in kept:
             remove(drawing)

@@ -11,6 +11,7 @@ from iswarm_mj.experiments.analysis.evolution import samples_of
 from iswarm_mj.experiments.analysis.findings import KINDS, Finding, Rows
 from iswarm_mj.experiments.report.command_lines import command_line
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.tables import read_table, write_csv
 from iswarm_mj.workflows.grasp_table import TrialRow
@@ -111,23 +112,34 @@ def collect(directories: Sequence[Path]) -> Results:
 def judged(name: str, path: Path, rows: Rows, settings: Mapping[str, Any]) -> Result | None:
     """What follows from a table; None if it holds something else than its name and settings say."""
     try:
-        if name == GRASP:
-            if not all(_is_trial(row) for row in rows):
-                return None
-            findings = [s.finding(rows) for s in bench_statements.STATEMENTS if s.study == GRASP]
-        elif name in EXPERIMENTS:
-            findings = EXPERIMENTS[name].findings(rows)
-        else:
-            findings = _evolution({settings["method"]: (rows, settings)})
+        if name == GRASP and not all(_is_trial(row) for row in rows):
+            return None
+        searches = {settings["method"]: (rows, settings)} if name not in (GRASP, *EXPERIMENTS) else {}
+        findings = findings_on(EVOLUTION if searches else name, samples_of(searches) or rows)
         return Result(name, path, rows, settings, findings, command_line(name, settings))
     except Exception:  # columns may lack, or hold anything
         return None
+
+
+def findings_on(topic: str, results: Any) -> Sequence[Finding]:
+    """Findings on a topic from rows, of evolutions from samples; without results, that they were not made."""
+    if topic in EXPERIMENTS:
+        return EXPERIMENTS[topic].findings(results or [])
+    statements = [*bench_statements.STATEMENTS, *evolution_statements.STATEMENTS]
+    return [statement.finding(results or topic == LAWS) for statement in statements if statement.study == topic]
 
 
 def _is_trial(row: Mapping[str, Any]) -> bool:
     """Whether columns that hold numbers do; figures group by them and draw them."""
     text = {name for name, kind in get_type_hints(TrialRow).items() if kind is str}
     return not any(isinstance(row[name], str | list) for name in TrialRow._fields if name not in text)
+
+
+def draw_table(result: Result, out: Path) -> list[Path]:
+    """Draw the figures of trials or of an experiment into a directory; return the paths of the PNG files."""
+    if result.name == GRASP:
+        return draw_figures(result.rows, result.settings, out)
+    return EXPERIMENTS[result.name].draw(result.rows, out) if result.name in EXPERIMENTS else []
 
 
 def files_in(directory: Path, pattern: str) -> Iterator[Path]:
@@ -148,11 +160,6 @@ def _name(path: Path, settings: Mapping[str, Any]) -> str | None:
     return name if name in EXPERIMENTS and path.name == EXPERIMENTS[name].table else None
 
 
-def _evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> list[Finding]:
-    samples = samples_of(searches)
-    return [statement.finding(samples) for statement in evolution_statements.STATEMENTS]
-
-
 def searches_of(results: Sequence[Result]) -> dict[str, tuple[Rows, Mapping[str, Any]]]:
     """Rows and settings of searches by their methods."""
     return {result.settings["method"]: (result.rows, result.settings) for result in results}
@@ -163,16 +170,8 @@ def topics_of(results: Results) -> list[Topic]:
     listed = []
     for name, title in TITLES.items():
         mine = [r for r in results.used.values() if r.name == name or (name == EVOLUTION and "evolve-" in r.name)]
-        if name == LAWS:
-            findings = [s.finding(True) for s in bench_statements.STATEMENTS if s.study == LAWS]
-        elif name == EVOLUTION:
-            findings = _evolution(searches_of(mine))
-        elif mine:
-            findings = mine[0].findings
-        elif name == GRASP:
-            findings = [s.finding(None) for s in bench_statements.STATEMENTS if s.study == GRASP]
-        else:
-            findings = EXPERIMENTS[name].findings([])
+        made = samples_of(searches_of(mine)) if name == EVOLUTION else None
+        findings = mine[0].findings if mine and not made else findings_on(name, made)
         listed.append(Topic(name, title, findings, mine))
     return listed
 

@@ -8,6 +8,7 @@ has the results of two directories, such as those of two configurations.
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,9 @@ from iswarm_mj.experiments.report.results import (
     topics_of,
 )
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import check_file
+from iswarm_mj.utils.files import read_text
 
-START = re.compile(r"^<!-- (results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *-->$")
-END = "<!-- end -->"
+_MARK = re.compile(r"^<!-- (?:end |(results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *)-->$", re.MULTILINE)
 Fill = Callable[[str, str, str | None], str | None]
 """Content of a block from its directory, its name, and the other directory if it has one; None leaves the block as it
 is, a `UserError` means that it cannot be filled."""
@@ -48,25 +48,20 @@ def filled(text: str, page: str, fill: Fill) -> str:
     Raises:
         UserError: a block does not end or begin, or it names something that is not there; the message names the line.
     """
-    kept, begun, new = [], 0, None
-    for number, line in enumerate(text.splitlines(), 1):
-        start = START.match(line)
-        if begun and start:
-            raise UserError(f"{page}:{begun}: the block of results has no line {END!r} before line {number}; add one.")
-        if line == END and not begun:
-            raise UserError(f"{page}:{number}: this line ends no block of results; remove it.")
-        if not begun or line == END or new is None:
-            kept.append(line)
-        if start:
-            try:
-                new = fill(*start.groups())
-            except UserError as error:
-                raise UserError(f"{page}:{number}: {error}") from None
-            kept += [] if new is None else ["", new.strip("\n"), ""]
-        begun = number if start else 0 if line == END else begun
-    if begun:
-        raise UserError(f"{page}:{begun}: the block of results has no line {END!r}; add one.")
-    return "\n".join(kept) + "\n"
+    marks, kept, at = list(_MARK.finditer(text)), [], 0
+    lines = [text.count("\n", 0, mark.start()) + 1 for mark in marks]
+    for place, (line, mark) in enumerate(zip(lines, marks, strict=True)):
+        if bool(mark[1]) == place % 2 or (mark[1] and place == len(marks) - 1):
+            raise UserError(f"{page}:{line}: blocks of results begin and end in turn; this line begins or ends none.")
+    for line, begin, end in zip(lines[::2], marks[::2], marks[1::2], strict=True):
+        try:
+            new = fill(*begin.groups())
+        except UserError as error:
+            raise UserError(f"{page}:{line}: {error}") from None
+        if new is not None:
+            kept += [text[at : begin.end()], "\n\n", new.strip("\n"), "\n\n"]
+            at = end.start()
+    return "".join([*kept, text[at:]])
 
 
 def new_texts(pages: Iterable[Path], fill: Fill) -> dict[Path, str]:
@@ -75,16 +70,9 @@ def new_texts(pages: Iterable[Path], fill: Fill) -> dict[Path, str]:
     Raises:
         UserError: a page cannot be read, or as `filled` does.
     """
-    found = {}
-    for page in pages:
-        try:
-            check_file(page)
-            text = page.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError):
-            raise UserError(f"{page} is not a readable page; give Markdown files.") from None
-        if (new := filled(text, str(page), fill)) != text:
-            found[page] = new
-    return found
+    found = {page: read_text(page, "give Markdown files") for page in pages}
+    new = {page: filled(text, str(page), fill) for page, text in found.items()}
+    return {page: text for page, text in new.items() if text != found[page]}
 
 
 def check_name(directory: str, name: str, beside: str | None = None) -> None:
@@ -100,17 +88,16 @@ def check_name(directory: str, name: str, beside: str | None = None) -> None:
 
 
 class Tables:
-    """Contents of blocks, by the directories of results below a root; what was read is kept."""
+    """Contents of blocks, by the directories of results; what was read is kept.
+
+    Args:
+        root: directory that the blocks' directories are relative to.
+        partial: leave blocks as they are for which there are no results, instead of raising an error.
+    """
 
     def __init__(self, root: Path = Path(), partial: bool = False):
-        """Remember where the results are.
-
-        Args:
-            root: directory that the blocks' directories are relative to.
-            partial: leave blocks as they are for which there are no results, instead of raising an error.
-        """
-        self._root, self._partial = root, partial
-        self._topics: dict[str, dict[str, Topic]] = {}
+        self._partial = partial
+        self._topics = cache(lambda directory: {topic.name: topic for topic in topics_of(collect([root / directory]))})
 
     def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
         """Content of the block of this name from the results in a directory; None if it is to stay as it is.
@@ -124,9 +111,8 @@ class Tables:
             UserError: there is no such block, or no results for it.
         """
         check_name(directory, name, beside)
-        places = [directory] if beside is None else [directory, beside]
         try:
-            found = {place: self._named(place, name) for place in places}
+            found = {place: self._named(place, name) for place in filter(None, (directory, beside))}
         except UserError:
             if self._partial:
                 return None
@@ -137,19 +123,17 @@ class Tables:
             shown = _summary if name == SUMMARY else _misses
             return _each(found, lambda topics: shown([f for topic in topics for f in topic.findings]))
         if name == STATEMENTS:
-            same: dict[str, dict[str, Topic]] = {}
-            for place, topics in found.items():
-                for topic in topics:
-                    same.setdefault(topic.title, {})[place] = topic
-            return "\n\n".join(f"### {title}\n\n{_each(topics, _statements)}" for title, topics in same.items())
+            texts = []
+            for title in dict.fromkeys(topic.title for topics in found.values() for topic in topics):
+                same = {place: topic for place, topics in found.items() for topic in topics if topic.title == title}
+                texts.append(f"### {title}\n\n{_each(same, _statements)}")
+            return "\n\n".join(texts)
         topics = {place: topic for place, (topic,) in found.items()}
         return "\n\n".join(filter(None, [_each(topics, _numbers), _verdicts(topics)]))
 
     def _named(self, directory: str, name: str) -> list[Topic]:
         """Topic of this name; for the names of none all that have results or need none."""
-        if directory not in self._topics:
-            self._topics[directory] = {topic.name: topic for topic in topics_of(collect([self._root / directory]))}
-        topics = self._topics[directory]
+        topics = self._topics(directory)
         if name in OF_ALL:
             return [topic for topic in topics.values() if topic.results or topic.name == LAWS]
         wanted = ("hop-count", "density") if name == ENGINES else (name,)

@@ -23,13 +23,13 @@ from iswarm_mj.experiments.report.results import (
     Results,
     Topic,
     collect,
+    draw_table,
     files_in,
     searches_of,
     tally,
     topics_of,
 )
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.files import atomic_write
 from iswarm_mj.utils.lock import locked
 
@@ -194,11 +194,8 @@ def _section(topic: Topic, results: Results, figures: Path) -> Section:
         first = {GRASP: "iswarm grasp --out runs/grasp"} | {each: f"iswarm experiment {each}" for each in EXPERIMENTS}
         commands = [table.command for table in tables] or [first[each] for each in first if each == name]
     for table in tables:
-        if name == GRASP:
-            drawn += draw_figures(table.rows, table.settings, figures)
-        elif name in EXPERIMENTS:
-            title += ": the quick version, with few and short runs" if table.settings["quick"] else ""
-            drawn += EXPERIMENTS[name].draw(table.rows, figures)
+        title += ": the quick version, with few and short runs" if table.settings.get("quick") else ""
+        drawn += draw_table(table, figures)
         for pattern, caption in AT_RUN_TIME.items() if name == "types" else ():
             for path in files_in(table.path.parent, pattern):
                 pictures.append(Picture(path, f"{path.stem.split('_')[0].replace('type', 'Type ')}, {caption}"))
@@ -221,8 +218,7 @@ def render(template: str, content: dict) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    filters = {"data_uri": data_uri, "prose": prose}
-    environment.filters |= filters | {"md": markdown.text, "code": markdown.code, "target": markdown.target}
+    environment.filters |= {"data_uri": data_uri, "prose": prose, "md": markdown.text, "code": markdown.code}
     return environment.get_template(template).render(content)
 
 

@@ -226,10 +226,10 @@ def findings(rows: Rows) -> list[Finding]:
     return listed
 
 
-def draw(rows: Rows, out: Path) -> list[Path]:
+def draw(rows: Rows, path: Path) -> list[Path]:
     """Draw how many statements are reproduced, and the support of each choice."""
     every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
-    return draw_support(every, supported([c for c in every if c.reading is None]), list(ASKED), out / "infer")
+    return draw_support(every, supported([c for c in every if c.reading is None]), list(ASKED), path)
 
 
 def experiment_of(combinations: int = COMBINATIONS, repeats: int = REPEATS) -> Experiment:
@@ -248,7 +248,7 @@ def experiment_of(combinations: int = COMBINATIONS, repeats: int = REPEATS) -> E
         source="section 4.6",
         entries=partial(entries, combinations, repeats),
         findings=findings,
-        draw=draw,
+        figure=draw,
     )
 
 

@@ -1,26 +1,15 @@
-"""All experiments by their names: title, source, runs, figures."""
+"""All experiments by their names: source, title, runs, figures."""
 
-from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis import beyond_statements, statements
+from iswarm_mj.experiments.analysis import measures as m
 from iswarm_mj.experiments.analysis.beyond_statements import BALANCE, DEFAULT, TRIALS, changes
 from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Finding, Rows
-from iswarm_mj.experiments.analysis.measures import (
-    AGGREGATION,
-    ATTEMPTS,
-    CARRIAGE,
-    COLLISIONS,
-    FAILED,
-    FITNESS,
-    TIME,
-    by,
-    select,
-    values,
-)
+from iswarm_mj.experiments.analysis.measures import by, select, values
 from iswarm_mj.experiments.analysis.plots import (
     TESTS,
     Effect,
@@ -35,24 +24,42 @@ from iswarm_mj.experiments.studies import infer, observed, plans
 from iswarm_mj.utils.constraints import constraint_of
 from iswarm_mj.utils.errors import UserError, shown
 
+_COURSE = (m.TIME, m.COLLISIONS, m.CARRIAGE)
+
 
 def findings(name: str, rows: Rows) -> list[Finding]:
     """Findings on the statements of a study."""
     return [one.finding(rows) for one in statements.STATEMENTS + beyond_statements.STATEMENTS if one.study == name]
 
 
-def _types(rows: Rows, out: Path) -> list[Path]:
+def _hop_count(rows: Rows, path: Path) -> list[Path]:
+    return draw_bars(rows, ["use_hop_count"], "hop counts", lambda flag: "with" if flag else "without", path)
+
+
+def _density(rows: Rows, path: Path) -> list[Path]:
+    return draw_bars(rows, ["density"], "density of robots", "{:g}".format, path)
+
+
+def _message_time(rows: Rows, path: Path) -> list[Path]:
+    def name(setting: str, flag: bool) -> str:
+        lines = setting.replace(" bit", "\nbit").replace(", all photodiodes", "\nall")
+        return f"{lines}\n{'with' if flag else 'without'}"
+
+    return draw_bars(rows, ["setting", "use_hop_count"], "messages, hop counts", name, path)
+
+
+def _types(rows: Rows, path: Path) -> list[Path]:
     """A dot a run of each type."""
     groups = by(rows, "type")
     panels = [
         Sample(measure.label, {name: values(runs, measure).tolist() for name, runs in groups.items()})
-        for measure in (FITNESS, TIME, AGGREGATION)
+        for measure in (m.FITNESS, m.TIME, m.AGGREGATION)
     ]
     n = ", ".join(map(str, sorted({len(values) for panel in panels for values in panel.groups.values()})))
-    return draw_samples(panels, out / "types", f"Dots: runs, n = {n} in a column.")
+    return draw_samples(panels, path, f"Dots: runs, n = {n} in a column.")
 
 
-def _sensitivity(rows: Rows, out: Path) -> list[Path]:
+def _sensitivity(rows: Rows, path: Path) -> list[Path]:
     """The effects in the manner of a forest plot."""
     usual, effects = select(rows, choice=DEFAULT), []
     for change in changes(rows):
@@ -65,61 +72,33 @@ def _sensitivity(rows: Rows, out: Path) -> list[Path]:
         f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
         f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
     )
-    return draw_forest(effects, label, out / "sensitivity", caption) if effects else []
+    return draw_forest(effects, label, path, caption) if effects else []
 
 
-def _robustness(rows: Rows, out: Path) -> list[Path]:
-    lines = {
-        "dead, standing in the way": select(rows, kind="dead"),
-        "absent": [row for row in rows if row["kind"] == "absent" or row["fraction"] == 0.0],
-    }
-    measures = (TIME, COLLISIONS, CARRIAGE)
-    return draw_curves(lines, lambda row: row["fraction"], "share of failed robots", measures, out / "robustness")
+def _robustness(rows: Rows, path: Path) -> list[Path]:
+    absent = [row for row in rows if row["kind"] == "absent" or row["fraction"] == 0.0]
+    lines = {"dead, standing in the way": select(rows, kind="dead"), "absent": absent}
+    return draw_curves(lines, "fraction", "share of failed robots", _COURSE, path)
 
 
-def _time_step(rows: Rows, out: Path) -> list[Path]:
-    measures = (TIME, COLLISIONS, CARRIAGE)
-    return draw_curves(by(rows, "type"), lambda row: row["rate"], "physics steps a second", measures, out / "time_step")
+def _time_step(rows: Rows, path: Path) -> list[Path]:
+    return draw_curves(by(rows, "type"), "rate", "physics steps a second", _COURSE, path)
 
 
-def _resolved_grasps(rows: Rows, out: Path) -> list[Path]:
+def _resolved_grasps(rows: Rows, path: Path) -> list[Path]:
     """Time, attempts and failed grasps over the voltage in the dampest air, a figure for each type."""
     drawn, damp = [], max(row["relative_humidity"] for row in rows)
+    label, measures = f"voltage while lifting [V], at {damp:g} % RH", (m.TIME, m.ATTEMPTS, m.FAILED)
     for name, mine in by(select(rows, relative_humidity=damp), "type").items():
         lines = {"balance of the forces": select(mine, resolution=BALANCE), "trials": select(mine, resolution=TRIALS)}
-        label, path = f"voltage while lifting [V], at {damp:g} % RH", out / f"resolved_grasps_{name}"
-        drawn += draw_curves(lines, lambda row: row["grasp_voltage"], label, (TIME, ATTEMPTS, FAILED), path)
+        drawn += draw_curves(lines, "grasp_voltage", label, measures, path.with_name(f"{path.name}_{name}"))
     return drawn
 
 
-def _hop_count(rows: Rows, out: Path) -> list[Path]:
-    names = {True: "with", False: "without"}
-    return draw_bars(rows, lambda row: row["use_hop_count"], "hop counts", names, out / "hop_count")
-
-
-def _density(rows: Rows, out: Path) -> list[Path]:
-    names = {density: f"{density:g}" for density in sorted(by(rows, "density"))}
-    return draw_bars(rows, lambda row: row["density"], "density of robots", names, out / "density")
-
-
-def _message_time(rows: Rows, out: Path) -> list[Path]:
-    names = {
-        (name, flag): name.replace(" bit", "\nbit").replace(", all photodiodes", "\nall")
-        + ("\nwith" if flag else "\nwithout")
-        for name, flag in by(rows, "setting", "use_hop_count")
-    }
-    key, label = (lambda row: (row["setting"], row["use_hop_count"])), "messages, hop counts"
-    return draw_bars(rows, key, label, names, out / "message_time")
-
-
-_LISTED: tuple[tuple[str, str, str, Callable[[Rows, Path], list[Path]]], ...] = (
-    (
-        "hop-count",
-        "Fig. 15",
-        "with and without hop counts, 12 runs each, until 66 of 72 balls or 1200 steps",
-        _hop_count,
-    ),
-    ("density", "Fig. 17", "densities from 0.05 to 0.4, 12 runs each, until 66 of 72 balls or 1200 steps", _density),
+_UNTIL = "until 66 of 72 balls or 1200 steps"
+_LISTED = (
+    ("hop-count", "Fig. 15", f"with and without hop counts, 12 runs each, {_UNTIL}", _hop_count),
+    ("density", "Fig. 17", f"densities from 0.05 to 0.4, 12 runs each, {_UNTIL}", _density),
     (
         "types",
         "Fig. 16, Table 2",
@@ -135,15 +114,10 @@ _LISTED: tuple[tuple[str, str, str, Callable[[Rows, Path], list[Path]]], ...] = 
     (
         "robustness",
         NOT_IN_PAPER,
-        "0 to 50 % of the robots dead, or left out, 12 runs each, until 66 of 72 balls or 1200 steps",
+        f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}",
         _robustness,
     ),
-    (
-        "time-step",
-        NOT_IN_PAPER,
-        "both types at 2 to 100 physics steps a second, 24 runs each, until 66 of 72 balls or 1200 steps",
-        _time_step,
-    ),
+    ("time-step", NOT_IN_PAPER, f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}", _time_step),
     (
         "message-time",
         "section 4.1, Fig. 15",
@@ -159,8 +133,8 @@ _LISTED: tuple[tuple[str, str, str, Callable[[Rows, Path], list[Path]]], ...] = 
 )
 _EXTRA = {"types": observed.record, "time-step": observed.observe}
 EXPERIMENTS = {
-    name: Experiment(name, title, source, plans.ENTRIES[name], partial(findings, name), draw, _EXTRA.get(name))
-    for name, source, title, draw in _LISTED
+    name: Experiment(name, title, source, plans.ENTRIES[name], partial(findings, name), figure, _EXTRA.get(name))
+    for name, source, title, figure in _LISTED
 } | {"infer": infer.EXPERIMENT}
 
 
