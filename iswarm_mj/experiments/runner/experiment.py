@@ -163,7 +163,7 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -
         Journal(out / RUNS, {"kind": "runs of experiments"}) as journal,
         progress(len(keyed), name, sum(key in journal.entries for key in keyed)) as bar,
     ):
-        (outcomes,) = run_missing([(keyed, journal)], execution, bar)
+        outcomes = run_missing(keyed, journal, execution, bar)
     found = dict(zip(keyed, outcomes, strict=True))
     return [found[_key(job, execution)] for job in jobs]
 

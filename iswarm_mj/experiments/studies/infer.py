@@ -19,7 +19,7 @@ from iswarm_mj.experiments.analysis.findings import (
     Finding,
     Rows,
     number,
-    percent,
+    short,
 )
 from iswarm_mj.experiments.analysis.measures import STEPS, by, select
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_support
@@ -211,7 +211,7 @@ def findings(rows: Rows) -> list[Finding]:
     listed = [best._replace(ours=ours, statistics=rule, verdict=verdict)]
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in FACTORS.items()})
     for name, shares in supported(sample).items():
-        text = "; ".join(f"{label}: {percent(share)}" for label, share in shares.items())
+        text = "; ".join(f"{label}: {short(share, '%')}" for label, share in shares.items())
         alone = counts_alone(every, name, DEFAULTS[name])
         if other := gives_way(DEFAULTS[name], shares, alone):
             text += f"; by the rule, {DEFAULTS[name]} gives way to {other}"

@@ -9,15 +9,13 @@ from iswarm_mj.experiments.analysis import beyond_statements, statements
 from iswarm_mj.experiments.analysis import measures as m
 from iswarm_mj.experiments.analysis.beyond_statements import BALANCE, DEFAULT, TRIALS, changes
 from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Finding, Rows
-from iswarm_mj.experiments.analysis.measures import by, select, values
+from iswarm_mj.experiments.analysis.measures import by, select
 from iswarm_mj.experiments.analysis.plots import (
     TESTS,
     Effect,
-    Sample,
     draw_bars,
     draw_curves,
     draw_forest,
-    draw_samples,
 )
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans
@@ -49,14 +47,7 @@ def _message_time(rows: Rows, path: Path) -> list[Path]:
 
 
 def _types(rows: Rows, path: Path) -> list[Path]:
-    """A dot a run of each type."""
-    groups = by(rows, "type")
-    panels = [
-        Sample(measure.label, {name: values(runs, measure).tolist() for name, runs in groups.items()})
-        for measure in (m.FITNESS, m.TIME, m.AGGREGATION)
-    ]
-    n = ", ".join(map(str, sorted({len(values) for panel in panels for values in panel.groups.values()})))
-    return draw_samples(panels, path, f"Dots: runs, n = {n} in a column.")
+    return draw_bars(rows, ["type"], "type", str, path, (m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION))
 
 
 def _sensitivity(rows: Rows, path: Path) -> list[Path]:
@@ -102,7 +93,7 @@ _LISTED = (
     (
         "types",
         "Fig. 16, Table 2",
-        "times and fitness of both evolved types over 96 runs, pictures and videos of them at run time",
+        "times and fitness of both evolved types over 96 runs, with drawings",
         _types,
     ),
     (
