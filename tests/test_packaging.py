@@ -72,7 +72,7 @@ def test_the_models_are_the_ones_expected():
         *MODELS,
         "iswarm_mj/gripper/laws/probe_table.csv",
         "iswarm_mj/py.typed",
-        "iswarm_mj/experiments/report/templates/report.md",
+        "iswarm_mj/experiments/report/templates/report.html",
     ],
 )
 def test_both_archives_hold_the_data_unchanged(sdist, wheel, name):

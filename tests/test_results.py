@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.experiments.report.results import FINDINGS, collect, findings_files, topics_of
+from iswarm_mj.experiments.report.results import collect, findings_files, topics_of
 from iswarm_mj.experiments.report.tables import Tables, filled
+from iswarm_mj.experiments.runner.experiment import FINDINGS
 from iswarm_mj.utils.tables import read_table, write_csv
 
 ROOT = Path(__file__).parents[1]
@@ -50,4 +51,4 @@ def test_evolutions_begin_as_random_search_does(results):
 @pytest.mark.parametrize("page", PAGES)
 def test_numbers_on_pages_are_those_of_the_results(page, tables):
     text = (ROOT / page).read_text()
-    assert filled(text, page, tables.content) == text, REMEDY
+    assert filled(text, tables.content) == text, REMEDY

@@ -40,7 +40,6 @@ OWN = "run --strategy beeclust --task aggregation"
         ("grasp --voltages １２", ["--voltages"]),
         ("clean --robots 1_000", ["--robots", "1_000", "whole number"]),
         ("clean --out=", ["--out", "name of a file"]),
-        ("report --beside=", ["--beside", "name of a file"]),
         ("clean --robots 5 --robots 7", ["--robots is given twice"]),
         ("clean --strategy=type1 --steps 3 --strategy type2", ["--strategy is given twice"]),
         ("clean --record --no-record", ["--record is given twice"]),

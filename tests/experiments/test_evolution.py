@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
-from helpers_findings import changed, found_in, replicated, search_rows, settings_of
+from helpers_findings import changed, found_in, replicated, search_rows
 
 from iswarm_mj.experiments.analysis.evolution import Evolution, best_of, by_replicate
 from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS, TRAITS
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_searches
 
 CLAIMS = [statement.claim for statement in STATEMENTS[: -len(TRAITS)]]
 RISES, LEARNS, BEATS, RIVAL, AS_FIT, SLOW, MANY_FAIL, COUNTED, _, EXCEPTIONS, SCOUTS_LEVEL, FORGET_LEVEL = CLAIMS[:12]
 SCOUTS, FORGET, TRADE, DENSITY, SIGNALS, *_ = CLAIMS[12:]
 JUDGED = [claim for claim in CLAIMS if claim is not RIVAL]
-MOVED = {trait.label: f"Selection moves {trait.what}" for trait in TRAITS}
+MOVED = {trait: f"Selection moves {trait}" for trait in TRAITS}
 
 
 def test_evolutions_that_go_as_the_papers(paper, random):
@@ -28,7 +27,7 @@ def test_few_evolutions_decide_nothing(paper, n):
     """However many runs they have."""
     found = found_in([row for row in paper if row["replicate"] < n])
     assert {found[claim].verdict for claim in JUDGED if claim is not BEATS} == {TOO_FEW}
-    assert f"no interval from {n}, needs 6" in found[RISES].statistics and "95 %" not in found[RISES].ours
+    assert "(" not in found[RISES].ours  # no interval
 
 
 def test_a_table_without_replicates_is_of_one_search(paper):
@@ -42,15 +41,14 @@ def test_a_table_without_replicates_is_of_one_search(paper):
 def test_medians_are_over_evolutions(paper):
     parts = [100 * np.mean([row["delivered"] != 72 for row in mine]) for mine in by_replicate(paper)]
     finding = found_in(paper)[MANY_FAIL]
-    assert finding.ours.startswith(f"{sum(row['delivered'] != 72 for row in paper)} of 9600 runs")
-    assert f"from {min(parts):.3g} to {max(parts):.3g}, median over evolutions {np.median(parts):.1f} %" in finding.ours
+    assert finding.ours.startswith(f"{min(parts):.3g} to {max(parts):.3g}, median {np.median(parts):.1f} % (")
 
 
 @pytest.mark.parametrize("n, verdict", [(2, HOLDS), (3, TOO_FEW)])
 def test_evolutions_without_a_value_do_not_count(paper, n, verdict):
     """Those of which no run cleans the arena say nothing of the runs that do."""
     finding = found_in(changed(paper, lambda row, number: {"delivered": 40} if number < n else {}))[COUNTED]
-    assert finding.verdict == verdict and f"{n} evolutions have no value" in finding.statistics
+    assert finding.verdict == verdict and f"over 8 evolutions, n = {8 - n};" in finding.statistics
 
 
 @pytest.mark.parametrize("falling, verdict", [(8, HOLDS), (4, UNDECIDED), (0, FAILS)])
@@ -102,7 +100,7 @@ def test_densities(paper, density, verdict):
 @pytest.mark.parametrize("n, verdict", [(8, HOLDS), (4, UNDECIDED), (0, FAILS)])
 def test_signals_are_counted_by_best_genomes(paper, n, verdict):
     finding = found_in(changed(paper, lambda row, number: {"priority_signal_loaded": number < n}))[SIGNALS]
-    assert finding.verdict == verdict and finding.ours.startswith(f"{n} of 8 evolutions by their best genomes")
+    assert finding.verdict == verdict and finding.ours.startswith(f"{n} of 8: ")
 
 
 @pytest.mark.parametrize(
@@ -156,16 +154,6 @@ def test_few_swarms_without_hop_counts_clean(paper, cleaning, verdict):
     assert found_in(changed(paper, clean))[EXCEPTIONS].verdict == verdict
 
 
-def test_equality_is_told_among_swarms_with_hop_counts_too(paper):
-    """Most that fail lost hop counts by chance, which makes them equal to the others and hides what else differs."""
-
-    def apart(row, k):
-        return {"fraction_scouts": 0.5 - (0.4 + 0.01 * k) * (row["use_hop_count"] and row["delivered"] < 72)}
-
-    told = found_in(changed(paper, apart))[SCOUTS].ours
-    assert "with hop counts alone 0.435 (95 % interval 0.4 to 0.47), median of the 8 evolutions" in told
-
-
 def test_short_searches_decide_nothing_that_needs_more():
     found = found_in(replicated(6, generations=10))
     assert {found[claim].verdict for claim in (RISES, LEARNS, TRADE, DENSITY)} == {TOO_FEW}
@@ -176,9 +164,7 @@ def test_searches_are_compared_by_their_best_runs(paper, claim, method, verdict)
     """One that finds fitter swarms in its first generations is better, however unfit its last ones are."""
     early = changed(paper, lambda row, n: {"fitness": 9000.0 if row["generation"] < 20 else 0.0})
     finding = found_in(paper, **{method: early})[claim]
-    assert finding.verdict == verdict and "U = 0," in finding.statistics
-    last = np.median([np.mean([r["fitness"] for r in mine if r["generation"] >= 100]) for mine in by_replicate(paper)])
-    assert f"against 9000 points, of the last 20 generations {last:.0f} against 0" in finding.ours
+    assert finding.verdict == verdict and " against 9000, difference -" in finding.ours
 
 
 class TestSelection:
@@ -197,15 +183,15 @@ class TestSelection:
         rng = np.random.default_rng(0)
         by_chance = changed(random, lambda row, n: {"density_of_robots": rng.uniform(0.01, 0.33)})
         mine = changed(paper, lambda row, n: {"density_of_robots": density(n)})
-        assert found_in(mine, random=by_chance)[MOVED["density"]].verdict == verdict
+        assert found_in(mine, random=by_chance)[MOVED["the density of robots"]].verdict == verdict
 
     def test_one_difference_among_several_traits_may_be_chance(self, paper, random):
         """Its interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
         by_chance = changed(random, lambda row, n: {"density_of_robots": 0.04 + 0.04 * n})
         mine = changed(paper, lambda row, n: {"density_of_robots": 0.17 + 0.04 * n})
-        finding = found_in(mine, random=by_chance)[MOVED["density"]]
+        finding = found_in(mine, random=by_chance)[MOVED["the density of robots"]]
         assert finding.verdict == UNDECIDED
-        assert "95 % interval 0.01 to 0.27), Mann-Whitney p = 0.021, 0.14 by Holm for 8 traits" in finding.statistics
+        assert finding.ours.endswith("(0.01 to 0.27)") and "by Holm p = 0.14;" in finding.statistics
 
     @pytest.mark.parametrize(
         ("elites", "others", "verdict"),
@@ -224,7 +210,7 @@ class TestSelection:
             return {"origin": "elite" if is_elite else "mutation", "priority_signal_loaded": flag}
 
         by_chance = changed(random, lambda row, n: {"priority_signal_loaded": row["individual"] % 2 == 0})
-        finding = found_in(changed(paper, of_mine), random=by_chance)[MOVED["loaded signal"]]
+        finding = found_in(changed(paper, of_mine), random=by_chance)[MOVED["the priority signal of loaded robots"]]
         assert finding.verdict == verdict
 
     def test_without_replicates_of_both_nothing_is_said(self, paper):
@@ -268,11 +254,3 @@ def test_the_best_genome_is_best_on_average_over_its_runs():
     rows += [row | {"fraction_scouts": 0.3, "fitness": f} for f in (5.0, 5, 5)]
     best = best_of(rows)
     assert (best.genome.fraction_scouts, best.fitness, best.n_runs) == (0.3, 5.0, 3)
-
-
-def test_files(paper, random, tmp_path):
-    searches = {"paper": (paper, settings_of()), "random": (random, settings_of("random"))}
-    names = [path.name for path in draw_searches(searches, tmp_path)]
-    assert names == ["evolution_paper.png", "evolution_random.png", "trade.png", "traits.png"]
-    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in names)
-    assert len(draw_searches({"random": (search_rows(), settings_of())}, tmp_path)) == 1

@@ -54,11 +54,6 @@ def best_of(rows: Rows) -> Best:
     return Best(Genome(*values), float(np.mean(known[values])), len(known[values]))
 
 
-def genome_of(row: Row) -> Genome:
-    """Genome of a row."""
-    return Genome(*(row[name] for name in _NAMES))
-
-
 def by_replicate(rows: Rows) -> list[Sequence[Row]]:
     """Rows of each replicate, in the order of their numbers; tables without that column have one."""
     return [mine for _, mine in sorted(by(rows, "replicate").items())] if "replicate" in rows[0] else [rows]

@@ -74,8 +74,6 @@ class Statement(NamedTuple):
     """What is to be known of the test or the verdict; ends the statistics of the finding."""
     test: Test
     """Of the results: rows, or for evolutions samples by methods; None where they have nothing on it."""
-    asks: Mapping[str, Callable[[Rows], bool]] = {}
-    """Whether a single set of runs does as the paper says, by short texts: for `iswarm infer`, see `support`."""
 
     def finding(self, results: Any) -> Finding:
         """Return the finding; results that are empty, or None, were not made."""
@@ -90,14 +88,9 @@ _WORDS = {row.pop("test"): row for row in csv.DictReader(_TABLE.splitlines())}
 """Study, claim, source, the paper's value, kind and note by the names of tests."""
 
 
-def stated(tests: Mapping[str, Test], asks: Mapping[str, Mapping[str, Callable[[Rows], bool]]] = {}) -> list[Statement]:
-    """Statements that these tests judge, in the words of the table beside this file.
-
-    Args:
-        tests: by their names in the table.
-        asks: what single sets of runs are asked, by the same names.
-    """
-    return [Statement(**_WORDS[name], test=test, asks=asks.get(name, {})) for name, test in tests.items()]
+def stated(tests: Mapping[str, Test]) -> list[Statement]:
+    """Statements that these tests judge, by their names in the table beside this file, which has the words."""
+    return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
 
 
 def added(study: str, claim: str, test: Test, note: str = "") -> Statement:

@@ -1,9 +1,9 @@
-"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, curves, effects.
+"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, effects.
 
 Each is written as PNG and SVG; functions take the path without suffix and return the paths of the PNG files.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,39 +98,6 @@ def draw_bars(
             axes.set_ylim(bottom=0)
             axes.set(xlabel=label, ylabel=measure.label)
             axes.set_title(f"({letter}){p}", loc="left", fontsize=9)
-    return png(path)
-
-
-def draw_curves(
-    rows: Mapping[str, Rows], column: str, label: str, measures: Sequence[Measure], path: Path
-) -> list[Path]:
-    """Draw measures against a quantity: lines through the medians, bands between the quartiles, a dot per run.
-
-    Args:
-        rows: of an experiment's table, by the names of the lines.
-        column: the quantity.
-        label: of the horizontal axis.
-        measures: one panel each.
-        path: of the files, without suffix.
-    """
-    lines = {name: sorted(by(mine, column).items()) for name, mine in rows.items()}
-    sizes = _sizes([group for groups in lines.values() for _, group in groups])
-    caption = f"Lines: medians; bands: from the first to the third quartile; dots: runs. {sizes} {TESTS}"
-    with figure(path, columns=len(measures), size=(3.6, 3.2), caption=caption) as panels:
-        for axes, measure in zip(panels, measures, strict=True):
-            for (name, groups), hue, mark in zip(lines.items(), (BLUE, ORANGE), "ox", strict=False):
-                found = {step: sample for step, group in groups if len(sample := values(group, measure))}
-                if not found:
-                    continue
-                low, middle, high = np.array([np.quantile(v, [0.25, 0.5, 0.75]) for v in found.values()]).T
-                axes.fill_between(list(found), low, high, color=hue, alpha=0.15, linewidth=0)
-                axes.plot(list(found), middle, marker=mark, color=hue, label=name)
-                for step, group in groups:
-                    if step in found:
-                        _dots(axes, step, group, measure, hue)
-            axes.set_ylim(bottom=0)
-            axes.set(xlabel=label, ylabel=measure.label)
-        panels[0].legend(fontsize=8)
     return png(path)
 
 

@@ -31,7 +31,7 @@ FILES = {
     "best*.json": "best genome: iswarm clean --genome {path}",
     "runs.sqlite": "finished runs, which are not repeated",
     "checkpoint.sqlite": "finished runs, with which --resume goes on",
-    "findings.*": "statements and verdicts, a row each",
+    "findings.csv": "statements and verdicts, a row each",
     "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
     "*.csv": "the same table for spreadsheets",
     "*.html": "page for a browser",

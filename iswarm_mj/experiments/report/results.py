@@ -1,8 +1,10 @@
 """Tables of experiments, searches and trials below directories, their figures, and the topics of findings on them."""
 
+import csv
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +12,7 @@ from iswarm_mj.experiments.analysis import bench_statements, evolution_statement
 from iswarm_mj.experiments.analysis.evolution import samples_of
 from iswarm_mj.experiments.analysis.findings import KINDS, Finding, Rows
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
+from iswarm_mj.experiments.runner.experiment import FINDINGS
 from iswarm_mj.experiments.runner.search import FIGURE
 from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
@@ -17,25 +20,13 @@ from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.tables import read_table, write_csv
 
-TRIALS, FINDINGS = "trials.parquet", "findings.csv"
+TRIALS = "trials.parquet"
 METHODS = ("paper", "random", "cmaes")
 """Of searches, in the order in which they stand."""
 LAWS, GRASP, EVOLUTION = "laws", "grasp", "evolution"
-TITLES = {
-    LAWS: "The gripper's theory (section 3.2.1)",
-    GRASP: "Grasping and releasing (section 3.2.3, Figs. 6 to 11)",
-    EVOLUTION: "Evolution (section 4.6.1, Fig. 14, Table 2)",
-    "hop-count": "Hop counts (section 4.6.1, Fig. 15)",
-    "types": "The two types (Table 2, Fig. 16)",
-    "density": "The optimal density (section 4.6.2, Fig. 17)",
-    "message-time": "Messages that take time (section 4.1, Fig. 15)",
-    "sensitivity": "Beyond the paper: other choices and other noise",
-    "robustness": "Beyond the paper: failed robots",
-    "resolved-grasps": "Beyond the paper: grasps by trials on the bench",
-    "time-step": "Beyond the paper: the physics time step",
-    "infer": "Beyond the paper: which readings agree with it",
-}
-"""Topics in their order."""
+_TABLE = files("iswarm_mj.experiments.report").joinpath("topics.csv").read_text(encoding="utf-8")
+TOPICS = {row["topic"]: row for row in csv.DictReader(_TABLE.splitlines())}
+"""Topics in their order: titles, and what the paper's text and captions say of its figures, which are not at hand."""
 SEARCHES = tuple(f"evolve-{method}" for method in METHODS)
 _NAMES = {TRIALS, SEARCH, *(experiment.table for experiment in EXPERIMENTS.values())}
 
@@ -67,6 +58,8 @@ class Topic(NamedTuple):
     findings: Sequence[Finding]
     results: Sequence[Result]
     """Tables that the findings are based on; none if they were not made, or are not needed."""
+    paper: str = ""
+    """What the paper says of its figure; empty without one."""
 
 
 @contextmanager
@@ -144,11 +137,11 @@ def topics_of(results: Mapping[str, Result]) -> list[Topic]:
         UserError: a table holds something else than its name says.
     """
     listed = []
-    for name, title in TITLES.items():
+    for name, words in TOPICS.items():
         mine = [results[part] for part in (SEARCHES if name == EVOLUTION else (name,)) if part in results]
         with as_named(mine[0].path if mine else Path()):
             made = samples_of(searches_of(mine)) if name == EVOLUTION else mine[0].rows if mine else None
-            listed.append(Topic(name, title, findings_on(name, made), mine))
+            listed.append(Topic(name, words["title"], findings_on(name, made), mine, words["paper"]))
     return listed
 
 

@@ -18,7 +18,7 @@ from iswarm_mj.experiments.report.numbers import GROUPS, engines, evolution, gro
 from iswarm_mj.experiments.report.results import (
     EVOLUTION,
     LAWS,
-    TITLES,
+    TOPICS,
     Topic,
     as_named,
     collect,
@@ -85,7 +85,7 @@ class Tables:
         Raises:
             UserError: there is no such block.
         """
-        if name not in (names := [*TITLES, *OF_ALL, ENGINES]):
+        if name not in (names := [*TOPICS, *OF_ALL, ENGINES]):
             raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
         places = [place for place in (directory, beside) if place]
         found = {place: self._named(place, name) for place in places if (self._root / place).is_dir()}

@@ -27,38 +27,6 @@ INTRODUCTION = (
     "p-values are two-sided. A verdict tells whether the statement holds in this simulation, not whether the paper is "
     "right; its kind tells what that is worth.",
 )
-PAPER_FIGURES = {
-    "grasp": (
-        "Figs. 8 and 9 plot the averages of five grasp voltages against the radius, at 10 % RH and at 30 and 50 %. By "
-        "the text they range from 20 to 30 V at 10 %, which is optimal, and the radius does not really influence "
-        "them. Fig. 10 has a ball, of 15 µm by the text, that melted to the tool at 70 V; Fig. 11 a release from "
-        "about 5 µm, which by the text takes 37 to 47 V."
-    ),
-    "evolution": (
-        "Fig. 14(a) has the absolute fitness of 1200 runs in 120 generations, with a dashed line at the most that a "
-        "swarm achieves without removing all dust, 2860 points. By the text the best rise steadily between "
-        "generations 1 and 35; the fittest of the two types have 7771 and 7766 points (Table 2). Fig. 14(b) has "
-        "p(vector-forget) and the fraction of scouts of the 250 fittest swarms between generations 35 and 100, with "
-        "two dashed lines that indicate a negative correlation."
-    ),
-    "hop-count": (
-        "Fig. 15 compares runs with and without hop counts: (a) how quickly the goal is achieved, (b) how much dust "
-        "is removed, (c) how many collisions happen, (d) on how short a way dust is carried; medians and third "
-        "quartiles, 12 runs a bar. The text gives no numbers."
-    ),
-    "types": (
-        "Fig. 16 has a screenshot of each type. By its caption type 2 shows a more intensive aggregation of empty "
-        "robots around the dust areas, and type 1 builds several sub-swarms that are narrowly connected. Colours by "
-        "the caption of Fig. 12: empty robots are red boxes, loaded ones blue; dust areas are blue, the dump is "
-        "yellow."
-    ),
-    "density": (
-        "Fig. 17 has (a) the time, (b) the cleaning, (c) collisions per robot and (d) the mean carriage at densities "
-        "from 0.05 to 0.4; medians and third quartiles, 6 runs a bar. By its caption (a), (c) and (d) are lowest "
-        "between 0.1 and 0.15, and swarms between 0.1 and 0.2 cleaned the whole arena."
-    ),
-}
-"""What the paper's text and captions say of its figures, which are not at hand themselves."""
 OF_RUNS = "type*[0-9].png"
 """Drawings that the experiment on types leaves in its directory."""
 SVG_LIMIT = 400_000
@@ -128,7 +96,7 @@ def _section(topic: Topic) -> Section:
             paths = draw_trade(searches_of(topic.results), drawn / "trade")
             pictures += [Picture("Forgetting and scouts among the fittest", data_uri(path)) for path in paths]
     quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
-    return Section(topic.title + quick, topic.findings, pictures, PAPER_FIGURES.get(topic.name, ""))
+    return Section(topic.title + quick, topic.findings, pictures, topic.paper)
 
 
 def render(template: str, content: dict) -> str:
