@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers_findings import changed, found_in, replicated, search_rows
+from helpers_findings import changed, found_in, search_rows
 
-from iswarm_mj.experiments.analysis.evolution import Evolution, best_of, by_replicate
+from iswarm_mj.experiments.analysis.evolution import Evolution, by_replicate
 from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS, TRAITS
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 
@@ -28,14 +28,6 @@ def test_few_evolutions_decide_nothing(paper, n):
     found = found_in([row for row in paper if row["replicate"] < n])
     assert {found[claim].verdict for claim in JUDGED if claim is not BEATS} == {TOO_FEW}
     assert "(" not in found[RISES].ours  # no interval
-
-
-def test_a_table_without_replicates_is_of_one_search(paper):
-    rows = search_rows()
-    assert by_replicate(rows) == [rows]
-    assert found_in(rows) == found_in([{"replicate": 0, **row} for row in rows])
-    assert [len(mine) for mine in by_replicate(paper[::-1])] == [1200] * 8
-    assert by_replicate(paper[::-1])[0][0]["replicate"] == 0
 
 
 def test_medians_are_over_evolutions(paper):
@@ -71,20 +63,6 @@ def test_equal_is_what_surely_lies_within_a_mutation(paper, claim, name, shift, 
 
 
 @pytest.mark.parametrize(
-    "claim, name, level", [(SCOUTS_LEVEL, "fraction_scouts", 0.16), (FORGET_LEVEL, "p_vector_forget", 0.28)]
-)
-@pytest.mark.parametrize(
-    "shift, verdict",
-    [(lambda n: 0.006 * n, HOLDS), (lambda n: 0.02 * n - 0.07, UNDECIDED), (lambda n: -0.06 - 0.001 * n, FAILS)],
-    ids=["there", "spread", "elsewhere"],
-)
-def test_levels_in_swarms_that_clean(paper, claim, name, level, shift, verdict):
-    """Whatever the others have; the paper's levels are judged within one mutation, as equality is."""
-    rows = changed(paper, lambda row, n: {name: level + shift(n) if row["delivered"] == 72 else 0.9})
-    assert found_in(rows)[claim].verdict == verdict
-
-
-@pytest.mark.parametrize(
     "density, verdict",
     [(lambda n: 0.13 + 0.001 * n, HOLDS), (lambda n: 0.3, FAILS), (lambda n: 0.08 + 0.02 * n, UNDECIDED)],
     ids=["there", "elsewhere", "spread"],
@@ -95,68 +73,6 @@ def test_densities(paper, density, verdict):
     finding = found_in(rows)[DENSITY]
     assert finding.verdict == verdict
     assert f"{100 * np.median([density(n) for n in range(8)]):.1f} %" in finding.ours
-
-
-@pytest.mark.parametrize("n, verdict", [(8, HOLDS), (4, UNDECIDED), (0, FAILS)])
-def test_signals_are_counted_by_best_genomes(paper, n, verdict):
-    finding = found_in(changed(paper, lambda row, number: {"priority_signal_loaded": number < n}))[SIGNALS]
-    assert finding.verdict == verdict and finding.ours.startswith(f"{n} of 8: ")
-
-
-@pytest.mark.parametrize(
-    "best, verdict",
-    [
-        (lambda n: 7771 + 10 * n, HOLDS),
-        (lambda n: 7382 + n, UNDECIDED),  # 0.95 * 7771 = 7382.45
-        (lambda n: 8153 + n, UNDECIDED),  # 1.05 * 7771 = 8159.55
-        (lambda n: 8160 + n, FAILS),
-        (lambda n: 7375 + n, FAILS),
-    ],
-)
-def test_the_fittest_swarm_of_an_evolution_is_as_fit_as_the_papers(paper, best, verdict):
-    """By its fittest run; nearly is 5 %."""
-    rows = changed(paper, lambda row, n: {"fitness": best(n) if row["generation"] == 60 else 2000.0})
-    assert found_in(rows)[AS_FIT].verdict == verdict
-
-
-@pytest.mark.parametrize(
-    "early, verdict",
-    [(lambda n: 0, HOLDS), (lambda n: 2, HOLDS), (lambda n: 8, FAILS), (lambda n: 2 + n, UNDECIDED)],
-)
-def test_swarms_that_clean_faster_than_the_paper_takes_for_possible(paper, early, verdict):
-    """Of each 100 swarms that clean, the first few need 249 steps, all others 250, which is not less."""
-    place = {n: 0 for n in range(8)}
-
-    def time(row, n):
-        if row["delivered"] < 72:
-            return {}
-        place[n] += 1
-        return {"finished_at": 249 if place[n] % 100 < early(n) else 250}
-
-    assert found_in(changed(paper, time))[SLOW].verdict == verdict
-
-
-@pytest.mark.parametrize(
-    "cleaning, verdict",
-    [(lambda n: 3 + n % 2, HOLDS), (lambda n: 0, FAILS), (lambda n: 9, FAILS), (lambda n: n, UNDECIDED)],
-)
-def test_few_swarms_without_hop_counts_clean(paper, cleaning, verdict):
-    """Of each 100 without hop counts so many clean; 2 to 8 are as few as the paper's 4."""
-    place = {n: 0 for n in range(8)}
-
-    def clean(row, n):
-        if row["use_hop_count"]:
-            return {}
-        place[n] += 1
-        cleans = (place[n] - 1) % 100 < cleaning(n)
-        return {"delivered": 72, "finished_at": 320} if cleans else {"delivered": 40, "finished_at": None}
-
-    assert found_in(changed(paper, clean))[EXCEPTIONS].verdict == verdict
-
-
-def test_short_searches_decide_nothing_that_needs_more():
-    found = found_in(replicated(6, generations=10))
-    assert {found[claim].verdict for claim in (RISES, LEARNS, TRADE, DENSITY)} == {TOO_FEW}
 
 
 @pytest.mark.parametrize("claim, method, verdict", [(BEATS, "random", FAILS), (RIVAL, "cmaes", "")])
@@ -244,13 +160,3 @@ def test_quantities_of_one_search():
     assert one.density == pytest.approx(0.295) and one.late("fraction_scouts") == pytest.approx(0.2)
     assert one.apart("fraction_scouts") == pytest.approx(0.2) and Evolution(rows[:58], 72).apart("x") is None
     assert one.trade is None and one.top == [] and one.exceptions == 0.0
-
-
-def test_the_best_genome_is_best_on_average_over_its_runs():
-    """A lucky run of one genome, and two others with three runs each."""
-    (row,) = search_rows(1, 1)
-    rows = [row | {"fraction_scouts": 0.1, "fitness": 9.0}]
-    rows += [row | {"fraction_scouts": 0.2, "fitness": f} for f in (1.0, 2, 9)]
-    rows += [row | {"fraction_scouts": 0.3, "fitness": f} for f in (5.0, 5, 5)]
-    best = best_of(rows)
-    assert (best.genome.fraction_scouts, best.fitness, best.n_runs) == (0.3, 5.0, 3)

@@ -101,12 +101,6 @@ class TestDesign:
             (replace(PRESETS["type1"], use_hop_count=False), 66, 1200)
         }
 
-    def test_the_named_readings_are_run_as_they_are(self):
-        listed = entries(N, Plan())
-        for name, config in READINGS.items():
-            mine = [e for e in listed if e.labels["reading"] == name and not any(e.labels[f] for f in FACTORS)]
-            assert {e.job.config for e in mine} == {config}
-
     def test_the_paper_s_reading_is_run_with_each_other_value_alone(self):
         """In the same layouts."""
         runs = {}
@@ -229,6 +223,3 @@ class TestSupport:
         assert f"paper {total} of {total}; initial 2 of {total}" in first.ours
         sides = next(f for f in others if "avoidance sides" in f.claim)
         assert "front: 100 %" in sides.ours and "p = 0.5, 1 by Holm for 17 readings" in sides.statistics
-
-    def test_without_rows_nothing_is_found(self):
-        assert [f.verdict for f in findings([])] == ["not run yet"]

@@ -18,7 +18,7 @@ from iswarm_mj.experiments.analysis.judge import (
     reaching,
     shares,
 )
-from iswarm_mj.experiments.analysis.measures import COLLISIONS, DUST, TIME, by, values
+from iswarm_mj.experiments.analysis.measures import COLLISIONS, DUST, TIME, by
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, smallest_p
 
 
@@ -193,8 +193,3 @@ def test_several_statements():
 )
 def test_numbers_are_readable(value, text):
     assert number(value) == text
-
-
-def test_what_has_no_value_is_left_out():
-    found = [{"finished_at": None, "max_steps": 9}, {"finished_at": 4, "max_steps": 9}]
-    assert values(found, TIME).tolist() == [9, 4]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from iswarm_mj.config import READINGS, DriveConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.beyond_statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.experiments.studies import plans
@@ -25,13 +25,6 @@ class TestPlans:
         assert {replace(job.genome, use_hop_count=True) for job in jobs} == {PRESETS["type1"]}
         assert {(job.n_robots, job.steps, job.stop_at) for job in jobs} == {(280, 1200, 66)}
 
-    def test_densities_are_those_of_the_paper(self):
-        entries = plans.density(PLAN)
-        found = {entry.labels["density"]: entry.job.n_robots for entry in entries}
-        assert min(found) == 0.05 and max(found) == 0.4 and len(entries) == 12 * len(found)
-        assert found[0.05] == 119 and found[0.4] == 950
-        assert {(entry.job.steps, entry.job.stop_at) for entry in entries} == {(1200, 66)}
-
     def test_sensitivity_varies_one_value_at_a_time(self):
         """Each job's configuration differs from the default in the value that its label names, and nowhere else."""
         usual = SwarmConfig()
@@ -44,20 +37,6 @@ class TestPlans:
             ]
             choice, value = entry.labels["choice"], entry.labels["value"]
             assert differing == ([] if choice == "default" else [(choice, value)])
-
-    @pytest.mark.parametrize("quick, n_runs", [(False, 10), (True, 3)])
-    def test_sensitivity_varies_the_update_order(self, quick, n_runs):
-        entries = plans.sensitivity(replace(PLAN, quick=quick))
-        in_turn = [e for e in entries if e.job.config.strategy.update_order == "sequential"]
-        later = [e for e in entries if e.labels["group"] == "readings"]
-        assert in_turn + later == entries[-n_runs - len(later) :]  # so that the seeds of the others are what they were
-        assert {e.labels["group"] for e in in_turn} == {"update order"} and len(later) == (n_runs if quick else 11 * 10)
-
-    @pytest.mark.parametrize(("reading", "other"), [("paper", "all"), ("initial", "front")])
-    def test_sensitivity_leaves_out_what_is_the_default(self, reading, other):
-        entries = plans.sensitivity(Plan(READINGS[reading]))
-        sides = {e.labels["value"] for e in entries if e.labels["choice"] == "strategy.avoidance_sides"}
-        assert sides == {other}
 
     def test_dead_robots_are_there_and_absent_ones_are_not(self):
         entries = plans.robustness(PLAN)

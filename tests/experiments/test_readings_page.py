@@ -51,21 +51,3 @@ def test_what_the_page_says_of_the_support():
     assert shares["dust_offset"]["12 rd"].low > 1 / 3 and shares["bit_errors"]["one, noticed"].low > 1 / 3
     assert shares["drops"]["1 % a step"].low > 1 / 2 > shares["avoidance_sides"]["front"].low
     assert shares["random_turn"]["30 deg"].high < 1 / 3
-
-
-def test_what_is_supported_without_the_statements_on_the_fittest_run():
-    """As the page says: the times and penalties of Table 2 are those of the fittest of an evolution's runs."""
-    left = [n for n, text in enumerate(ASKED) if not text.startswith("Type ")]
-    sample = [
-        c._replace(answers=[c.answers[n] for n in left])
-        for c in combinations_of(results_of("infer"))
-        if c.reading is None
-    ]
-    kept = accepted(sample)
-
-    def is_supported(name, label):
-        labels = list(FACTORS[name])
-        return support(sample, kept, name, labels)[label].low > 1 / len(labels)
-
-    assert is_supported("dust_offset", "12 rd") and is_supported("bit_errors", "one, noticed")
-    assert not is_supported("drops", "1 % a step") and not is_supported("avoidance_sides", "front")

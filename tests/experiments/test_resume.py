@@ -97,14 +97,6 @@ class TestResume:
         with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.sqlite$"):
             run_search(SEARCH, tmp_path, resume=True)
 
-    def test_another_engine_is_refused(self, monkeypatch, tmp_path):
-        pretend(monkeypatch)
-        run_search(SEARCH, tmp_path, execution=Execution("mujoco"))
-        before = contents(tmp_path)
-        with pytest.raises(UserError, match=r"\(engine: mujoco there, mjx now, impl: None there, jax now\)"):
-            run_search(SEARCH, tmp_path, resume=True, execution=Execution("mjx"))
-        assert contents(tmp_path) == before
-
 
 TINY = [
     "--arena.size=15",

@@ -51,9 +51,6 @@ class TestMannWhitney:
         p = [compare(*rng.normal(size=(2, 12))).p for _ in range(2000)]
         assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.015)
 
-    def test_few_runs_cannot_decide(self):
-        assert smallest_p(3, 3) == pytest.approx(0.1) and smallest_p(0, 5) == 1.0
-
 
 class TestIntervals:
     def test_of_a_mean_it_is_that_of_the_normal_distribution(self):
@@ -114,11 +111,6 @@ class TestIntervals:
         assert found.estimate == pytest.approx(math.exp(expected))
         assert np.log(found[1:]) == pytest.approx([expected - half, expected + half], abs=0.1 * half)
 
-    def test_of_one_value_it_is_a_point(self):
-        assert tuple(interval([3.0])) == (3, 3, 3)
-        found = difference([3.0], [1.0, 2.0], np.mean)
-        assert tuple(found) == (1.5, 1, 2)
-
     def test_of_two_values_it_is_by_hand(self):
         """Means of resamples are 0, 1/2 and 1 with probabilities 1/4, 1/2 and 1/4, so that both ends are extremes."""
         assert tuple(interval([0.0, 1.0])) == (0.5, 0, 1)
@@ -155,9 +147,6 @@ class TestLines:
         half = 12.7062 * math.sqrt(1 / 6 / 2)
         assert tuple(found) == pytest.approx((0.5, 0.5 - half, 0.5 + half), rel=1e-4)
 
-    def test_what_does_not_vary_has_none(self):
-        assert math.isnan(slope([1, 1, 1], [1, 2, 3]).estimate)
-
 
 def test_holm_by_hand():
     """0.01 x 3, then 0.02 x 2, then the larger of 0.03 and what came before."""
@@ -177,6 +166,3 @@ class TestEven:
         assert even([3, 0, 0], thirds) == pytest.approx(3 / 27)
         assert even([2, 1, 0], thirds) == pytest.approx(21 / 27)
         assert even([1, 1, 1], thirds) == pytest.approx(1)
-
-    def test_one_class_tells_nothing(self):
-        assert even([7], [1.0]) == pytest.approx(1)

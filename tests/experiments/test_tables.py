@@ -17,7 +17,7 @@ from iswarm_mj.experiments.analysis.findings import (
 )
 from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, sensitivity
 from iswarm_mj.experiments.report.results import Topic
-from iswarm_mj.experiments.report.tables import Tables, _misses, _summary, _verdicts, filled, new_texts
+from iswarm_mj.experiments.report.tables import Tables, _summary, _verdicts, filled, new_texts
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
 
@@ -142,11 +142,6 @@ def test_the_summary_counts_by_verdict_and_kind():
         ["not judged", "0", "1", "1", "0"],
         [UNDECIDED, "0", "0", "0", "1"],
     ]
-
-
-def test_misses_are_the_papers_statements_that_do_not_hold():
-    found = [*FINDINGS, Finding("G", "here", "7", PREDICTED, "8", "", UNDECIDED)]
-    assert [line[0] for line in cells(_misses(found))[1:]] == ["B", "C", "G"]
 
 
 def test_verdicts_of_two_directories_stand_side_by_side():
