@@ -33,7 +33,7 @@ def test_few_evolutions_decide_nothing(paper, n):
 def test_medians_are_over_evolutions(paper):
     parts = [100 * np.mean([row["delivered"] != 72 for row in mine]) for mine in by_replicate(paper)]
     finding = found_in(paper)[MANY_FAIL]
-    assert finding.ours.startswith(f"{min(parts):.3g} to {max(parts):.3g}, median {np.median(parts):.1f} % (")
+    assert finding.ours.startswith(f"{min(parts):.3g} to {max(parts):.3g}, median {np.median(parts):.3g} % (")
 
 
 @pytest.mark.parametrize("n, verdict", [(2, HOLDS), (3, TOO_FEW)])
@@ -72,7 +72,7 @@ def test_densities(paper, density, verdict):
     rows = changed(paper, lambda row, n: {"density_of_robots": density(n) if row["generation"] >= 100 else 0.9})
     finding = found_in(rows)[DENSITY]
     assert finding.verdict == verdict
-    assert f"{100 * np.median([density(n) for n in range(8)]):.1f} %" in finding.ours
+    assert f"{100 * np.median([density(n) for n in range(8)]):.3g} %" in finding.ours
 
 
 @pytest.mark.parametrize("claim, method, verdict", [(BEATS, "random", FAILS), (RIVAL, "cmaes", "")])

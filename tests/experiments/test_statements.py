@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from helpers_outcomes import PLAN, done, rows_of, type_rows
 
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.analysis.beyond_statements import changes
 from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, NOT_RUN, PREDICTED, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.analysis.measures import latest_finish
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
-from iswarm_mj.experiments.runner.jobs import Outcome, run_job
+from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import observed, plans
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures, fitness
@@ -250,7 +249,7 @@ class TestTimeStep:
         plan = Plan(replace(small, arena=replace(small.arena, n_dust=4)), quick=True)
         entries = [e._replace(job=replace(e.job, n_robots=40, steps=30)) for e in plans.time_step(plan)]
         entries = [e for e in entries if e.labels["type"] == "type1"]
-        rows = [row_of(e, run_job(e.job, PlanarSettings(1, refinement=1))) for e in entries]
+        rows = [row_of(e, done(e.job, None)) for e in entries]
         observed.observe(plan, None, rows)
         overlap = {row["rate"]: row["overlap"] for row in rows if row["repeat"] == 0}
         assert 0.02 < overlap[50] < 0.5 * overlap[10] < 0.5

@@ -2,7 +2,7 @@
 
 import csv
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -153,12 +153,12 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
     return kinds, {verdict: [counts[verdict, kind] for kind in kinds] for verdict in verdicts}
 
 
-def findings_files(topics: Sequence[Topic]) -> dict[Path, Sequence[Finding]]:
+def findings_files(topics: Iterable[Topic]) -> dict[Path, Sequence[Finding]]:
     """Findings by the files beside the tables that they are based on, for the evolution beside its first table."""
     return {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in topics if topic.results}
 
 
-def write_findings(topics: Sequence[Topic]) -> None:
+def write_findings(topics: Iterable[Topic]) -> None:
     """Write `findings_files`.
 
     Raises:

@@ -66,13 +66,16 @@ def filled(text: str, fill: Fill) -> str:
 class Tables:
     """Contents of blocks, by the directories of results; what was read is kept.
 
+    Attributes:
+        topics: by their names, of a directory.
+
     Args:
         root: directory that the blocks' directories are relative to.
     """
 
     def __init__(self, root: Path = Path()):
         self._root = root
-        self._topics = cache(lambda directory: {topic.name: topic for topic in topics_of(collect([root / directory]))})
+        self.topics = cache(lambda directory: {topic.name: topic for topic in topics_of(collect([root / directory]))})
 
     def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
         """Content of the block of this name from the results in a directory; None if there are none.
@@ -107,7 +110,7 @@ class Tables:
 
     def _named(self, directory: str, name: str) -> Topics:
         """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""
-        topics = self._topics(directory)
+        topics = self.topics(directory)
         made = {each for each, topic in topics.items() if topic.results or each == LAWS}
         wanted = made if name in OF_ALL else {"hop-count", "density"} if name == ENGINES else {name}
         return [topic for each, topic in topics.items() if each in wanted] if wanted <= made else []
