@@ -42,12 +42,6 @@ def test_the_file_is_that_of_numpy(tmp_path):
     assert found.getvalue() == wanted.getvalue()
 
 
-def test_nothing_is_seen_of_it(tmp_path):
-    store = stored(tmp_path, [made(5, 0)])
-    assert list(tmp_path.iterdir()) == []
-    store.close()
-
-
 def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):
     store, block = stored(tmp_path, [made(64, 2)]), made(64, 3)
     with full_disk(3000), pytest.raises(UserError, match=r"cannot be written \(File too large\); make room"):

@@ -2,16 +2,16 @@
 
 import subprocess
 import sys
-from pathlib import Path
 from unittest.mock import MagicMock
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
 from helpers_files import full_disk
 from helpers_opengl import needs_opengl, of_colour
 from helpers_recorded import write_run
+from PIL import Image
 
-from iswarm_mj.commands.main import main
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.render import render
 from iswarm_mj.output.saved import load
@@ -42,18 +42,39 @@ def directory(tmp_path_factory):
     )
 
 
-@needs_opengl
-@pytest.mark.parametrize(("width", "height"), [(400, 400), (240, 400), (640, 200)])
-def test_the_oblique_camera_shows_the_whole_arena(directory, tmp_path, width, height):
-    """Between arena and edge of the picture there is the plain surface around, which is bright; walls are dark."""
-    from PIL import Image
+OBLIQUE, SIZE, FILM = [(240, 400), (640, 200)], 600, (640, 480)
 
-    out = tmp_path / "a.png"
-    code = "import sys; from iswarm_mj.commands.main import main; main(sys.argv[1:])"
-    arguments = f"picture {directory} --step 0 --camera oblique --width {width} --height {height} --out {out}".split()
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+
+@pytest.fixture(scope="module")
+def drawn(directory, small, tmp_path_factory):
+    """Directory of pictures of the run and of a film of another one, drawn in a process of their own."""
+    out = tmp_path_factory.mktemp("drawn")
+    pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
+    write_run(
+        out,
+        small,
+        pose=pose,
+        is_loaded=np.array([[False], [False], [True]]),
+        scene_is_scout=np.array([False]),
+        scene_ball_radius=np.array([2e-5]),
+        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
+    )
+    lines = [f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"]
+    lines += [
+        f"picture {out} --step 0 --camera oblique --width {w} --height {h} --out {out}/{w}x{h}.png" for w, h in OBLIQUE
+    ]
+    lines += [f"video {out} --camera above --width {FILM[0]} --height {FILM[1]} --title robot --out {out}/a.mp4"]
+    code = "import sys; from iswarm_mj.commands.main import main; [main(line.split()) for line in sys.argv[1:]]"
+    done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    with Image.open(out) as image:
+    return out
+
+
+@needs_opengl
+@pytest.mark.parametrize(("width", "height"), OBLIQUE)
+def test_the_oblique_camera_shows_the_whole_arena(drawn, width, height):
+    """Between arena and edge of the picture there is the plain surface around, which is bright; walls are dark."""
+    with Image.open(drawn / f"{width}x{height}.png") as image:
         grey = np.asarray(image.convert("L")).astype(int)
     edges = np.concatenate([grey[0], grey[-1], grey[:, 0], grey[:, -1]])
     assert edges.min() > 150 > 120 > grey.min()
@@ -62,47 +83,52 @@ def test_the_oblique_camera_shows_the_whole_arena(directory, tmp_path, width, he
 
 
 @needs_opengl
-def test_picture_shows_the_robots_in_the_colours_of_their_states(directory, tmp_path):
-    from PIL import Image
-
-    out, size = tmp_path / "a.png", 900
-    code = "import sys; from iswarm_mj.commands.main import main; main(sys.argv[1:])"
-    arguments = f"picture {directory} --step 0 --width {size} --height {size} --out {out}".split()
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    with Image.open(out) as image:
+def test_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
+    with Image.open(drawn / "above.png") as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
-    assert pixels.shape == (size, size, 3)
-    high, low = int(size * (0.5 - 12.5 / 148)), int(size * (0.5 + 12.5 / 148))  # between the three kinds of robots
-    for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, size))):
+    assert pixels.shape == (SIZE, SIZE, 3)
+    high, low = int(SIZE * (0.5 - 12.5 / 148)), int(SIZE * (0.5 + 12.5 / 148))  # between the three kinds of robots
+    for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, SIZE))):
         found = of_colour(pixels, colour)
         assert found[rows].sum() > 0.7 * found.sum() > 500
 
 
 @needs_opengl
-def test_the_floor_has_the_colours_of_recordings(directory, monkeypatch):
+def test_a_run_is_filmed(drawn):
+    """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
+    reader = imageio_ffmpeg.read_frames(str(drawn / "a.mp4"))
+    next(reader)
+    frames = np.array([np.frombuffer(frame, np.uint8).reshape(FILM[1], FILM[0], 3) for frame in reader]).astype(int)
+    assert len(frames) == 5
+    upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
+
+    def columns(frame, colour):
+        return np.nonzero(of_colour(frame, colour))[1]
+
+    empty = [columns(frame, EMPTY) for frame in upper[:4]]
+    assert all(len(found) > 4 for found in empty)
+    assert np.diff([found.mean() for found in empty]) == pytest.approx([empty[1].mean() - empty[0].mean()] * 3, abs=2)
+    assert empty[2].mean() == pytest.approx(320, abs=3)
+    assert len(columns(upper[4], LOADED)) > 4 and len(columns(upper[4], EMPTY)) <= 2
+
+
+@needs_opengl
+def test_the_floor_has_the_colours_of_recordings(tmp_path, monkeypatch):
     """Above all, dust areas are not blue as loaded robots are. Without OpenGL, which other tests use in processes."""
     monkeypatch.setattr("mujoco.Renderer", MagicMock())
-    run = load(directory)
+    run = load(write_run(tmp_path))
     with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
         for material, colour in (("dump", DUMP), ("dust", DUST)):
             shown = stage._arena.model.material(material).rgba[:3]
             np.testing.assert_allclose(255 * shown, rgb(colour), atol=1e-3)
 
 
-def test_a_camera_that_does_not_exist_is_refused(directory, tmp_path, capsys):
-    """The command says so before it looks for a run; for `Stage` the cameras of the model count."""
-    with pytest.raises(SystemExit) as stop:
-        main(["picture", "nowhere", "--camera", "side"])
-    assert stop.value.code == 2 and "invalid choice 'side'" in capsys.readouterr().err
-    with pytest.raises(UserError, match=r"^camera must be above or oblique \(got 'side'\)$"):
-        render(directory, 0, Shot("side", size=(64, 64)), tmp_path / "a.png")
-
-
-@pytest.mark.parametrize("step", [-1, 1])
-def test_a_step_outside_the_run_is_refused(directory, tmp_path, step):
-    with pytest.raises(UserError, match=rf"step must be a step of the run, 0 to 0 \(got {step}\)"):
-        render(directory, step, Shot(size=(64, 64)), tmp_path / "a.png")
+@pytest.mark.parametrize(
+    ("shot", "step", "says"), [("side", 0, "camera must be above or oblique"), ("above", 3, "0 to 2")]
+)
+def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, says):
+    with pytest.raises(UserError, match=says):
+        render(write_run(tmp_path), step, Shot(shot, size=(64, 64)), tmp_path / "a.png")
 
 
 def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
@@ -134,11 +160,7 @@ def test_a_full_disk_leaves_the_old_picture(directory, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"] and (tmp_path / "a.png").read_bytes() == b"old"
 
 
-@pytest.mark.parametrize("out", ["", "a", "a.mp5", "a.png/"])
-def test_names_that_are_no_picture(directory, tmp_path, monkeypatch, out):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.png").mkdir()
-    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
-    with pytest.raises(UserError, match=r"a name ending in \.png|cannot be written"):
-        render(directory, 0, Shot(size=(64, 64)), Path(out))
-    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+@pytest.mark.parametrize("out", ["a", "a.mp5"])
+def test_names_that_are_no_picture(directory, tmp_path, out):
+    with pytest.raises(UserError, match=r"a name ending in \.png"):
+        render(directory, 0, Shot(size=(64, 64)), tmp_path / out)

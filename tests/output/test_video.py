@@ -1,17 +1,11 @@
 """Videos of runs: what ffmpeg makes of known pictures, robots between two steps, and clear errors."""
 
-import subprocess
-import sys
-
 import imageio_ffmpeg
 import numpy as np
 import pytest
 from helpers_files import full_disk
-from helpers_opengl import needs_opengl, of_colour
 from helpers_recorded import write_run
 
-from iswarm_mj.commands.main import main
-from iswarm_mj.output.palette import EMPTY, LOADED
 from iswarm_mj.output.stage import Shot
 from iswarm_mj.output.video import RATE, Film, encode, interpolated, write_video
 from iswarm_mj.utils.errors import UserError
@@ -55,53 +49,6 @@ def test_robots_go_straight_between_two_steps():
     assert interpolated(values, 2, 0.0).tolist() == [[5, 4]]
 
 
-@pytest.mark.parametrize(
-    "flags, said",
-    [
-        (["--width", "641"], "--width must be an even number"),
-        (["--frames-per-step", "0"], "--frames-per-step must be a whole number between 1 and 24"),
-        (["--camera", "side"], "invalid choice 'side'"),
-        (["--out", "a.avi"], "--out must be a name ending in .mp4 (got 'a.avi')"),
-    ],
-)
-def test_bad_flags_end_with_a_sentence(flags, said, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["video", "nowhere", *flags])
-    assert stop.value.code == 2 and said in capsys.readouterr().err
-
-
-@needs_opengl
-def test_a_run_is_filmed(small, tmp_path):
-    """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
-    pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
-    write_run(
-        tmp_path,
-        small,
-        pose=pose,
-        is_loaded=np.array([[False], [False], [True]]),
-        scene_is_scout=np.array([False]),
-        scene_ball_radius=np.array([2e-5]),
-        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
-    )
-    out, size = tmp_path / "a.mp4", (640, 480)
-    code = "import sys; from iswarm_mj.commands.main import main; main(sys.argv[1:])"
-    flags = ["--camera", "above", "--width", "640", "--height", "480", "--title", "one robot", "--out", str(out)]
-    done = subprocess.run([sys.executable, "-c", code, "video", str(tmp_path), *flags], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    frames = decoded(out, size)[0].astype(int)
-    assert len(frames) == 5
-    upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
-
-    def columns(frame, colour):
-        return np.nonzero(of_colour(frame, colour))[1]
-
-    empty = [columns(frame, EMPTY) for frame in upper[:4]]
-    assert all(len(found) > 4 for found in empty)
-    assert np.diff([found.mean() for found in empty]) == pytest.approx([empty[1].mean() - empty[0].mean()] * 3, abs=2)
-    assert empty[2].mean() == pytest.approx(320, abs=3)
-    assert len(columns(upper[4], LOADED)) > 4 and len(columns(upper[4], EMPTY)) <= 2
-
-
 @pytest.fixture
 def directory(tmp_path_factory):
     """Of a recorded run of two steps."""
@@ -111,12 +58,6 @@ def directory(tmp_path_factory):
 def noise(n, size=(160, 96)):
     rng = np.random.default_rng(0)
     return (rng.integers(0, 255, (size[1], size[0], 3), np.uint8) for _ in range(n))
-
-
-def test_a_full_disk_is_told_in_one_sentence(tmp_path):
-    said = r"^ffmpeg could not write the video \([^\n]+\); make room or choose"
-    with pytest.raises(UserError, match=said), full_disk(20_000):
-        encode(noise(40), tmp_path / "a.mp4", (160, 96))
 
 
 def test_what_ffmpeg_said_is_told(tmp_path):
