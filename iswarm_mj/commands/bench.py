@@ -14,7 +14,7 @@ _IN_CHUNKS = Needs("is_compiled", why="with engines that take one step a call")
 class Bench(Swarm):
     """Time the control step and its parts on this machine; prints one JSON line."""
 
-    MAIN: ClassVar = ("robots", "worlds", "engine", "impl", "steps", "warm_up", "threads", "record")
+    MAIN: ClassVar = ("robots", "worlds", "engine", "impl", "steps", "warm_up", "threads")
 
     steps: Annotated[int, Within(1, 100_000)] = 200
     """Control steps that are timed."""
@@ -22,8 +22,6 @@ class Bench(Swarm):
     """Control steps before that."""
     chunk: Annotated[int, constraint_of(MjxSettings, "chunk"), _IN_CHUNKS] = 20
     """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
-    record: bool = False
-    """Record too, to a temporary file."""
 
     def run(self) -> None:
         """Run the command."""
@@ -33,6 +31,5 @@ class Bench(Swarm):
 
         chunk = min(self.chunk, self.steps) if self.is_compiled else 1
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
-        recorded = (0,) if self.record else ()
-        settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=recorded)
-        bench(self.run_of(config, genome, settings, chunk), warm_up, self.record)
+        settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=())
+        bench(self.run_of(config, genome, settings, chunk), warm_up)

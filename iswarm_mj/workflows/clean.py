@@ -51,7 +51,7 @@ def clean(run: Run, out: Path, shown: Shown = AS_USUAL) -> dict[str, Any]:
     return content
 
 
-def _save(run: Run, out: Path, started: float, mark: Mapping[str, Any]) -> None:
+def _save(run: Run, out: Path, started: float, mark: dict[str, bool]) -> None:
     """Write result.json, with the mark of an interrupted run."""
     try:
         content = results.result(run, time.perf_counter() - started)

@@ -5,12 +5,11 @@ from contextlib import contextmanager
 import matplotlib
 import numpy as np
 import pytest
-from helpers_trace import SCRIPT, bench_trace
 
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_style import STYLE, blank
-from iswarm_mj.output.plot_trials import draw_figures, draw_trace
+from iswarm_mj.output.plot_trials import draw_figures
 
 RADII = (15e-6, 20e-6, 25e-6)
 
@@ -160,23 +159,8 @@ def test_attempts_without_contact(tmp_path, shown):
     assert law[50, 1] == pytest.approx(expected, rel=1e-3)
 
 
-def test_trace(tmp_path, shown):
-    trace = bench_trace()
-    path = draw_trace(trace, tmp_path / "trial")
-    assert path == tmp_path / "trial.png"
-    voltage, gaps, forces = shown["trial"]
-    np.testing.assert_allclose(voltage.lines[0].get_xydata()[-1], (trace.time[-1] * 1e3, trace.voltage[-1]))
-    assert line(gaps, "tool to ball")[0, 1] == pytest.approx(5, abs=0.01)
-    assert line(forces, "adhesion to the plate")[0, 1] == pytest.approx(2 * np.pi * 20 * 14.7, rel=1e-3)
-    assert line(forces, "electrostatic, positive to the tool")[:, 1].min() < -100
-    assert [text.get_text() for text in voltage.texts] == [name for name, *_ in SCRIPT]
-    shaded = [p.get_x() for p in gaps.patches]
-    np.testing.assert_allclose(shaded, [0, 1.5, 2.8], atol=0.005)
-
-
 def test_figures_are_written(tmp_path):
     rows = [*make_rows("grasp"), make_row("grasp", voltage=None), make_row("no_contact")]
     paths = draw_figures(rows, {}, tmp_path)
-    paths.append(draw_trace(bench_trace(), tmp_path / "trial"))
-    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact", "trial"]
+    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact"]
     assert all(path.with_suffix(end).stat().st_size > 10_000 for path in paths for end in (".png", ".svg"))

@@ -48,7 +48,7 @@ LONG = {
     "clean planar": lambda out, _: [
         "clean", *ENDLESS, "--worlds=4", "--record-worlds", "1", "3", "--engine=planar", f"--out={out}",
     ],
-    "bench": lambda out, _: ["bench", *ENDLESS, "--engine=planar", "--record"],
+    "bench": lambda out, _: ["bench", *ENDLESS, "--engine=planar"],
     "evolve": lambda out, _: [
         "evolve", "--generations=100", "--population=4", "--steps=50", "--engine=planar", "--workers=2", *FLAGS,
         f"--out={out}",
