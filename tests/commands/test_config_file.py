@@ -56,7 +56,7 @@ def test_flags_override_the_file(order):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("wings = 2", "x.toml names wings, of which iswarm clean knows nothing; `iswarm clean --help-all` lists"),
+        ("wings = 2", "x.toml names wings, which iswarm clean does not know; `iswarm clean --help-all` lists"),
         ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, of which .*; perhaps you meant arena.size; "),
         ("steps = ", "x.toml is no TOML"),
         (f"steps = 0x{'f' * 4000}", "steps must be .*too many digits"),
