@@ -87,6 +87,7 @@ def test_a_reader_that_has_ended_is_no_error(monkeypatch, capfd):
 class TestPlanarInBatches:
     FLAGS = ("--engine", "planar", "--impl", "warp", "--worlds", 2)
 
+    @pytest.mark.slow
     def test_bench_prints_one_line_alone_while_kernels_are_compiled(self, here):
         flags = [*self.FLAGS, "--refinement=2", "--steps=2", "--warm-up=1"]
         command = [sys.executable, "-m", "iswarm_mj", "bench", *SMALL[1:], *map(str, flags)]
