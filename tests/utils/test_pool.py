@@ -5,8 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
-import zlib
 from contextlib import closing
 from pathlib import Path
 
@@ -14,7 +12,6 @@ import pytest
 from joblib.externals.loky.process_executor import TerminatedWorkerError, _ExecutorManagerThread
 from joblib.externals.loky.reusable_executor import _ReusablePoolExecutor
 
-from iswarm_mj.utils import pool
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.pool import unordered
 
@@ -116,21 +113,6 @@ def test_closing_it_early_stops_the_workers(monkeypatch):
     with closing(unordered(slow_but_first, ((number,) for number in range(4)), 2)) as found:
         assert next(found) == 0
     assert results(square, [3], 2) == [9]
-
-
-def test_programs_read_half_written_are_silent_in_workers():
-    """Nothing else is: neither other errors of the cache nor other warnings."""
-    half = zlib.compress(bytes(1000))[:-8]
-    with pytest.raises(zlib.error) as error:
-        zlib.decompress(half)
-    entry = "Error reading persistent compilation cache entry for 'jit_step'"
-    told = [f"{entry}: error: {error.value}", f"{entry}: PermissionError: no", "truncated stream"]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        warnings.filterwarnings("ignore", pool._HALF_WRITTEN, UserWarning)
-        for text in told:
-            warnings.warn(text, stacklevel=1)
-    assert [str(warning.message) for warning in caught] == told[1:]
 
 
 SCRIPT = """

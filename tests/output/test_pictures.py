@@ -1,4 +1,4 @@
-"""Pictures of runs: any number of robots, in the colours of their states, and clear errors."""
+"""Pictures and videos of runs: any number of robots, in the colours of their states, and clear errors."""
 
 import subprocess
 import sys
@@ -16,6 +16,7 @@ from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.render import render
 from iswarm_mj.output.saved import load
 from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.video import RATE, Film, encode, interpolated, write_video
 from iswarm_mj.utils.errors import UserError
 
 N = 330
@@ -96,9 +97,7 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
 @needs_opengl
 def test_a_run_is_filmed(drawn):
     """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
-    reader = imageio_ffmpeg.read_frames(str(drawn / "a.mp4"))
-    next(reader)
-    frames = np.array([np.frombuffer(frame, np.uint8).reshape(FILM[1], FILM[0], 3) for frame in reader]).astype(int)
+    frames = decoded(drawn / "a.mp4", FILM)[0].astype(int)
     assert len(frames) == 5
     upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
 
@@ -140,7 +139,7 @@ class Blank:
     """In place of a stage: a picture that does not compress."""
 
     def __init__(self, config, frames, shot, *_):
-        self.pixels = np.random.default_rng(0).integers(0, 255, (shot.size[1], shot.size[0], 3), np.uint8)
+        self.rng, self.shape = np.random.default_rng(0), (shot.size[1], shot.size[0], 3)
 
     def __enter__(self):
         return self
@@ -149,7 +148,7 @@ class Blank:
         pass
 
     def show(self, *_):
-        return self.pixels
+        return self.rng.integers(0, 255, self.shape, np.uint8)
 
 
 def test_a_full_disk_leaves_the_old_picture(directory, tmp_path, monkeypatch):
@@ -164,3 +163,60 @@ def test_a_full_disk_leaves_the_old_picture(directory, tmp_path, monkeypatch):
 def test_names_that_are_no_picture(directory, tmp_path, out):
     with pytest.raises(UserError, match=r"a name ending in \.png"):
         render(directory, 0, Shot(size=(64, 64)), tmp_path / out)
+
+
+def decoded(path, size):
+    """Frames (T, height, width, 3) and the description of a video."""
+    reader = imageio_ffmpeg.read_frames(str(path))
+    about = next(reader)
+    frames = [np.frombuffer(frame, np.uint8).reshape(size[1], size[0], 3) for frame in reader]
+    return np.array(frames), about
+
+
+def test_pictures_come_back(tmp_path):
+    """A bright square that moves by 20 pixels a frame is found where it was, in H.264 that all players know."""
+    size, out = (160, 96), tmp_path / "a.mp4"
+
+    def pictures():
+        for k in range(6):
+            picture = np.full((size[1], size[0], 3), 40, np.uint8)
+            picture[30:60, 10 + 20 * k : 40 + 20 * k] = (230, 60, 50)
+            yield picture
+
+    encode(pictures(), out, size)
+    frames, about = decoded(out, size)
+    assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE
+    assert len(frames) == 6
+    for k, frame in enumerate(frames.astype(float)):
+        bright = frame[..., 0] > 150
+        rows, columns = np.nonzero(bright)
+        assert abs(rows.mean() - 44.5) < 1 and abs(columns.mean() - (24.5 + 20 * k)) < 1
+        assert frame[bright].mean(axis=0) == pytest.approx((230, 60, 50), abs=15)
+    data = out.read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat"), "the index comes first, so that it plays while it loads"
+
+
+def test_robots_go_straight_between_two_steps():
+    values = np.array([[[0.0, 2.0]], [[1.0, 4.0]], [[5.0, 4.0]]])
+    assert interpolated(values, 0, 0.0).tolist() == [[0, 2]]
+    assert interpolated(values, 0, 0.25).tolist() == [[0.25, 2.5]]
+    assert interpolated(values, 2, 0.0).tolist() == [[5, 4]]
+
+
+def test_what_ffmpeg_said_is_told(tmp_path):
+    with pytest.raises(UserError, match=r"^ffmpeg could not write the video \(.*No such file or directory\); make"):
+        encode([np.zeros((96, 160, 3), np.uint8)], tmp_path / "nowhere" / "a.mp4", (160, 96))
+
+
+def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monkeypatch):
+    """Whatever the reason, and without a temporary file."""
+    run, out = write_run(tmp_path_factory.mktemp("run")), tmp_path / "a.mp4"
+    out.write_bytes(b"old")
+
+    monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
+    film = Film(frames_per_step=24, shot=Shot(size=(320, 240)))
+    with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
+        write_video(run, out, film)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
+    write_video(run, out, film)
+    assert len(decoded(out, (320, 240))[0]) == 49
