@@ -27,10 +27,10 @@ def clear(out: Path) -> None:
 
 def clear_worlds(out: Path) -> None:
     """Remove what an earlier run left of its further worlds."""
-    for place in out.glob("world-*"):
+    for place in filter(Path.is_dir, out.glob("world-*")):
         clear(place)
         with suppress(OSError):
-            place.rmdir()  # it holds something else, or is no directory
+            place.rmdir()  # it holds something else
 
 
 def about(run: Run) -> dict[str, Any]:
