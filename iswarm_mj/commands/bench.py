@@ -23,9 +23,9 @@ class Bench(Swarm):
     """swarm; or grasp, whole trials on the gripper's bench. The number of trials is --worlds (100 if that is 1); the
     other flags that apply are --engine (mujoco or mjx), --impl and --seed."""
     steps: Annotated[int, Within(1, 100_000)] = 200
-    """Control steps that are timed."""
+    """Number of timed control steps."""
     warm_up: Annotated[int, Within(1, 100_000)] = 20
-    """Control steps before that."""
+    """Control steps before the timing."""
     chunk: Annotated[int, constraint_of(MjxSettings, "chunk"), _IN_CHUNKS] = 20
     """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
     record: bool = False

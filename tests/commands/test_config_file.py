@@ -62,14 +62,14 @@ def test_a_density_replaces_the_number_of_robots():
     ("text", "says"),
     [
         ("wings = 2", "x.toml names wings, which iswarm clean does not know; `iswarm clean --help-all` lists"),
-        ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, of which .*; perhaps you meant arena.size; "),
+        ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, which .*; perhaps you meant arena.size; "),
         ("steps = ", "x.toml is no TOML"),
         ("steps = 2020-01-01", "steps must be a number, a word, true or false, or a list"),
         (f"steps = 0x{'f' * 4000}", "steps must be .*too many digits"),
         (f"lanes = [0b{'1' * 20_000}]", "lanes must be .*too many digits"),
         (f"{'.'.join('a' * 2000)} = 1", "a key of too many parts"),
-        ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., of which"),
-        ("[arena.size]\nx = 1", "names arena.size.x, of which"),
+        ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., which"),
+        ("[arena.size]\nx = 1", "names arena.size.x, which"),
     ],
 )
 def test_what_a_file_must_not_have(here, text, says):

@@ -61,7 +61,7 @@ def test_every_number_has_a_range_and_its_help_tells_it(command, capfd):
 def test_flags_of_a_strategy_are_main_flags(capfd, here):
     (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
     text, _ = shown(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")
-    assert "--fraction-scouts FLOAT Share of the robots that scout. (between 0 and 1; default 0.27)" in text
+    assert re.search(r"--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
     assert "--arena.size" not in text
 
 
