@@ -91,7 +91,7 @@ def test_every_float_refuses_what_is_not_finite(group, name, value):
 @pytest.mark.parametrize(
     "group, name, good, bad",
     [
-        (ArenaConfig, "size", [30, 150], [9.9, 29.9, 151]),
+        (ArenaConfig, "size", [30, 1000], [9.9, 29.9, 1001]),
         (ArenaConfig, "dump_size", [1, 18], [0.9, 18.1, 0]),
         (ArenaConfig, "dust_area_size", [0.1, 19], [0, -1, 19.1]),
         (ArenaConfig, "dust_area_offset", [5.5, 21.5], [5.4, 21.6, -16]),

@@ -99,7 +99,7 @@ def test_a_value_out_of_range_is_refused_like_a_flag(here, capfd):
     with pytest.raises(SystemExit) as end:
         main(["clean", "--config", "x.toml"])
     assert end.value.code == 2
-    assert capfd.readouterr().err == "iswarm: --arena.size must be between 10 and 150 rd (got 3.0)\n"
+    assert capfd.readouterr().err == "iswarm: --arena.size must be between 10 and 1000 rd (got 3.0)\n"
 
 
 def test_a_result_repeats_its_run(here):
