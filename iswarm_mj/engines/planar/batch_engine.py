@@ -81,7 +81,7 @@ class PlanarBatchEngine:
         near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, light, points, radius),
             launch_dims=(n_worlds, n_robots),
-            output_dims=surroundings.near_places(n_worlds, n_robots),
+            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.plane),
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
             *(place, robot, is_present, plane, light, points, self._boxes(), *near),

@@ -9,7 +9,7 @@ from iswarm_mj.engines.planar.compiled import cached, compiled
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
-from iswarm_mj.engines.planar.solver import solve
+from iswarm_mj.engines.planar.solver import begin_as, solve
 from iswarm_mj.utils.errors import FaultKind
 
 SKIN = 1.5
@@ -81,24 +81,26 @@ def _take_steps(
     velocities[:n_robots] = bodies.velocities
     places = np.empty((n_robots, 4))
     set_places(bodies.poses, places)
-    pairs, contacts = np.empty((0, 2), np.int64), np.empty(0, CONTACT)
-    moved, n_contacts = np.inf, 0
+    pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
+    moved, failure = np.inf, 0
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
             pairs, moved = near_pairs(places, bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
             contacts = np.empty(len(pairs) + (4 + len(boxes)) * n_robots, CONTACT)
         n_contacts = find_contacts(pairs, places, velocities, bodies.is_present, plane, boxes, contacts)
-        for contact in contacts[:n_contacts]:
+        found = contacts[:n_contacts]
+        for contact in found:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
         for i in range(n_robots):
             for k in range(3):
                 velocities[i, k] += plane.servo[k] * (targets[i, k] - velocities[i, k])
-        if not solve(contacts[:n_contacts], velocities, plane):
+        begin_as(solved, found, velocities, plane)
+        if not solve(found, velocities, plane):
             return _FAILED
+        solved = found.copy()
         moved += _integrate(bodies, places, velocities, plane.timestep)
     bodies.velocities[:] = velocities[:n_robots]
-    failure = 0
-    for contact in contacts[:n_contacts]:
+    for contact in solved:
         if contact.first < n_robots and not _add(touching, contact.first, contact.second):
             failure = _TOO_MANY
     return failure
