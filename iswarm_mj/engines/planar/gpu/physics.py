@@ -184,7 +184,7 @@ def rooms(n_robots: int, n_boxes: int) -> tuple[int, int]:
     return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed
 
 
-def places(touching: tuple[int, int, int], n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
+def places(touching: tuple[int, ...], n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
     """Sizes of the outputs of `take_steps`, from that of the partners (B, K, N)."""
     n_worlds, _, n_robots = touching
     n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots, n_boxes)), (n_worlds, n_robots)
