@@ -77,7 +77,7 @@ def make_env(
     speaker: Any = Speaker(_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
     params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)
-    poses, worlds = first_state(config, setup.starts, setup.task, setup.capacity)
+    poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
     senses = {
         name: (quantity, int(np.prod(setup.job.sensed[name].shape[1:], dtype=int)))
         for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute
