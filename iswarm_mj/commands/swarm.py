@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, cast
 
 import tyro
 
-from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import Accuracy, ConfigOptions, Refinement, Threads
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
@@ -18,7 +18,7 @@ from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_set
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.obstacles import read_obstacles
 from iswarm_mj.utils.progress import waiting
 
@@ -203,17 +203,50 @@ class Swarm(ConfigOptions):
             config,
             genome,
             replace(settings, n_worlds=len(numbers), record_worlds=recorded),
-            self._engine(chunk, is_here),
+            self.engine_settings(chunk, is_here),
             worlds=[worlds[number] for number in numbers],
             strategy=None if isinstance(self.own, Genome) else self.own,
             task=self.task,
             robot_file=self.robot,
         )
 
-    def _engine(self, chunk: int, is_here: bool) -> Any:
+    def engine_settings(self, chunk: int, is_here: bool) -> Any:
+        """Return the settings of the engine, see `maker_of`."""
         from iswarm_mj.utils.jax_setup import devices
 
         used = tuple(devices(self.devices)) if self.is_compiled and is_here else None
         return engine_settings(
             self.engine, **{**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used}
         )
+
+
+@dataclass(frozen=True)
+class WithTask(Swarm):
+    """Settings of commands with any task."""
+
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
+    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    own_task: Any = None
+    """The task with the values of its flags, where `task_name` names one."""
+
+    @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        return super().task if self.own_task is None else self.own_task
+
+    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+        """See `Swarm.checked`."""
+        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
+            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
+            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
+            refuse(self, idle, f"in the task {type(self.task).__name__}")
+        return super().checked()
+
+    def _could_be_usual(self, group: str, name: str) -> bool:
+        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
+        try:
+            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
+        except ConfigError:
+            return False
+        return True

@@ -8,7 +8,7 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
 
-from iswarm_mj.output import palette, rerun_shapes
+from iswarm_mj.output import palette, shapes, swarm_classes
 from iswarm_mj.output import rerun_swarm_view as view
 
 
@@ -48,12 +48,14 @@ def test_robots_stand_where_they_stood(run):
 def test_load_goes_before_scout_before_worker(run):
     scene, frames, recorded = run
     classes = np.stack(column(recorded, "/world/robots/body", "Boxes3D:class_ids"))
-    np.testing.assert_array_equal(classes, view.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority))
+    np.testing.assert_array_equal(
+        classes, swarm_classes.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)
+    )
     assert set(classes.ravel()) >= {0, 2, 4, 5}
     is_loaded = np.array([[False, False, False, False, True, True, True]])
     is_scout = np.array([False, False, True, True, False, True, True])
     has_priority = np.array([[False, True, False, True, False, False, True]])
-    assert view.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+    assert swarm_classes.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
 
 
 def test_balls(run):
@@ -124,7 +126,7 @@ def test_trails_of_loaded_robots_cross_blocks(run):
         who = np.flatnonzero(frames.is_loaded[t])
         assert len(strips) == len(who)
         for i, strip in zip(who, strips, strict=True):
-            past = frames.pose[max(0, t - rerun_shapes.TRAIL_FRAMES) : t + 1, i, :2]
+            past = frames.pose[max(0, t - shapes.TRAIL_FRAMES) : t + 1, i, :2]
             np.testing.assert_allclose(np.array(strip)[:, :2], 1e3 * past, atol=1e-3)
 
 
@@ -165,10 +167,10 @@ def test_blocks_make_no_difference(run, tmp_path):
 
 def test_colours_differ_from_what_lies_beneath():
     """Robots from floor, dump and dust, and held balls from loaded robots, also in luminance."""
-    robots = {label: colour for _, label, colour in view.ROBOT_CLASSES}
+    robots = {label: colour for _, label, colour in swarm_classes.ROBOT_CLASSES}
     beneath = list(map(palette.rgb, (palette.FLOOR, palette.DUMP, palette.DUST)))
     assert min(_luminance(b) / _luminance(c) for b in beneath for c in robots.values()) > 1.5
-    held = next(colour for _, label, colour in view.BALL_CLASSES if label == "held")
+    held = next(colour for _, label, colour in swarm_classes.BALL_CLASSES if label == "held")
     assert _luminance(held) / max(_luminance(c) for label, c in robots.items() if "loaded" in label) > 4
 
 
