@@ -34,6 +34,12 @@ def open_server(port: int = PORT) -> Any:
         return Server(host=HOST, port=port, label="iswarm play", verbose=False)
 
 
+def close_server(server: Any) -> None:
+    """End a server."""
+    with redirect_stdout(io.StringIO()):  # it prints that it stopped
+        server.stop()
+
+
 class Page:
     """A session in the browser; `close` ends it.
 
@@ -88,8 +94,7 @@ class Page:
         for thread in self._threads:
             thread.join()
         self.session.stop_recording()
-        with redirect_stdout(io.StringIO()):  # it prints that it stopped
-            self._server.stop()
+        close_server(self._server)
 
     def _tick(self) -> bool:
         """Draw what is due; return whether the next drawing is due, too."""

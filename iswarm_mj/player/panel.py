@@ -200,7 +200,7 @@ class Panel:
         if pending:
             lines.append(f"**Reset** applies: {', '.join(pending)}.")
         _show(self._status, "content", "\n\n".join(lines))
-        _show(self._legend, "content", _legend(arrays.legend(session.scene, view.by)))
+        _show(self._legend, "content", _legend(arrays.legend(session.scene, view.by, session.is_alive)))
         _show(self._command, "content", _copied(session.command()))
         if view.selected is not None:
             _show(

@@ -119,7 +119,7 @@ def _by_number(values: Float[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
     return np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
 
 
-def legend(scene: Scene, by: str) -> list[tuple[str, Rgb]]:
+def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "N"]) -> list[tuple[str, Rgb]]:
     """Return what the colours mean: labels and colours of robots and balls."""
     if by == STATE:
         there = {0, 1, *((2, 3) if np.any(scene.is_scout) else ()), *((4, 5) if len(scene.ball_radius) else ())}
@@ -128,6 +128,6 @@ def legend(scene: Scene, by: str) -> list[tuple[str, Rgb]]:
         words = hop_colours(np.array([-1, 0, 5, 10, 15], np.int8))
         names = ("none", "0 or least", "", "", "15 or most")
         robots = [(n, (int(w) >> 24, int(w) >> 16 & 255, int(w) >> 8 & 255)) for n, w in zip(names, words, strict=True)]
-    robots += [("dead", DEAD)]
+    robots += [] if np.all(is_alive) else [("dead", DEAD)]
     balls = [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES] if len(scene.ball_radius) else []
     return robots + balls

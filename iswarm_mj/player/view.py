@@ -18,6 +18,8 @@ _ROOT = "/swarm"
 _HEARD = (95, 95, 105)
 _FLAT = np.zeros((1, 2, 3), np.float32)
 """A line of no length, since a node cannot have none."""
+_GRAIN = 64
+"""Parts of a millimetre, and of 1, that replays tell apart."""
 
 
 class SwarmView:
@@ -27,6 +29,7 @@ class SwarmView:
         by: what colours robots, one of `scene.ways_to_colour`.
         shows: which of `links`, `trails` and the names of vectors are drawn.
         selected: robot with a ring; None for none.
+        is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays are small.
     """
 
     def __init__(self, drawn: Any, scene: Scene):
@@ -37,6 +40,7 @@ class SwarmView:
             scene: constants of the world.
         """
         self.scene, self.by, self.shows, self.selected = scene, arrays.STATE, {"links"}, None
+        self.is_coarse = False
         self._drawn, self._step = drawn, None
         drawn.remove_by_name(_ROOT)
         for boxes in shapes.arena_boxes(scene):
@@ -121,17 +125,11 @@ class SwarmView:
         half, zero = now.yaw / 2, np.zeros_like(now.yaw)
         turns = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
         for node in self._robots:
-            node.batched_positions, node.batched_wxyzs = now.centre, turns
+            node.batched_positions, node.batched_wxyzs = self._rounded(now.centre), self._rounded(turns)
         if self._balls is not None:
-            self._balls.batched_positions = now.ball
-        lines = {name: _FLAT for name in self._lines}
-        if "links" in self.shows:
-            ends, heard = arrays.links(scene, after, now.centre)
-            lines |= {"heard": ends[heard], "damaged": ends[~heard]}
-        if "trails" in self.shows:
-            lines["trails"] = arrays.trails(scene, past)
-        for name, node in self._lines.items():
-            _set(node, "points", lines[name] if len(lines[name]) else _FLAT)
+            self._balls.batched_positions = self._rounded(now.ball)
+        if not self.is_coarse or share in (0, 1):
+            self._draw_lines(past, now)
         if self._ring.visible != (self.selected is not None):
             self._ring.visible = self.selected is not None
         if self.selected is not None:
@@ -152,6 +150,20 @@ class SwarmView:
             node.batched_positions = np.column_stack([places[:, :2], np.full(len(places), 1.5 * shapes.SHEET)])
             node.batched_wxyzs = _upright(len(places))
             node.batched_scales = np.column_stack([places[:, 2], places[:, 2], np.ones(len(places))])
+
+    def _draw_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
+        """Links and trails."""
+        lines = {name: _FLAT for name in self._lines}
+        if "links" in self.shows:
+            ends, heard = arrays.links(self.scene, past[-1], now.centre)
+            lines |= {"heard": ends[heard], "damaged": ends[~heard]}
+        if "trails" in self.shows:
+            lines["trails"] = arrays.trails(self.scene, past)
+        for name, node in self._lines.items():
+            _set(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
+
+    def _rounded(self, values: np.ndarray) -> np.ndarray:
+        return np.round(values * _GRAIN) / np.float32(_GRAIN) if self.is_coarse else values
 
 
 def _flat(shape: str) -> trimesh.Trimesh:
@@ -188,5 +200,5 @@ def light(drawn: Any) -> None:
 def aim(server: Any, scene: Scene) -> None:
     """Point the camera of new browsers at the whole arena."""
     size = scene.arena_size * shapes.MILLIMETRES
-    server.initial_camera.position = (0.0, -0.72 * size, 0.88 * size)
-    server.initial_camera.look_at = (0.0, -0.06 * size, 0.0)
+    server.initial_camera.position = (0.0, -0.56 * size, 0.7 * size)
+    server.initial_camera.look_at = (0.0, -0.07 * size, 0.0)
