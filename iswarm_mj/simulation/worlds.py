@@ -103,16 +103,21 @@ def world_params(
         goal: progress that finishes a world.
         capacity: places for robots.
     """
-    each = [conditions_of(world.config or config) for world in worlds]
     n_robots = np.array([world.n_robots for world in worlds])
     return WorldParams(
         strategy=strategy,
-        conditions=Conditions(*map(_column, zip(*each, strict=True))),
+        conditions=conditions_of_worlds(config, worlds),
         key=random_keys(worlds),
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), goal, np.int32),
         task=task,
     )
+
+
+def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
+    """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those of the run's."""
+    each = [conditions_of(world.config or config) for world in worlds]
+    return Conditions(*map(_column, zip(*each, strict=True)))
 
 
 def first_state(
