@@ -71,7 +71,7 @@ class Infer(ManyRunsOptions):
     again: bool = False
     """Do runs again that were kept in --out."""
     out: Path = Path("runs/infer")
-    """Directory for the results. A run that was interrupted goes on where it was."""
+    """Directory for the results; an interrupted run resumes there."""
 
     def __post_init__(self):
         validate(self)

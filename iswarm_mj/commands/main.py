@@ -90,9 +90,9 @@ def _kept(command: Any) -> str:
         case Clean():  # and run
             return "; anything recorded so far is kept"
         case Evolve() | Train():
-            return "; finished generations and runs are kept, with which --resume goes on"
+            return "; finished generations and runs are kept; pass --resume to continue"
         case Experiment() | Infer() | Reproduce():
-            return "; finished runs are kept, with which the same command goes on"
+            return "; finished runs are kept; repeat the command to continue"
     return ""
 
 

@@ -1,6 +1,6 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,9 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.faults import decode, summary
+from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
@@ -31,6 +33,7 @@ from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 STEPS = 800
@@ -40,26 +43,42 @@ STEPS = 800
 class Run:
     """B worlds that advance together until each is finished or faulty, or the time is up.
 
-    A fault ends its world alone, and `faults` names it. Only the contact buffers of MJX with Warp are shared: if
-    they are full, all worlds of the device end.
+    A fault ends only its own world, and `faults` names it. With MJX on Warp, a full contact buffer ends all worlds of
+    the device, which share it.
 
     Attributes:
-        config: what all worlds share.
-        genome: of the run.
+        config: configuration that all worlds share.
+        genome: parameters of the paper's strategy.
         settings: of the run.
         engine: settings of the engine.
-        worlds: B of them.
-        starts: how each of them began.
+        worlds: B worlds.
+        starts: initial state of each world.
         start: record of the start of the W recorded worlds, with axes (1, W).
         strategy: as given; None for the paper's.
         task: as given.
         goal: progress of the task that finishes a world, in cleaning balls delivered; None if it never is.
         recorded: parts of the strategy's memory that recordings show, and their units.
-        payload: what the robots' messages carry.
+        payload: fields of the messages.
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
-        watch: where the time goes.
+        watch: times of the stages.
     """
+
+    config: SwarmConfig
+    genome: Genome
+    settings: RunSettings
+    engine: EngineSettings
+    worlds: list[World]
+    starts: Sequence[Start]
+    start: StepRecord
+    strategy: Strategy | Any
+    task: Task
+    goal: int | None
+    recorded: Mapping[str, str]
+    payload: Payload
+    robot: Robot
+    robot_file: Path | None
+    watch: Stopwatch
 
     def __init__(
         self,

@@ -61,7 +61,7 @@ def test_a_density_replaces_the_number_of_robots():
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("wings = 2", "x.toml names wings, of which iswarm clean knows nothing; `iswarm clean --help-all` lists"),
+        ("wings = 2", "x.toml names wings, which iswarm clean does not know; `iswarm clean --help-all` lists"),
         ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, of which .*; perhaps you meant arena.size; "),
         ("steps = ", "x.toml is no TOML"),
         ("steps = 2020-01-01", "steps must be a number, a word, true or false, or a list"),

@@ -11,7 +11,8 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from joblib.externals.loky.process_executor import _ExecutorManagerThread
+from joblib.externals.loky.process_executor import TerminatedWorkerError, _ExecutorManagerThread
+from joblib.externals.loky.reusable_executor import _ReusablePoolExecutor
 
 from iswarm_mj.utils import pool
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -81,6 +82,15 @@ def test_a_lost_worker_is_told_and_the_next_call_works():
     with pytest.raises(SimulationFault, match=r"worker process was lost.*fewer workers$"):
         results(dying, range(3), 2)
     assert results(square, [3], 2) == [9]
+
+
+def test_a_worker_lost_while_calls_are_handed_over_is_told(monkeypatch):
+    def submit(self, *call, **options):
+        raise TerminatedWorkerError("killed")
+
+    monkeypatch.setattr(_ReusablePoolExecutor, "submit", submit)
+    with pytest.raises(SimulationFault, match="worker process was lost"):
+        results(square, range(3), 2)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
