@@ -151,14 +151,15 @@ def _advanced(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slo
     )
     release = _script.released(PROTOCOL, ramp, gap / 2, slot.at, watch, slot.time, time)
     at = jax.tree.map(partial(jnp.where, attempt.releases), release, lift)
-    limits = [jnp.where(attempt.releases, limit / MS, 0.0) for limit in _script.leap_limits(PROTOCOL, ramp, at, time)]
+    limits = _script.leap_limits(PROTOCOL, ramp, at, time)
+    limits = tuple(jnp.where(attempt.releases, limit / MS, 0.0) for limit in limits)
     data, ball, passed = _leapt(bench, ready, data, force, limits)
     kept = jax.tree.map(partial(jnp.where, slot.at.is_over), (slot.at, slot.time), (at, time + passed))
     return Slot(data, ball, *kept)
 
 
 def _leapt(
-    bench: MjxBench, ready: tuple[GripperForces, mjx.Model], data: mjx.Data, force: Force, limits: list[Array]
+    bench: MjxBench, ready: tuple[GripperForces, mjx.Model], data: mjx.Data, force: Force, limits: tuple[Array, ...]
 ) -> tuple[mjx.Data, State, Array]:
     """Leap over a time after a step, see `SingleBench.leap`: data, ball, and the time [s]."""
     (forces, model), where, ball = ready, bench.where, force.state

@@ -192,8 +192,8 @@ def watched(
 
     shapes = jax.eval_shape(partial(gripper_force, forces), model, data, ball)
     force = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)._replace(state=ball)
-    nothing = [jnp.float32(value) for value in (-jnp.inf, -jnp.inf, jnp.inf, 0.0, jnp.nan, jnp.nan, 0.0)]
-    data, force, seen = jax.lax.fori_loop(0, n_steps, step, (data, force, Watch(*nothing, jnp.bool_(True))))
+    nothing = _single(Watch(-jnp.inf, -jnp.inf, jnp.inf, 0.0, jnp.nan, jnp.nan, 0.0, True))
+    data, force, seen = jax.lax.fori_loop(0, n_steps, step, (data, force, nothing._replace(finite=jnp.bool_(True))))
     speed = jnp.linalg.norm(data.qvel[where.ball : where.ball + 3]) * (UM / MS)
     finite = jnp.isfinite(data.qpos).all() & jnp.isfinite(data.qvel).all()
     return data, force, seen._replace(speed=speed, finite=finite)

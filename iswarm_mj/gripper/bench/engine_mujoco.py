@@ -115,8 +115,8 @@ class MujocoBench:
         warned = self._batch.warning[ids].any(axis=(1, 2))
         finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
         speeds = state[:, self._landing] * UM / MS, np.sqrt((velocity**2).sum(axis=1)) * UM / MS
-        gaps = (state[:, self._gaps] * UM).T
-        watch = Watch(*last.T, first[:, 0], speeds[0], *gaps, speeds[1], finite)
+        gaps = state[:, self._gaps] * UM
+        watch = Watch(last[:, 0], last[:, 1], first[:, 0], speeds[0], gaps[:, 0], gaps[:, 1], speeds[1], finite)
         calm = Watch(-np.inf, -np.inf, np.inf, 0.0, np.nan, np.nan, np.nan, True)
         full = [np.full(len(self._touch), value) for value in calm]
         for own, values in zip(full, watch, strict=True):

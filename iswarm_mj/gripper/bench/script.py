@@ -9,17 +9,12 @@ Source: section 3.2.3, protocol.
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
-from jaxtyping import Bool
-
-from iswarm_mj.gripper.bench.base import Move, Voltages, Watch
+from iswarm_mj.gripper.bench.base import Each, Move, Voltages, Watch
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.laws.detachment import GRAVITY
 from iswarm_mj.gripper.laws.numbers import clip, where
-from iswarm_mj.utils.arrays import Array, Quantity
-
-Condition: TypeAlias = bool | Bool[Array, "..."]
 
 RESTING_SPEED = 1e-3
 """A slower ball is at rest [m/s]."""
@@ -34,31 +29,31 @@ SINK = 2e-10
 class Ramp(NamedTuple):
     """A voltage that rises on a ball at the tool until the ball leaves."""
 
-    rate: Quantity
+    rate: Each
     """[V/s]"""
-    limit: Quantity
+    limit: Each
     """[V]"""
-    patience: Quantity
+    patience: Each
     """Time after which a ball that still hangs counts as not released [s]."""
 
 
 class Progress(NamedTuple):
     """How far a trial is. Times since it began; infinite: not yet."""
 
-    touched: Quantity
+    touched: Each
     """Last contact of the ball with the tool before it was freed [s]."""
-    freed: Quantity
+    freed: Each
     """When it was seen to have left the tool [s]."""
-    landed: Quantity
+    landed: Each
     """First contact with the plate after that [s]."""
-    speed: Quantity
+    speed: Each
     """Downward speed of this landing, 0 before [m/s]."""
-    moved: Quantity
+    moved: Each
     """When it was last seen not to rest on the plate [s]."""
-    succeeds: Condition
+    succeeds: Each
     """Whether it hangs at the tool, or stays on the plate."""
-    is_over: Condition
-    is_faulty: Condition
+    is_over: Each
+    is_faulty: Each
     """Whether the state became infinite or nan."""
 
 
@@ -93,7 +88,7 @@ def lifting(protocol: Protocol, voltage: Voltages) -> list[Move]:
     ]
 
 
-def setpoint(moves: Sequence[Move], tip: float, time: Quantity) -> tuple[Quantity, Quantity]:
+def setpoint(moves: Sequence[Move], tip: float, time: Each) -> tuple[Each, Each]:
     """Height of the tool [m] and its voltage [V] at a time of moves from a height `tip` on, without voltage at first.
 
     The tool moves along `minimum_jerk`, the voltage linearly.
@@ -107,25 +102,25 @@ def setpoint(moves: Sequence[Move], tip: float, time: Quantity) -> tuple[Quantit
     return height, voltage
 
 
-def ramp_voltage(protocol: Protocol, ramp: Ramp, freed: Quantity, time: Quantity) -> Quantity:
+def ramp_voltage(protocol: Protocol, ramp: Ramp, freed: Each, time: Each) -> Each:
     """Voltage of a ramp at a time, where the ball was seen to have left at `freed` [V]."""
     rising = ramp.rate * where(time < freed, time, freed)
     return where(rising < ramp.limit, rising, ramp.limit) * _share(protocol, time - freed)
 
 
-def _share(protocol: Protocol, since: Quantity) -> Quantity:
+def _share(protocol: Protocol, since: Each) -> Each:
     """Share of the voltage that is left some time after a ball was freed [s]; negative: before."""
     if protocol.after_release == "held":
         return 1.0
     return clip(1 - (since - protocol.cut_delay) / protocol.cut_time, 0.0, 1.0)
 
 
-def hangs(gap_tool: Any, gap_plate: Any, protocol: Protocol) -> Any:
+def hangs(gap_tool: Each, gap_plate: Each, protocol: Protocol) -> Each:
     """Whether a ball with these gaps to tool and plate [m] hangs at the tool, off the plate."""
     return (gap_plate > protocol.away) & (gap_tool < TOUCH)
 
 
-def is_lifted(protocol: Protocol, watch: Watch) -> Condition:
+def is_lifted(protocol: Protocol, watch: Watch) -> Each:
     """Whether the ball hangs at the end of the last of `lifting` and was off the plate all the time.
 
     One that flies to and fro was not.
@@ -134,7 +129,7 @@ def is_lifted(protocol: Protocol, watch: Watch) -> Condition:
 
 
 def released(
-    protocol: Protocol, ramp: Ramp, low: float, was: Progress, watch: Watch, began: Quantity, time: Quantity
+    protocol: Protocol, ramp: Ramp, low: float, was: Progress, watch: Watch, began: Each, time: Each
 ) -> Progress:
     """Progress of a release after another look; what is over stays as it is.
 
@@ -173,7 +168,7 @@ def released(
     return Progress(*[where(was.is_over, old, now) for old, now in zip(was, new, strict=True)])
 
 
-def leap_limits(protocol: Protocol, ramp: Ramp, at: Progress, time: Quantity) -> tuple[Quantity, Quantity]:
+def leap_limits(protocol: Protocol, ramp: Ramp, at: Progress, time: Each) -> tuple[Each, Each]:
     """Longest times [s] for which a release may leap over a ball that hangs and over one that bounces.
 
     See `leap_laws.leap`: the voltage must not change meanwhile.

@@ -121,7 +121,7 @@ class SingleBench:
             data.plugin_state[self.at[surface, "before"]] = gap  # so that they take no leap for an impact
             data.plugin_state[self.at[surface, "rebound"]] = 0.0
         data.qacc_warmstart[:] = 0.0
-        return (leapt.hung + leapt.flown) * MS
+        return float(leapt.hung + leapt.flown) * MS
 
     def _present_gaps(self) -> tuple[float, float]:
         """Gaps between the tool's face and a ball below it, and between ball and plate [um]."""

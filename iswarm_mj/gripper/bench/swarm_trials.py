@@ -8,12 +8,12 @@ import numpy as np
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench import script
+from iswarm_mj.gripper.bench.base import Each
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.script import START, Ramp, hangs
 from iswarm_mj.gripper.bench.single import SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.numbers import in_arrays
-from iswarm_mj.utils.arrays import Quantity
 
 TIMESTEP = 2e-6
 """Twice that of the bench: voltages change by less than 1 %, the speed of a landing by less than 4 %
@@ -34,7 +34,7 @@ PRESSED_GAP = script.setpoint(LIFT, PROTOCOL.start_gap, PRESSED)[0] / 2
 """Gaps of the ball to tool and plate then [m]."""
 
 
-def ramp_to(voltage: Quantity) -> Ramp:
+def ramp_to(voltage: Each) -> Ramp:
     """Voltage [V] of a release."""
     return Ramp(voltage / PROTOCOL.rise_time, voltage, RELEASE_LIMIT)
 
