@@ -51,9 +51,9 @@ class Reproduce(ManyRunsOptions):
     list: bool = False
     """Say which parts are there, and why the others have to be made."""
     tables: bool = False
-    """Make no runs; write the findings and the tables anew from the results that are there."""
+    """Rewrite the findings and the tables from existing results, without runs."""
     figures: bool = False
-    """Make no runs; draw the figures of the results anew from their tables."""
+    """Redraw the figures of the results from their tables, without runs."""
     quick: bool = False
     """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
     again: bool = False
