@@ -86,9 +86,9 @@ def lifts_of(radius, volts):
 
 
 def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool():
-    """With a tenth of the adhesion, not with seven tenths; the balance lets all go."""
+    """Some with a tenth of the adhesion, none with seven tenths; the balance lets all go."""
     radius = np.linspace(15e-6, 25e-6, 30)
-    for share, least, most in ((0.1, 0.4, 0.9), (0.7, 1.0, 1.0)):
+    for share, least, most in ((0.1, 0.1, 0.9), (0.7, 1.0, 1.0)):
         trials = [Trial(r, share * WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE) for r in radius]
         found = np.array([swarm_trials.attempted(trial, 55.0, GRIPPER.release_gap) for trial in trials])
         assert least <= found[:, 0].mean() <= most

@@ -13,7 +13,8 @@ from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.units import MS, NN, PER_OHM, PRESSURE, UM
+from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, PROBE_RADIUS
+from iswarm_mj.gripper.units import DENSITY, MS, NN, PER_OHM, PRESSURE, UM
 
 
 def bench_spec() -> mujoco.MjSpec:
@@ -86,17 +87,20 @@ def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
     """Model with a trial's ball and probe; the trial's other numbers are in `plugin_numbers`."""
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
+    spec.geom("ball").density = trial.density * DENSITY
     return spec.compile()
 
 
 @lru_cache(maxsize=16)
-def usual_model(timestep: float | None, probe_radius: float) -> mujoco.MjModel:
-    """The default bench with a ball of 20 um and this probe [m]; a time step of its own if None [s]."""
+def usual_model(
+    timestep: float | None = None, probe_radius: float = PROBE_RADIUS, density: float = BALL_DENSITY
+) -> mujoco.MjModel:
+    """The bench with a ball of 20 um of this density [kg/m^3] and this probe [m]; its own time step if None [s]."""
     spec = bench_spec()
     spec.memory = MEMORY
     if timestep is not None:
         spec.option.timestep = timestep / MS
-    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius))
+    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius, density=density))
 
 
 @lru_cache(maxsize=64)
