@@ -168,13 +168,10 @@ def of_settings(settings: GraspSettings, trial: Trial) -> Trial:
     """A trial of the default materials with those of the settings: works of adhesion, surfaces, contacts, tip."""
     tool = trial.work_tool_object * (settings.work_tool_object / detachment.WORK_TOOL_OBJECT)
     plate = trial.work_object_substrate * (settings.work_object_substrate / detachment.WORK_OBJECT_SUBSTRATE)
-    works = (
-        float(effective_work(work, trial.radius, surface))
-        for work, surface in ((tool, settings.tool), (plate, settings.plate))
-    )
     return Trial(
         trial.radius,
-        *works,
+        float(effective_work(tool, trial.radius, settings.tool)),
+        float(effective_work(plate, trial.radius, settings.plate)),
         trial.relative_humidity,
         probe_radius=settings.probe_radius,
         density=settings.ball_density,

@@ -58,14 +58,6 @@ def test_the_balance_is_a_surrogate_of_trials(sample):
     assert same >= 0.99 and away > 0.6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sample", [random_attempts, any_attempts])
-def test_the_balance_is_a_surrogate_of_ten_thousand_trials(sample):
-    found = [agreement(1000, sample, seed) for seed in range(10)]
-    print("agreement, share of these attempts, failures beyond the edge", np.mean(found, axis=0))
-    assert np.mean(found, axis=0)[0] >= 0.99
-
-
 def test_strong_fields_drop_light_balls_that_charge_while_they_are_lifted():
     """By the balance all are lifted; with ten times the resistance they are."""
     radius = np.linspace(15e-6, 16.5e-6, 40)
