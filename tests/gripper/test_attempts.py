@@ -11,7 +11,7 @@ from helpers_sensing import lay
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import by_balance
-from iswarm_mj.gripper.bench.deciders import by_host
+from iswarm_mj.gripper.bench.swarm_trials import by_host
 from iswarm_mj.gripper.handling import working
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 

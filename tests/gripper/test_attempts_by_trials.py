@@ -12,8 +12,8 @@ from helpers_sensing import lay
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.contacts import Contacts
-from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.single import SingleBench
+from iswarm_mj.gripper.bench.swarm_trials import by_host
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 
@@ -118,27 +118,6 @@ def test_in_strong_fields_a_batch_in_mjx_lifts_as_many_as_c():
     ours, theirs = (decide(gripper, Attempts(*map(jnp.asarray, mine))).lifted for decide in (by_host, by_batch))
     print(int(ours.sum()), int(theirs.sum()), int((ours == theirs).sum()), "of", len(strong))
     assert 0.8 < float(ours.mean()) < 0.95 and float((ours == theirs).mean()) > 0.95
-
-
-def test_the_bench_of_a_program_that_is_spread_over_devices_does_for_others():
-    """As of one stage alone, with arrays that lie on these devices; traced, not compiled."""
-    from jax.sharding import Mesh, NamedSharding, PartitionSpec
-
-    from iswarm_mj.gripper.bench import batch_trials
-
-    batch_trials._usual.cache_clear()
-    attempts, _ = random_attempts(3, 5)
-    gripper = replace(GRIPPER, bench_capacity=2)
-
-    def lifted(*arrays):
-        return batch_trials.by_batch(gripper, Attempts(*arrays)).lifted
-
-    part = PartitionSpec()
-    mesh = Mesh(np.array(jax.devices()[:1]), ("worlds",))
-    spread = jax.shard_map(lifted, mesh=mesh, in_specs=(part,) * 7, out_specs=part, check_vma=False)
-    placed = jax.device_put(tuple(map(jnp.asarray, attempts)), NamedSharding(mesh, part))
-    for program in (spread, lifted):
-        assert jax.jit(program).trace(*placed).out_info.shape == (3,)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from landing_map import capture_restitution, landing_map
+from landing_map import landing_map
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
@@ -101,12 +101,6 @@ def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitu
     assert model.body("ball").mass[0] * 1e-9 == pytest.approx(MASS)
     kept = MASS / 2 * ((restitution * before) ** 2 - after**2) * 1e-6
     assert kept == pytest.approx(TORN, rel=0.01)
-
-
-def test_adhesion_takes_its_energy_off_the_rebound():
-    assert rebound(4 * STICKS, 0.5, pressure=0.0) == pytest.approx((0.25 - 1 / 16) ** 0.5)
-    edge = capture_restitution(0.1, STICKS)
-    assert rebound(0.1, 0.99 * edge, pressure=0.0) == 0.0 < rebound(0.1, 1.01 * edge, pressure=0.0) < edge
 
 
 def thrown(speed, restitution=None, timestep=1e-3):

@@ -53,7 +53,7 @@ class SingleBench:
         cannot move, so that after a few steps nothing is left of what was before.
         """
         data, where = self.data, self.where
-        self.model = resized(self._usual, trial.radius, self.model)
+        self.model = resized(self._usual, trial.radius, (self.model, data))
         mujoco.mj_resetData(self.model, data)
         data.qpos[:], self._looked = start(self.model, trial, gaps), 0.0
         self._touch = 2 * trial.radius / UM - where.tip_height
