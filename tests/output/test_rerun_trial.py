@@ -14,8 +14,9 @@ from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import thinned
 from iswarm_mj.output import rerun_trial as record_grasp
 from iswarm_mj.output import rerun_trial_view as look
-from iswarm_mj.output.rerun_trial import record_trace, rotated
+from iswarm_mj.output.rerun_trial import record_trace
 from iswarm_mj.output.trace_lines import LINES
+from iswarm_mj.output.trial_shapes import rotated
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
