@@ -18,7 +18,7 @@ _DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")
 class Clean(Swarm):
     """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "live", "out")
+    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "out")
 
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
     """Control steps at most."""
@@ -35,10 +35,6 @@ class Clean(Swarm):
     with --gripper.resolution dynamic."""
     lanes: Annotated[tuple[int, ...], Within(0), _RECORDED] = ()
     """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
-    hosts: Annotated[int, Within(1, 10_000)] = 1
-    """Machines that share the worlds: this one and others of a Ray cluster (the one at RAY_ADDRESS, if that is set)."""
-    live: Annotated[bool, _RECORDED] = False
-    """Show the first recorded world while it runs, in a viewer that listens to this machine alone."""
 
     @property
     def has_trials(self) -> bool:
@@ -57,33 +53,21 @@ class Clean(Swarm):
         config, genome, n_robots = self.checked()
         from iswarm_mj.workflows.clean import clean
         from iswarm_mj.workflows.recorder import Shown
-        from iswarm_mj.workflows.shares import computed, parts
 
         check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
-        first, *rest = parts(self.worlds, self.hosts, recorded)
         with locked(self.out):  # refused before anything is compiled
             pass
-        makers = [self.maker_of(config, genome, settings, share, is_here=False) for share in rest]
-        with computed(makers, (self.own, self.task)) as others:
-            run = self.run_of(config, genome, settings, share=first)
-            viewer = self._viewer() if self.live else None
-            clean(run, settings, self.out, Shown(self.lanes, viewer, self.record_grasps), others)
-
-    @staticmethod
-    def _viewer() -> str:
-        from iswarm_mj.output.viewer import open_viewer
-
-        return open_viewer()[0]
+        clean(self.run_of(config, genome, settings), self.out, Shown(self.lanes, self.record_grasps))
 
 
 @dataclass(frozen=True)
 class Run(WithTask, Clean):
     """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "live", "out")
+    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "out")
 
     stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish with this progress of the task; by default when nothing is left to do."""

@@ -42,7 +42,7 @@ class Play(WithTask):
             self.task,
             self.robots if self.density is None else n_robots,
             self.seed,
-            self.engine_settings(1, True),
+            self.engine_settings(1),
             self.robot,
             None if is_genome else self.controller,
             self.task_name,

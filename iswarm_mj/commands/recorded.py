@@ -15,10 +15,10 @@ MOST_REPLAYED = 200
 
 @dataclass(frozen=True)
 class Inspect:
-    """Say what a directory of results holds: what ran, its measures and faults, its files and how to open them."""
+    """Summarise a directory of results: what ran, measures, faults, and how to open each file."""
 
     directory: tyro.conf.Positional[Path] = Path("runs")
-    """The --out of a command, also of an interrupted one, or a directory of several."""
+    """The --out of a finished or interrupted command, or a directory of several."""
 
     def run(self) -> None:
         """Run the command."""
@@ -34,9 +34,9 @@ class RenderOptions:
     directory: tyro.conf.Positional[Path] = Path("runs/clean")
     """The --out of a run of `iswarm clean`."""
     camera: Literal["above", "oblique"] = "above"
-    """Where the camera is."""
+    """Camera position."""
     ball_scale: Annotated[float, Within(1, 1000)] = 15.0
-    """Magnification of the balls, which are too small to see at their true size."""
+    """Magnification of the balls."""
 
     def __post_init__(self):
         validate(self)
@@ -47,11 +47,11 @@ class Picture(RenderOptions):
     """Render one step of a recorded run to a PNG, off-screen."""
 
     step: Annotated[int | None, Within(0)] = None
-    """Control step, from 0 for the start; 100 by default, or the last one of a shorter run."""
+    """Control step, 0 for the start; 100 by default, or the last one of a shorter run."""
     width: Annotated[int, Within(16, 8192, "pixels")] = 1280
-    """Of the picture."""
+    """Width of the picture."""
     height: Annotated[int, Within(16, 8192, "pixels")] = 1280
-    """Of the picture."""
+    """Height of the picture."""
     out: Path = Path("swarm.png")
     """The file to write."""
 
@@ -74,12 +74,12 @@ class Video(RenderOptions):
     steps: Annotated[int | None, Within(1)] = None
     """Number of control steps from the start; all by default."""
     frames_per_step: Annotated[int, Within(1, 24)] = 2
-    """Frames per control step; a second has 24."""
+    """Frames per control step, at 24 frames a second."""
     camera: Literal["above", "oblique"] = "oblique"
     width: Annotated[int, Within(64, 4096, "pixels")] = 1280
-    """Of the frames; even."""
+    """Width of the frames, an even number."""
     height: Annotated[int, Within(64, 4096, "pixels")] = 720
-    """Of the frames; even."""
+    """Height of the frames, an even number."""
     out: Path = Path("swarm.mp4")
     """The file to write."""
 

@@ -121,7 +121,7 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
 
 
 def first_state(
-    config: SwarmConfig, starts: Sequence[Start], task: Task, capacity: int, memory: Any = None
+    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robot, capacity: int, memory: Any = None
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
 
@@ -129,6 +129,7 @@ def first_state(
         config: of the run; robots have full capacitors, if any.
         starts: of B worlds.
         task: of the run.
+        robot: geometry.
         capacity: places for robots.
         memory: of the robots at the start, with a first axis of B worlds.
     """
@@ -145,7 +146,7 @@ def first_state(
     state = WorldState(
         bodies=None,
         swarm=swarm,
-        touching=np.zeros((*here, capacity), bool),
+        touching=np.zeros((len(starts), robot.most_partners, capacity), np.int32),
         collisions=zero,
         is_finished=zero > 0,
         finished_at=zero,

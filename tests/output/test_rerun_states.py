@@ -8,7 +8,6 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import make_frames, make_scene, write
 
-from iswarm_mj.output.memory import hop_colours
 from iswarm_mj.output.rerun_states import shown_lanes, states, states_of
 
 LANES = tuple(range(0, 40, 2))
@@ -94,10 +93,3 @@ def test_hop_counts_have_colours(run):
         assert set(colours[~known]) == {0xAAAAAAFF}
         assert set(colours[known & (hops == 0)]) == {0x440154FF}
         assert len(set(colours[known])) == len(set(hops[known])) > 10
-
-
-def test_colours_of_hop_counts_grow_lighter():
-    colours = hop_colours(np.arange(16, dtype=np.int8)[None])[0]
-    red, green, blue = ((colours >> shift & 255).astype(int) for shift in (24, 16, 8))
-    assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
-    assert set(colours & 255) == {255}

@@ -20,7 +20,7 @@ CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 @pytest.fixture(scope="module")
 def session():
     session = Session(Scenario(CONFIG, robots=20, seed=3, engine=PlanarSettings()))
-    for _ in range(12):
+    for _ in range(60):
         session.advance()
     return session
 

@@ -120,7 +120,7 @@ def misuse(rng, small):
             return f"load({value!r:.60})", lambda: load(value)
 
 
-@pytest.mark.attack(40)
+@pytest.mark.attack(20)
 def test_each_is_refused_or_makes_sense(attack, small, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for rng in attack.generators():

@@ -58,7 +58,7 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         directory = out / f"{row['type']}-{row['repeat']}"
         settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=plan.goal)
         with redirect_stdout(io.StringIO()):
-            clean(Run(plan.config, PRESETS[row["type"]], settings), settings, directory)
+            clean(Run(plan.config, PRESETS[row["type"]], settings), directory)
         frames = load(directory).arrays
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
