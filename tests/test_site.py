@@ -100,6 +100,15 @@ QUICK = {
 """What makes a command short, where it is not."""
 
 
+def shortened(words, flags):
+    """A command with these flags in place of its own of the same names."""
+    names, kept, is_replaced = {flag for flag in flags if flag.startswith("--")}, [], False
+    for word in words:
+        is_replaced = word in names if word.startswith("--") else is_replaced
+        kept += [] if is_replaced else [word]
+    return [*kept, *flags]
+
+
 def run(arguments):
     command = [sys.executable, "-m", "iswarm_mj", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
@@ -122,7 +131,7 @@ def test_commands_run(page, example):
         if words[1] == "picture":
             more += ["--width", "64", "--height", "64", "--step", "5"]
         out = [part for part in words if part.startswith("docs/")]
-        run([part if part not in out else "picture.png" for part in words[1:]] + more)
+        run(shortened([part if part not in out else "picture.png" for part in words[1:]], more))
 
 
 @pytest.mark.slow
@@ -135,7 +144,7 @@ def test_python_runs(name, example):
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if not block.startswith(files)]
     made = {words[-1]: words[1:] for words in commands(page) if words[-2] == "--out"}
     for out in sorted(set(re.findall(r'"(runs/\w+)"', "".join(blocks)))):
-        run([*made.get(out, ["clean", "--engine", "planar"]), "--robots", "20", "--steps", "12"])
+        run(shortened(made.get(out, ["clean", "--engine", "planar"]), ["--robots", "20", "--steps", "12"]))
     for block in blocks:
         for old, new in (
             ("steps=200", "steps=3"),

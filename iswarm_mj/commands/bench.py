@@ -17,9 +17,9 @@ class Bench(Swarm):
     MAIN: ClassVar = ("robots", "worlds", "engine", "impl", "steps", "warm_up", "threads")
 
     steps: Annotated[int, Within(1, 100_000)] = 200
-    """Control steps that are timed."""
+    """Number of timed control steps."""
     warm_up: Annotated[int, Within(1, 100_000)] = 20
-    """Control steps before that."""
+    """Control steps before the timing."""
     chunk: Annotated[int, constraint_of(MjxSettings, "chunk"), _IN_CHUNKS] = 20
     """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
 

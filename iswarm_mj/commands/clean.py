@@ -1,18 +1,13 @@
 """`iswarm clean` and `iswarm run`."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-import tyro
-
-from iswarm_mj.commands.flags import refuse, usual
-from iswarm_mj.commands.swarm import Swarm
+from iswarm_mj.commands.swarm import Swarm, WithTask
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
-from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.lock import locked
 
 _RECORDED = Needs("record", why="with --no-record")
@@ -69,41 +64,15 @@ class Clean(Swarm):
 
 
 @dataclass(frozen=True)
-class Run(Clean):
+class Run(WithTask, Clean):
     """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
 
     MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "out")
 
-    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
-    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
-    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
     stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish with this progress of the task; by default when nothing is left to do."""
     out: Path = Path("runs/task")
     """Directory for the results; those of an earlier run in it are replaced."""
-    own_task: Any = None
-    """The task with the values of its flags, where `task_name` names one."""
-
-    @property
-    def task(self) -> Any:
-        """What the robots are to do."""
-        return super().task if self.own_task is None else self.own_task
-
-    def checked(self) -> tuple[SwarmConfig, Genome, int]:
-        """See `Swarm.checked`."""
-        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
-            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
-            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
-            refuse(self, idle, f"in the task {type(self.task).__name__}")
-        return super().checked()
-
-    def _could_be_usual(self, group: str, name: str) -> bool:
-        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
-        try:
-            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
-        except ConfigError:
-            return False
-        return True
 
     def goal(self, config: SwarmConfig) -> int | None:
         """See `Clean.goal`."""

@@ -1,13 +1,13 @@
 """Flags that the commands on a swarm share."""
 
 import importlib.util
-from dataclasses import dataclass, field, fields, make_dataclass
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, cast
 
 import tyro
 
-from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import Accuracy, ConfigOptions, Refinement, Threads
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
@@ -16,7 +16,7 @@ from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_set
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.progress import waiting
 
 GenomeOverrides = make_dataclass(
@@ -154,12 +154,7 @@ class Swarm(ConfigOptions):
             chunk: control steps that one call of a compiled program takes.
         """
         from iswarm_mj.simulation.run import Run
-        from iswarm_mj.utils.jax_setup import devices
 
-        used = tuple(devices(self.devices)) if self.is_compiled else None
-        engine = engine_settings(
-            self.engine, **{**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used}
-        )
         n_worlds = settings.n_worlds
         with waiting(
             f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
@@ -168,8 +163,49 @@ class Swarm(ConfigOptions):
                 config,
                 genome,
                 settings,
-                engine,
+                self.engine_settings(chunk),
                 strategy=None if isinstance(self.own, Genome) else self.own,
                 task=self.task,
                 robot_file=self.robot,
             )
+
+    def engine_settings(self, chunk: int) -> Any:
+        """Return the settings of the engine; `chunk` control steps are one call of a compiled program."""
+        from iswarm_mj.utils.jax_setup import devices
+
+        used = tuple(devices(self.devices)) if self.is_compiled else None
+        return engine_settings(
+            self.engine, **{**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used}
+        )
+
+
+@dataclass(frozen=True)
+class WithTask(Swarm):
+    """Settings of commands with any task."""
+
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
+    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    own_task: Any = None
+    """The task with the values of its flags, where `task_name` names one."""
+
+    @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        return super().task if self.own_task is None else self.own_task
+
+    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+        """See `Swarm.checked`."""
+        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
+            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
+            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
+            refuse(self, idle, f"in the task {type(self.task).__name__}")
+        return super().checked()
+
+    def _could_be_usual(self, group: str, name: str) -> bool:
+        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
+        try:
+            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
+        except ConfigError:
+            return False
+        return True

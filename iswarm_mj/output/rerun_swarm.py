@@ -25,9 +25,10 @@ from iswarm_mj.output.rerun_format import (
     settings_document,
     written,
 )
-from iswarm_mj.output.rerun_shapes import TRAIL_FRAMES, shapes
+from iswarm_mj.output.rerun_shapes import shapes
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC, Scene
 from iswarm_mj.utils.errors import SimulationFault, UserError
 

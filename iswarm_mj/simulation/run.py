@@ -1,7 +1,7 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,16 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
-from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, to_json
 from iswarm_mj.simulation.tasks import metrics_of
-from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -131,13 +132,12 @@ class Run:
         self.config, self.genome, self.settings, self.engine = config, genome, settings, setup.engine
         self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
         self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
-        self.strategy, n_leds = strategy, len(setup.robot.sides)
+        self.strategy, self._is_per_world, n_leds = strategy, strategy_per_world, len(setup.robot.sides)
+        own = self._strategies()
         if strategy is None:
-            own = vector_strategies(config, setup.robot, self.worlds)
             self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
-            own = of_all_worlds(strategy, config, setup.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.watch = Stopwatch()
@@ -146,6 +146,12 @@ class Run:
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
         self._status = self._loop.status()
+
+    def _strategies(self) -> Any:
+        """The strategy with a first axis of B worlds."""
+        if self.strategy is None:
+            return vector_strategies(self.config, self.robot, self.worlds)
+        return of_all_worlds(self.strategy, self.config, self.robot, self.worlds, is_per_world=self._is_per_world)
 
     @property
     def step(self) -> int:
@@ -210,6 +216,34 @@ class Run:
             self.watch.laps.clear()
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
+
+    def change(self, config: SwarmConfig, genome: Genome, strategy: Strategy | Any = None) -> None:
+        """Give all worlds other settings from the next control step on; places and memories stay as they are.
+
+        Args:
+            config: may differ from the run's in `common.PER_WORLD_FIELDS`.
+            genome: of the paper's strategy.
+            strategy: of the same class, static fields and shapes as the run's; None for the paper's.
+
+        Raises:
+            UserError: the configurations differ in something else.
+        """
+        check_common(self.config, config)
+        self.worlds = [replace(world, config=config, genome=genome) for world in self.worlds]
+        self.strategy = strategy
+        params, state = self.arrays()
+        conditions = conditions_of_worlds(config, self.worlds)
+        self._loop.replace(params._replace(strategy=self._strategies(), conditions=conditions), state.swarm)
+
+    def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:
+        """Put another state of the swarm in place of the present one, from the next control step on.
+
+        Args:
+            edit: makes it of the present one; NumPy arrays of B worlds, with the same shapes and types.
+        """
+        params, state = self.arrays()
+        self._loop.replace(params, edit(state.swarm))
+        self._status = self._loop.status()
 
     @property
     def task_state(self) -> Any:

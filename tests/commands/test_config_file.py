@@ -57,11 +57,11 @@ def test_flags_override_the_file(order):
     ("text", "says"),
     [
         ("wings = 2", "x.toml names wings, which iswarm clean does not know; `iswarm clean --help-all` lists"),
-        ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, of which .*; perhaps you meant arena.size; "),
+        ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, which .*; perhaps you meant arena.size; "),
         ("steps = ", "x.toml is no TOML"),
         (f"steps = 0x{'f' * 4000}", "steps must be .*too many digits"),
         (f"{'.'.join('a' * 2000)} = 1", "a key of too many parts"),
-        ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., of which"),
+        ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., which"),
     ],
 )
 def test_what_a_file_must_not_have(here, text, says):

@@ -47,7 +47,7 @@ def test_all_flags_with_their_ranges_and_the_main_ones(capfd, command):
 def test_flags_of_a_strategy_are_main_flags(capfd, here):
     (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
     text = shown(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")
-    assert "--fraction-scouts FLOAT Share of the robots that scout. (between 0 and 1; default 0.27)" in text
+    assert re.search(r"--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
     assert "--arena.size" not in text
 
 

@@ -1,7 +1,6 @@
 """Attempts by trials on the bench: where the balance of the forces decides alike, and batches of them."""
 
 from dataclasses import replace
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -97,12 +96,6 @@ def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool(
         assert np.asarray(is_released(55.0, radius, share * WORK_TOOL_OBJECT)).all()
 
 
-def test_a_ball_that_rests_as_soon_as_it_is_looked_at_ends_its_trial_then():
-    """Between two leaps."""
-    _, duration, _ = swarm_trials.attempted(Trial(21.9e-6, 0.41e-3, 14.7e-3), 62.0, GRIPPER.release_gap)
-    assert 0 < duration < swarm_trials.RELEASE_LIMIT + swarm_trials.PROTOCOL.flight_limit
-
-
 @pytest.mark.slow
 def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     from iswarm_mj.gripper.bench.batch_trials import by_batch
@@ -154,25 +147,6 @@ def test_the_bench_of_a_program_that_is_spread_over_devices_does_for_others():
     placed = jax.device_put(tuple(map(jnp.asarray, attempts)), NamedSharding(mesh, part))
     for program in (spread, lifted):
         assert jax.jit(program).trace(*placed).out_info.shape == (3,)
-
-
-def test_the_landing_speed_of_a_batch_is_that_before_the_impact():
-    """A released ball that falls by 70 um/ms and has reached the plate in this step; it rebounds much slower."""
-    from iswarm_mj.gripper.bench import batch_trials
-    from iswarm_mj.gripper.mjx_forces import first_state
-
-    bench = batch_trials._bench()
-    numbers = (jnp.float32(value) for value in (55.0, 20e-6, 1.41e-3, 14.7e-3, 0.0))
-    attempt, ball = Attempts(jnp.bool_(False), jnp.bool_(True), *numbers), bench.where.ball
-    qpos = batch_trials._start(bench, attempt, GRIPPER.release_gap).at[ball + 2].set(20.0 - 0.09)
-    data = bench.physics.data.replace(qpos=qpos, qvel=bench.physics.data.qvel.at[ball + 2].set(-70.0))
-    data = data.replace(ctrl=data.ctrl.at[bench.where.tip].set(qpos[bench.where.slide]))
-    state, no = first_state(bench.physics.forces)._replace(before=jnp.full(2, 0.05)), jnp.bool_(False)
-    slot = batch_trials.Slot(data, state, jnp.float32(1e-3), no, jnp.float32(0), no, no, jnp.float32(1.2e-3))
-    step = jax.jit(partial(batch_trials._advanced, bench, batch_trials._script(), GRIPPER.release_gap, attempt))
-    after = step(slot)
-    assert after.down and float(after.impact) == pytest.approx(70.0)
-    assert 0 < float(after.data.qvel[ball + 2]) < 35
 
 
 @pytest.mark.slow

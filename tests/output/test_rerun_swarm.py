@@ -5,8 +5,7 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
 
-from iswarm_mj.output import rerun_shapes
-from iswarm_mj.output import rerun_swarm_view as view
+from iswarm_mj.output import shapes, swarm_classes
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +44,14 @@ def test_robots_stand_where_they_stood(run):
 def test_load_goes_before_scout_before_worker(run):
     scene, frames, recorded = run
     classes = np.stack(column(recorded, "/world/robots/body", "Boxes3D:class_ids"))
-    np.testing.assert_array_equal(classes, view.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority))
+    np.testing.assert_array_equal(
+        classes, swarm_classes.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)
+    )
     assert set(classes.ravel()) >= {0, 2, 4, 5}
     is_loaded = np.array([[False, False, False, False, True, True, True]])
     is_scout = np.array([False, False, True, True, False, True, True])
     has_priority = np.array([[False, True, False, True, False, False, True]])
-    assert view.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+    assert swarm_classes.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
 
 
 def test_balls(run):
@@ -110,7 +111,7 @@ def test_trails_of_loaded_robots_cross_blocks(run):
         who = np.flatnonzero(frames.is_loaded[t])
         assert len(strips) == len(who)
         for i, strip in zip(who, strips, strict=True):
-            past = frames.pose[max(0, t - rerun_shapes.TRAIL_FRAMES) : t + 1, i, :2]
+            past = frames.pose[max(0, t - shapes.TRAIL_FRAMES) : t + 1, i, :2]
             np.testing.assert_allclose(np.array(strip)[:, :2], 1e3 * past, atol=1e-3)
 
 

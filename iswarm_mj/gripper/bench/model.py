@@ -158,25 +158,11 @@ def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
     return {(instance, name): value for instance, values in numbers.items() for name, value in values.items()}
 
 
-def start(
-    model: mujoco.MjModel, trial: Trial, start_gap: float, hanging: float | None = None
-) -> tuple[np.ndarray, float]:
-    """Positions (nq,) of ball and tool before a trial, and the height of the tip's first touch [um].
-
-    The ball lies on the plate with the tool at `start_gap` above it, or hangs at the tool, `hanging` above the plate
-    [m].
-    """
-    where, radius = layout(model), trial.radius / UM
+def start(model: mujoco.MjModel, trial: Trial, gaps: tuple[float, float]) -> np.ndarray:
+    """Positions (nq,) of ball and tool before a trial, with these gaps of the ball to tool and plate [m]."""
+    where, radius, (above, below) = layout(model), trial.radius / UM, gaps
     qpos = np.array(model.qpos0)
-    qpos[where.ball + 2] = radius - SINK
-    touch = 2 * radius
-    qpos[where.slide] = touch + start_gap / UM - where.tip_height
-    if hanging is not None:
-        qpos[where.ball + 2] = radius + hanging / UM + SINK
-        qpos[where.slide] = touch + hanging / UM - where.tip_height
+    qpos[where.ball + 2] = radius + below / UM
+    qpos[where.slide] = 2 * radius + (above + below) / UM - where.tip_height
     qpos[where.aside] = trial.misalignment / UM
-    return qpos, touch
-
-
-SINK = 2e-4
-"""Depth to which a ball is pressed into the plate at the start, so that it touches [um]."""
+    return qpos
