@@ -98,9 +98,9 @@ def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
 
 
 def test_the_command_of_another_task_and_strategy_repeats_it():
-    config = SwarmConfig(ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),)))
+    arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
     scenario = Scenario(
-        config,
+        SwarmConfig(arena),
         strategy=Beeclust(longest_wait=20.0),
         task=Aggregation(spot_radius=4.0, spot_offset=7.0),
         robots=12,

@@ -120,7 +120,7 @@ class MujocoEngine:
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
-            if not self._read_contacts(world, touching[world], n_contacts):
+            if not self._read_contacts(world, np.asarray(touching[world]), n_contacts):
                 fault[world] |= FaultKind.TOO_MANY_CONTACTS
         poses = self._padded(self._qpos[:, self._arena.qpos])
         return Bodies(poses, bodies.is_present, n_contacts), touching, fault
