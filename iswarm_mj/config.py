@@ -17,13 +17,13 @@ from iswarm_mj.utils.obstacles import checked
 class ArenaConfig:
     """Floor, dump and dust. Lengths are in robot diameters [rd] unless stated otherwise."""
 
-    size: Annotated[float, Within(10, 150, "rd")] = 49.0
+    size: Annotated[float, Within(10, 1000, "rd")] = 49.0
     """Edge of the square arena (Table 1) [rd]."""
-    dump_size: Annotated[float, Within(1, 75, "rd"), PER_WORLD] = 5.0
+    dump_size: Annotated[float, Within(1, 500, "rd"), PER_WORLD] = 5.0
     """Edge of the square dump [rd], "in the centre of the arena" (section 4.2). The paper gives no size."""
-    dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
+    dust_area_size: Annotated[float, Above(0, 1000, "rd")] = 6.0
     """Edge of each of the two square dust areas [rd] (section 4.2). The paper gives no size."""
-    dust_area_offset: Annotated[float, Within(0, 75, "rd")] = 12.0
+    dust_area_offset: Annotated[float, Within(0, 500, "rd")] = 12.0
     """Distance of the dust areas' centres from the dump's [rd]. Not in the paper; docs/readings.md supports 12 rd."""
     n_dust: Annotated[int, Within(1, 2500)] = 72
     """Number of solder balls, the dust (Table 1); half in each area."""

@@ -20,7 +20,7 @@ class Evolve(SearchPlan, ManyRunsOptions):
     )
 
     out: Path = Path("runs/evolve")
-    """Directory for the results; one that holds a search already is refused without --resume."""
+    """Directory for the results. To continue a search in it, pass --resume."""
     resume: bool = False
     """Resume the search in --out with the same settings, or start it if there is none."""
 

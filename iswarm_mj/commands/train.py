@@ -30,7 +30,7 @@ class Train(TrainingPlan, ConfigOptions):
     threads: Annotated[Threads, Needs("on_host", why="with batches, which use no threads")] = 0
     """Number of threads on a CPU, 0 for one per core; results do not depend on it."""
     out: Path = Path("runs/train")
-    """Directory for the results; one that holds a training already is refused without --resume."""
+    """Directory for the results. To continue a training in it, pass --resume."""
     resume: bool = False
     """Resume the training in --out with the same settings, or start it if there is none."""
 

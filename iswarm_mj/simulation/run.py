@@ -1,7 +1,7 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,16 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
-from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, to_json
 from iswarm_mj.simulation.tasks import metrics_of
-from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -131,13 +132,12 @@ class Run:
         self.config, self.genome, self.settings, self.engine = config, genome, settings, setup.engine
         self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
         self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
-        self.strategy, n_leds = strategy, len(setup.robot.sides)
+        self.strategy, self._is_per_world, n_leds = strategy, strategy_per_world, len(setup.robot.sides)
+        own = self._strategies()
         if strategy is None:
-            own = vector_strategies(config, setup.robot, self.worlds)
             self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
-            own = of_all_worlds(strategy, config, setup.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.watch = Stopwatch()
@@ -145,14 +145,21 @@ class Run:
             self._loop, self.start = start_loop(setup, own, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
-        self._status = self._loop.status()
+        self._has_ended, self._snapshot = np.zeros(n_worlds, bool), None
+
+    def _strategies(self) -> Any:
+        """The strategy with a first axis of B worlds."""
+        if self.strategy is None:
+            return vector_strategies(self.config, self.robot, self.worlds)
+        return of_all_worlds(self.strategy, self.config, self.robot, self.worlds, is_per_world=self._is_per_world)
 
     @property
     def step(self) -> int:
         """Last control step that any world took."""
-        status = self._status
-        ends = np.where(status.is_finished, status.finished_at, status.fault.step)
-        return int(ends.max()) if self._has_ended.all() else self._taken
+        if not self._has_ended.all():
+            return self._taken
+        state = self._state
+        return int(np.where(state.is_finished, state.finished_at, state.fault.step).max())
 
     @property
     def is_over(self) -> bool:
@@ -183,11 +190,16 @@ class Run:
     @property
     def fault_of_each(self) -> list[SimulationFault | None]:
         """The fault of each world, None for a world without one."""
-        return decode(self._status.fault, self.worlds)
+        return decode(self._state.fault, self.worlds)
 
     @property
-    def _has_ended(self) -> np.ndarray:
-        return np.asarray(self._status.is_finished) | np.asarray(self._status.fault.bits != 0)
+    def _state(self) -> WorldState:
+        """State of all worlds but for their bodies and memories, which leaves a device when it is asked for."""
+        if self._snapshot is None:
+            self._snapshot = self._loop.read(
+                lambda state: state._replace(bodies=None, touching=None, swarm=state.swarm._replace(memory=None))
+            )
+        return self._snapshot
 
     def advance(self) -> StepRecord | None:
         """Take the next control steps: one on the host, a chunk in compiled programs.
@@ -204,20 +216,46 @@ class Run:
         with self.watch("advance"):
             taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
         self._taken += taken
-        self._status = self._loop.status()
+        is_finished, fault = self._loop.read(lambda state: (state.is_finished, state.fault.bits))
+        self._has_ended, self._snapshot = is_finished | (fault != 0), None
         if first == 0:  # which compiles: of no stage
             self.first_call_s, self._first_steps = self.watch.laps["advance"][0], taken
             self.watch.laps.clear()
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
+    def change(self, config: SwarmConfig, genome: Genome, strategy: Strategy | Any = None) -> None:
+        """Give all worlds other settings from the next control step on; places and memories stay as they are.
+
+        Args:
+            config: may differ from the run's in `common.PER_WORLD_FIELDS`.
+            genome: of the paper's strategy.
+            strategy: of the same class, static fields and shapes as the run's; None for the paper's.
+
+        Raises:
+            UserError: the configurations differ in something else.
+        """
+        check_common(self.config, config)
+        self.worlds = [replace(world, config=config, genome=genome) for world in self.worlds]
+        self.strategy = strategy
+        params, state = self.arrays()
+        conditions = conditions_of_worlds(config, self.worlds)
+        self._loop.replace(params._replace(strategy=self._strategies(), conditions=conditions), state.swarm)
+
+    def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:
+        """Put another state of the swarm in place of the present one, from the next control step on.
+
+        Args:
+            edit: makes it of the present one; NumPy arrays of B worlds, with the same shapes and types.
+        """
+        params, state = self.arrays()
+        self._loop.replace(params, edit(state.swarm))
+        self._status = self._loop.status()
+
     @property
     def task_state(self) -> Any:
         """State of the task in all worlds, as NumPy arrays with a first axis of B worlds."""
-        leaves = jax.tree.leaves(self._status.task)
-        if not all(isinstance(leaf, np.ndarray) for leaf in leaves):  # they leave a device when they are asked for
-            self._status = self._status._replace(task=jax.tree.map(np.asarray, self._status.task))
-        return self._status.task
+        return self._state.swarm.task
 
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
@@ -231,7 +269,7 @@ class Run:
 
     def progress(self) -> np.ndarray:
         """Return the progress of the task in each world (B,)."""
-        return np.asarray(self._status.progress)
+        return self._state.progress
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""
@@ -245,10 +283,10 @@ class Run:
         """
         if not (is_whole(world) and 0 <= world < len(self.worlds)):
             raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
-        status = self._status
-        finished_at = int(status.finished_at[world]) if status.is_finished[world] else None
-        starved = 0 if status.starved is None else int(np.asarray(status.starved)[world].sum())
-        return measure(balls_of(self.task, self.task_state), world, int(status.collisions[world]), finished_at, starved)
+        state = self._state
+        finished_at = int(state.finished_at[world]) if state.is_finished[world] else None
+        starved = 0 if state.swarm.starved is None else int(state.swarm.starved[world].sum())
+        return measure(balls_of(self.task, self.task_state), world, int(state.collisions[world]), finished_at, starved)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

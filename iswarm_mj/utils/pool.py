@@ -69,7 +69,7 @@ def _close(results: Generator[Any, None, None]) -> None:
 
 def _on_ray(call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int) -> Generator[Any, None, None]:
     # Not by joblib's backend for Ray, which has no generators.
-    ray = connected(workers)
+    ray = _connected(workers)
     remote = ray.remote(num_cpus=1, max_retries=0, runtime_env={"env_vars": {"JAX_PLATFORMS": "cpu"}})(call)
     left, running = list(given)[::-1], []
     try:
@@ -87,15 +87,8 @@ def _on_ray(call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers:
             ray.cancel(task, force=True)
 
 
-def connected(workers: int = 0) -> Any:
-    """Return Ray, connected to the cluster that RAY_ADDRESS names, or else to a new one on this machine.
-
-    Args:
-        workers: processor cores of a new one, 0 for all.
-
-    Raises:
-        UserError: Ray is not installed.
-    """
+def _connected(workers: int) -> Any:
+    """Ray, connected to the cluster that RAY_ADDRESS names, or to a new one of so many cores, 0 for all."""
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError:

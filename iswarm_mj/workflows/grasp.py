@@ -28,7 +28,7 @@ _FIGURES = ("grasp_voltage", "grasp_voltage_humidity", "release_voltage", "relea
 _RESULTS = (
     TABLE,
     "trials.csv",
-    "trial-[0-9][0-9][0-9][0-9]*.*",
+    "trial-[0-9][0-9][0-9][0-9]*.rrd",
     *(f"{name}.{suffix}" for name in _FIGURES for suffix in ("png", "svg")),
 )
 """Patterns of the names of all that `run_grasp` writes."""
@@ -73,7 +73,7 @@ def _run(settings: GraspSettings, out: Path, record: Sequence[int]) -> list[Tria
     write_table(out / TABLE, mappings, settings.metadata(), csv=True)
     draw_figures(mappings, settings.metadata(), out)
     for number in record:
-        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
+        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}.rrd")
     lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s, {settings.engine}"), ("results", str(out))]
     print("\n".join(f"{name:>12}  {text}" for name, text in lines))
     return rows
@@ -120,13 +120,11 @@ def _clear(out: Path) -> None:
 
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:
-    """Repeat a trial at its grasp voltage, nan if it has none, in the C engine; write a recording and a figure."""
-    from iswarm_mj.output.plot_trials import draw_trace
+    """Repeat a trial at its grasp voltage, nan if it has none, in the C engine, and record it."""
     from iswarm_mj.output.rerun_trial import record_trace
 
     lifts = None if np.isnan(voltage) else float(voltage)
     gap = next(iter(settings.gap), RELEASE_GAP)
     trace = trace_trial(case.trial, settings.protocol, lifts, gap)
     metadata = {**settings.metadata(), "trial": case.trial._asdict(), "repeat": case.repeat, "grasp_voltage": lifts}
-    record_trace(path.with_suffix(".rrd"), trace, metadata)
-    draw_trace(trace, path)
+    record_trace(path, trace, metadata)

@@ -66,7 +66,7 @@ class GraspSettings:
     tool: Surface = field(default_factory=Surface)
     """Roughness, preload and hysteresis of the tool's contact."""
     plate: Surface = field(default_factory=Surface)
-    """Of the plate's contact."""
+    """Roughness, preload and hysteresis of the plate's contact."""
 
     def __post_init__(self):
         validate(self)

@@ -54,7 +54,7 @@ class PlanarSettings(EngineSettings):
     @property
     def bytes_per_robot(self) -> int:
         """See `EngineSettings.bytes_per_robot`."""
-        return 1_000
+        return 1_000 if self.impl == "numba" else 4_000
 
     @classmethod
     def usual_impl(cls) -> str:
