@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from iswarm_mj.engines.planar.settings import PlanarSettings
     from iswarm_mj.envs.make import make_env
     from iswarm_mj.output.saved import load
+    from iswarm_mj.player.serve import play
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import RunSettings
     from iswarm_mj.strategy.genome import PRESETS
@@ -33,6 +34,7 @@ __all__ = [
     "SwarmConfig",
     "load",
     "make_env",
+    "play",
     "rollout",
 ]
 
@@ -40,6 +42,7 @@ _MODULES = {
     "config": ("READINGS", "SwarmConfig"),
     "envs.make": ("make_env",),
     "output.saved": ("load",),
+    "player.serve": ("play",),
     "workflows.rollout": ("rollout",),
     "simulation.run": ("Run",),
     "engines.mjx.settings": ("MjxSettings",),

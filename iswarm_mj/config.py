@@ -17,22 +17,22 @@ from iswarm_mj.utils.obstacles import checked
 class ArenaConfig:
     """Floor, dump and dust. Lengths are in robot diameters [rd] unless stated otherwise."""
 
-    size: Annotated[float, Within(10, 150, "rd")] = 49.0
+    size: Annotated[float, Within(10, 1000, "rd")] = 49.0
     """Edge of the square arena (Table 1) [rd]."""
-    dump_size: Annotated[float, Within(1, 75, "rd"), PER_WORLD] = 5.0
-    """Edge of the square dump [rd], "in the centre of the arena" (section 4.2); no size is given or supported."""
-    dust_area_size: Annotated[float, Above(0, 150, "rd")] = 6.0
-    """Edge of each of the square dust areas [rd], "two areas" (section 4.2); no size is given or supported."""
-    dust_area_offset: Annotated[float, Within(0, 75, "rd")] = 12.0
-    """Distance of the dust areas' centres from the dump's [rd]. Not given; 12 rd is supported (docs/readings.md)."""
+    dump_size: Annotated[float, Within(1, 500, "rd"), PER_WORLD] = 5.0
+    """Edge of the square dump [rd], "in the centre of the arena" (section 4.2). The paper gives no size."""
+    dust_area_size: Annotated[float, Above(0, 1000, "rd")] = 6.0
+    """Edge of each of the two square dust areas [rd] (section 4.2). The paper gives no size."""
+    dust_area_offset: Annotated[float, Within(0, 500, "rd")] = 12.0
+    """Distance of the dust areas' centres from the dump's [rd]. Not in the paper; docs/readings.md supports 12 rd."""
     n_dust: Annotated[int, Within(1, 2500)] = 72
-    """Number of dust particles (Table 1), half of them in each area."""
+    """Number of solder balls, the dust (Table 1); half in each area."""
     ball_radius_min: Annotated[float, Within(1e-6, 1e-4, "m")] = 15e-6
     """Smallest radius of a solder ball (section 3.2.2) [m]."""
     ball_radius_max: Annotated[float, Within(1e-6, 1e-4, "m")] = 25e-6
     """Largest radius of a solder ball (section 3.2.2) [m]."""
     obstacles: tuple[tuple[float, float, float, float, float], ...] = ()
-    """Boxes that stop robots and light: x, y, half edges along their own x and y [rd], yaw [deg], five numbers each."""
+    """Boxes that stop robots and light, five numbers each: x, y, half edges along their own x and y [rd], yaw [deg]."""
 
     def __post_init__(self):
         validate(self, "arena")
@@ -66,15 +66,15 @@ class DriveConfig:
     control_period: Annotated[float, Within(0.1, 100, "s")] = 1.0
     """Duration of a control step [s]."""
     turn_substeps: Annotated[int, Within(1, 100)] = 4
-    """Number of physics steps of a control step in which the robot turns."""
+    """Physics steps of a control step in which the robot turns."""
     walk_substeps: Annotated[int, Within(1, 100)] = 6
-    """Number of physics steps of a control step in which the robot walks."""
+    """Physics steps of a control step in which the robot walks."""
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
-    """Largest turn in one control step [deg]. The paper does not say; no value is supported (docs/readings.md)."""
+    """Largest turn in one control step [deg]; a choice."""
     error_turn: Annotated[float, Within(0, 180, "deg"), PER_WORLD] = 0.0
-    """Standard deviation of the turn about the commanded one, where the robot moves [deg]. 0: the paper names none."""
+    """Standard deviation of the executed turn about the command [deg]. The paper has no such error."""
     error_step: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
-    """Relative standard deviation of the distance walked in a control step, never above `step_length`. 0 likewise."""
+    """Relative standard deviation of the distance walked, clipped at `step_length`. The paper has no such error."""
 
     def __post_init__(self):
         validate(self, "drive")
@@ -104,7 +104,7 @@ N_LEDS = 4
 MESSAGE_BITS = 32
 """Length of a message (Table 1)."""
 SENDERS_IN_SIGHT = 5
-"""Nearest senders in sight of one side that count where messages take time; those beyond neither jam nor are heard."""
+"""Nearest senders in sight of a side that engines report where messages take time; others neither jam nor are heard."""
 _IN_SLOTS = Needs("baud_rate")
 
 
@@ -113,7 +113,7 @@ class OpticsConfig:
     """Optical messages between robots, which have an LED and photodiodes on each of four sides."""
 
     mode: Literal["sector", "power"] = "sector"
-    """Whether a link exists depends on range and cones, as in the paper (`sector`), or on received power (`power`)."""
+    """How links are decided: by range and beam cones as in the paper (`sector`), or by received power (`power`)."""
     communication_radius: Annotated[float, Above(0, 20, "rd")] = 3.5
     """Range on the axis of a beam (Table 1) [rd]."""
     led_beam_aperture: Annotated[float, Within(1, 90, "deg")] = 60.0
@@ -121,40 +121,38 @@ class OpticsConfig:
     photodiode_aperture: Annotated[float, Within(1, 90, "deg"), Needs("mode", ("sector",))] = 90.0
     """Full width of a side's photodiode sector in `sector` mode [deg]."""
     photodiode_splay: Annotated[float, Within(1, 44, "deg"), Needs("mode", ("power",))] = 30.0
-    """Angle by which each of a side's two photodiodes looks away from the side's normal in `power` mode [deg]."""
+    """Angle between each of a side's two photodiodes and the side's normal in `power` mode [deg]."""
     line_of_sight: bool = True
-    """A robot that stands between two others blocks their link."""
+    """A robot between two others blocks their link."""
     error_distance_measure: Annotated[float, Within(0, 1), PER_WORLD] = 0.10
     """Relative standard deviation of a measured distance (Table 1: 10 %)."""
     error_in_communication: Annotated[float, Within(0, 0.9), PER_WORLD] = 0.10
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
     independent_bit_errors: Annotated[bool, PER_WORLD] = False
-    """Bits flip independently, and messages with two wrong bits pass the parity check; otherwise one flips at most. The
-    paper does not say, and neither is supported (docs/readings.md): one is the simpler choice."""
+    """Bits flip independently, so that messages with two wrong bits pass the parity check; otherwise at most one bit
+    flips. The paper does not say."""
     parity_check: Annotated[bool, PER_WORLD] = True
-    """Robots ignore messages whose parity, or another check that their strategy declares, is wrong, so that a single
-    wrong bit loses a message; otherwise they take what arrives. The paper does not say whether a robot notices an
-    error; that it does is supported (docs/readings.md)."""
+    """Robots discard messages whose parity, or another check that the strategy declares, fails; otherwise they accept
+    damaged messages. Not in the paper; docs/readings.md supports it."""
     p_communication_break: Annotated[float, Within(0, 1), PER_WORLD] = 0.10
     """Probability per step that a link fails (Table 1)."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
-    """Distance up to which a robot detects a wall by its own reflected light [rd]."""
+    """Distance at which a robot detects walls by its own reflected light [rd]."""
     baud_rate: Annotated[float, Within(0, 1e6, "bit/s")] = 0.0
-    """Rate at which an LED sends the 32 bits of a message [bit/s]; 0: messages take no time and do not interfere.
-    Otherwise all robots stop in each control step for a window of `slots`, each as long as one message ("they
-    frequently stop in order to emit some light impulses", section 4.1). No rate is given: 0 is a choice."""
+    """Bit rate of an LED [bit/s]. 0: messages take no time and do not interfere. Otherwise all robots stop in each
+    control step for a window of `slots`, each as long as one message ("they frequently stop in order to emit some light
+    impulses", section 4.1). The paper gives no rate."""
     slots: Annotated[int, Within(4, 64), _IN_SLOTS] = 8
-    """Slots of the window in which messages are sent. A robot lights its LEDs in four consecutive ones ("the LEDs will
-    be serially activated", section 4.1), from a slot on that it draws anew in each control step."""
+    """Slots of the window for messages. A robot lights its LEDs in four consecutive slots ("the LEDs will be serially
+    activated", section 4.1); it draws the first in each control step."""
     photodiodes_while_emitting: Annotated[Literal["front", "none", "all"], _IN_SLOTS] = "front"
-    """Sides whose photodiodes are on in the four slots in which a robot emits ("all photodiodes off, except those on
-    the front side of the robot in order to detect an obstacle", section 4.1). A side whose own LED is lit receives no
-    message, but sees the wall that reflects its light."""
+    """Sides that listen while a robot emits ("all photodiodes off, except those on the front side of the robot in order
+    to detect an obstacle", section 4.1). A side whose own LED is lit detects walls but receives no message."""
     serial_photodiodes: Annotated[bool, _IN_SLOTS] = False
-    """While a robot does not emit, the photodiodes of one side after the other are on, a slot each; otherwise all."""
+    """A silent robot listens with one side after the other, a slot each, instead of with all."""
     capture_ratio: Annotated[float, Within(0, 100), _IN_SLOTS] = 0.0
-    """Of the senders that one side receives in the same slot the nearest is understood if the others are at least this
-    many times as far away; 0: never."""
+    """The nearest of several senders in a slot is heard if the others are at least this many times as far away; 0:
+    never."""
 
     def __post_init__(self):
         validate(self, "optics")
@@ -169,7 +167,7 @@ class OpticsConfig:
 
     @property
     def n_senders(self) -> int:
-        """Senders in sight of one side that engines tell of, the nearest ones."""
+        """Number of nearest senders in sight of a side that engines report."""
         return SENDERS_IN_SIGHT if self.baud_rate else 1
 
 
@@ -178,15 +176,15 @@ class GripperConfig:
     """Electrostatic tool and calibrated adhesion (section 3.2 of the paper), in SI units."""
 
     grasp_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball"), PER_WORLD] = 40.0
-    """Voltage while lifting a ball [V]: the upper end of the 20-40 V that the paper considers feasible on board."""
+    """Voltage for picking up a ball [V]: the upper end of the 20-40 V that the paper considers feasible on board."""
     release_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball"), PER_WORLD] = 55.0
-    """Voltage while releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts the ball."""
+    """Voltage for releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts the ball."""
     relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
     """Relative humidity of the air [%]: 10 % is "the optimal condition" (section 3.2.3)."""
     release_gap: Annotated[float, Within(1e-6, 2e-5, "m")] = 5e-6
-    """Gap between ball and floor while releasing (section 3.2.3) [m]."""
+    """Gap between ball and floor at release (section 3.2.3) [m]."""
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
-    """Reach of the tool, which has two degrees of freedom, from its rest position [m]."""
+    """Reach of the tool from its rest position, in two degrees of freedom [m]."""
     work_tool_object: Annotated[float, Above(0, 10, "J/m^2")] = 1.41e-3
     """Median work of adhesion between tool and ball at 10 % RH, calibrated [J/m^2]."""
     work_object_substrate: Annotated[float, Above(0, 10, "J/m^2")] = 14.7e-3
@@ -197,19 +195,19 @@ class GripperConfig:
     """Coefficient of variation of `work_object_substrate` from attempt to attempt (log-normal), calibrated."""
     drop_rate: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
     """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
-    without a rate; docs/readings.md says why it is 0 although more is supported."""
+    without a rate; see docs/readings.md."""
     resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
-    """What decides about attempts to lift and release: the balance of the forces, or a trial on the bench."""
+    """What decides about attempts to pick up and release: a force balance (`quasi-static`) or trials (`dynamic`)."""
     bench: Literal["auto", "c", "mjx"] = "auto"
-    """Where trials run: MuJoCo in C with the plugins (auto: CPU engines), or a batch in MJX (compiled ones)."""
+    """Where trials run: MuJoCo in C, or a batch in MJX; `auto`: C with engines on the CPU, MJX with compiled ones."""
     bench_capacity: Annotated[int, Within(1, 1024)] = 8
-    """Trials of a world in a control step at most, in MJX; robots beyond that try again in the next step."""
+    """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0
-    """Standard deviation of the tool's place beside the ball, per axis and attempt [m]; docs/gripper.md tells more."""
+    """Standard deviation of the tool's position relative to the ball, per axis and attempt [m]; see docs/gripper.md."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = 0.0
-    """Time for which a robot stays at a ball that it tries to lift, charging its tool included [s]; whole steps."""
+    """Time of an attempt to pick up a ball, charging the tool included [s]; rounded to whole control steps."""
     release_time: Annotated[float, Within(0, 1000, "s")] = 0.0
-    """Time for which a robot stays on the dump while it releases a ball [s]."""
+    """Time of an attempt to release a ball [s]."""
 
     def __post_init__(self):
         validate(self, "gripper")
@@ -217,48 +215,46 @@ class GripperConfig:
 
 @dataclass(frozen=True)
 class StrategyConfig:
-    """The robots' rules: how the paper's sentences are read, and parameters that it does not specify."""
+    """The robots' rules: interpretations of the paper's sentences, and parameters that it does not specify."""
 
     dust_range: Annotated[float, Above(0, 5, "rd"), PER_WORLD] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
     avoidance_sides: Literal["front", "all"] = "front"
-    """Sides whose photodiodes serve collision avoidance, against robots and walls. Section 4.1: "each robot will keep
-    all photodiodes off, except those on the front side of the robot in order to detect an obstacle"."""
+    """Sides used to avoid robots and walls. Section 4.1: "each robot will keep all photodiodes off, except those on the
+    front side of the robot in order to detect an obstacle"."""
     avoidance_course: Literal["any", "crossing", "oncoming"] = "any"
-    """Neighbours that a robot avoids, by the LED that it sees: any; oncoming ones, which show their front; or also
-    crossing ones, which show a side, but none that walks away. Section 4.1: the "LED-codes received inform the robots
-    about the walking direction", and "if a collision route is detected" robots turn; it does not say which codes mean
-    one, and has distances to keep (Table 2) from any robot."""
+    """Neighbours that a robot avoids, by the LED that it sees: `any`; `oncoming`, which show their front; `crossing`,
+    which adds those that show a side. Section 4.1: the "LED-codes received inform the robots about the walking
+    direction", and robots turn "if a collision route is detected"; it does not say which codes mean one."""
     priority_repulsion: Literal["higher", "scaled"] = "higher"
-    """Repulsion by robots with the priority flag: higher than that by others at any distance at which there is one, or
-    scaled with their own, shorter distance to keep, which makes it higher only near contact. Section 4.1: they "have
-    higher repellent forces"."""
+    """Repulsion by robots with the priority flag: `higher` than that by others wherever there is one, or `scaled` with
+    their shorter distance to keep, so higher only near contact. Section 4.1: they "have higher repellent forces"."""
     avoids_at_dust: bool = False
-    """A robot that approaches a ball avoids others meanwhile. The paper does not say; crowds keep such robots off."""
+    """Robots that approach a ball avoid others. The paper does not say; crowds then keep them away from balls."""
     blocked: Literal["pushes", "waits"] = "pushes"
-    """What a robot does that hears another at most 1 rd ahead: it walks on, and pushes, or it turns only. The paper
-    does not say; neither is supported (docs/readings.md)."""
+    """A robot that hears another at most 1 rd ahead `pushes` on, or `waits` and only turns. The paper does not say."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
-    """Largest turn of a random move, to either side [deg]. Section 4.1: "walk often randomly"; none is supported."""
+    """Largest turn of a random move, to either side [deg]. Section 4.1: "walk often randomly"."""
     scouts_pick: bool = False
-    """Scouts pick up dust as well."""
+    """Scouts pick up balls, too."""
     avoidance_gain: Annotated[float, Within(0, 100)] = 8.0
     """Weight of the repulsion relative to the desired direction, which has weight 1."""
     priority_factor: Annotated[float, Within(0, 100)] = 2.0
-    """Repulsion from robots that send the priority flag, relative to that from others."""
+    """Repulsion from robots with the priority flag, relative to that from others."""
     wall_gain: Annotated[float, Within(0, 100)] = 2.0
     """Weight of a wall's repulsion on a robot that follows no vector."""
     forget_on_arrival: bool = True
-    """A robot forgets a vector that has led it to a place without dust or dump."""
+    """A robot forgets a vector that led it to a place without dust or dump."""
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
     odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = 0.0
-    """Standard deviation of what a robot believes that it turned, about the command [deg]. 0: the paper names none."""
+    """Standard deviation of the turn in a robot's dead reckoning [deg]. The paper has no such error."""
     odometry_error_step: Annotated[float, Within(0, 1)] = 0.0
-    """Relative standard deviation of the distance that a robot believes that it walked. 0 likewise."""
+    """Relative standard deviation of the distance in a robot's dead reckoning. The paper has no such error."""
     update_order: Literal["synchronous", "sequential"] = "synchronous"
-    """Robots receive the messages of the previous control step (`synchronous`), or receive, decide and send one after
-    the other, in an order drawn anew in each step, so also messages of the same step. All move at the same time."""
+    """`synchronous`: robots receive the messages of the previous control step. `sequential`: they receive, decide and
+    send one after the other, in a random order each step, so they also hear messages of the same step. All move at the
+    same time."""
 
     def __post_init__(self):
         validate(self, "strategy")
@@ -266,7 +262,7 @@ class StrategyConfig:
 
 @dataclass(frozen=True)
 class SwarmConfig:
-    """Complete configuration of a cleaning run, except for the genome and the settings of the run itself."""
+    """Complete configuration of a run, except the genome and the settings of the run itself."""
 
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
@@ -284,7 +280,7 @@ class SwarmConfig:
 
     @property
     def step_length(self) -> float:
-        """Distance that a robot walks at most in a control step, less where it stops in order to emit [rd]."""
+        """Longest distance of a control step, shortened by the window for messages [rd]."""
         return self.drive.step_length * (1.0 - self.optics.window / self.drive.walk_time)
 
 
@@ -294,4 +290,4 @@ READINGS = {
         ArenaConfig(dust_area_offset=16.0), strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")
     ),
 }
-"""Readings of the paper's rules by name: as it states them, and as this simulator had them at first."""
+"""Interpretations of the paper's rules: as it states them, and as in the first version of this simulator."""

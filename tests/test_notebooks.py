@@ -67,7 +67,7 @@ SHOWN = {
     "05_recordings": recordings,
 }
 """What holds at the end of each notebook."""
-FAST = "00_first_run", "01_batched_rollouts"
+FAST = ("00_first_run",)
 
 
 def read(path):
@@ -88,7 +88,3 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
     SHOWN[path.stem](names)
-
-
-def test_there_are_notebooks():
-    assert {path.stem for path in NOTEBOOKS} >= set(SHOWN)

@@ -1,6 +1,6 @@
 """Writes the tables of docs/ that the code determines: blocks from `<!-- made: NAME -->` to `<!-- made -->`.
 
-Run it as `python tools/make_tables.py`; `tests/test_made_tables.py` checks that the pages are up to date.
+Run it as `python tools/make_tables.py`; `tests/test_site.py` checks that the pages are up to date.
 """
 
 import re
@@ -71,7 +71,7 @@ def of_arrays(cls: type) -> str:
 def faults() -> str:
     """Return each kind of fault with its remedy."""
     rows = [(f"`{kind.name}`", *str(SimulationFault(kind=kind)).split("; ", 1)) for kind in FaultKind]
-    return table("kind | what is said | remedy", rows)
+    return table("kind | message | remedy", rows)
 
 
 def allowed(cls: type, name: str) -> str:
@@ -109,7 +109,7 @@ MADE = {
 
 
 def filled(text: str) -> str:
-    """Return the text of a page with its blocks made anew."""
+    """Return the text of a page with its blocks filled in again."""
     return BLOCK.sub(lambda block: f"{block[1]}\n{MADE[block[2]]()}\n\n{block[3]}", text)
 
 

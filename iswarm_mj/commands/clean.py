@@ -1,18 +1,13 @@
 """`iswarm clean` and `iswarm run`."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
-import tyro
-
-from iswarm_mj.commands.flags import refuse, usual
-from iswarm_mj.commands.swarm import Swarm
+from iswarm_mj.commands.swarm import Swarm, WithTask
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
-from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.lock import locked
 
 _RECORDED = Needs("record", why="with --no-record")
@@ -23,7 +18,7 @@ _DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")
 class Clean(Swarm):
     """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "live", "out")
+    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "out")
 
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
     """Control steps at most."""
@@ -38,12 +33,6 @@ class Clean(Swarm):
     record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
     """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many;
     with --gripper.resolution dynamic."""
-    lanes: Annotated[tuple[int, ...], Within(0), _RECORDED] = ()
-    """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
-    hosts: Annotated[int, Within(1, 10_000)] = 1
-    """Machines that share the worlds: this one and others of a Ray cluster (the one at RAY_ADDRESS, if that is set)."""
-    live: Annotated[bool, _RECORDED] = False
-    """Show the first recorded world while it runs, in a viewer that listens to this machine alone."""
 
     @property
     def has_trials(self) -> bool:
@@ -61,65 +50,25 @@ class Clean(Swarm):
         """Run the command."""
         config, genome, n_robots = self.checked()
         from iswarm_mj.workflows.clean import clean
-        from iswarm_mj.workflows.recorder import Shown
-        from iswarm_mj.workflows.shares import computed, parts
 
-        check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
-        first, *rest = parts(self.worlds, self.hosts, recorded)
         with locked(self.out):  # refused before anything is compiled
             pass
-        makers = [self.maker_of(config, genome, settings, share, is_here=False) for share in rest]
-        with computed(makers, (self.own, self.task)) as others:
-            run = self.run_of(config, genome, settings, share=first)
-            viewer = self._viewer() if self.live else None
-            clean(run, settings, self.out, Shown(self.lanes, viewer, self.record_grasps), others)
-
-    @staticmethod
-    def _viewer() -> str:
-        from iswarm_mj.output.viewer import open_viewer
-
-        return open_viewer()[0]
+        clean(self.run_of(config, genome, settings), self.out, self.record_grasps)
 
 
 @dataclass(frozen=True)
-class Run(Clean):
+class Run(WithTask, Clean):
     """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "live", "out")
+    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "out")
 
-    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
-    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
-    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
     stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish with this progress of the task; by default when nothing is left to do."""
     out: Path = Path("runs/task")
     """Directory for the results; those of an earlier run in it are replaced."""
-    own_task: Any = None
-    """The task with the values of its flags, where `task_name` names one."""
-
-    @property
-    def task(self) -> Any:
-        """What the robots are to do."""
-        return super().task if self.own_task is None else self.own_task
-
-    def checked(self) -> tuple[SwarmConfig, Genome, int]:
-        """See `Swarm.checked`."""
-        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
-            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
-            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
-            refuse(self, idle, f"in the task {type(self.task).__name__}")
-        return super().checked()
-
-    def _could_be_usual(self, group: str, name: str) -> bool:
-        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
-        try:
-            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
-        except ConfigError:
-            return False
-        return True
 
     def goal(self, config: SwarmConfig) -> int | None:
         """See `Clean.goal`."""

@@ -71,7 +71,7 @@ class ConfigFile:
             similar = difflib.get_close_matches(unknown[0], flags, 1)
             hint = f"; perhaps you meant {similar[0]}" if similar else ""
             raise UserError(
-                f"--config {self.path} names {shown(', '.join(unknown))}, of which iswarm {command} knows nothing"
+                f"--config {self.path} names {shown(', '.join(unknown))}, which iswarm {command} does not know"
                 f"{hint}; `iswarm {command} --help-all` lists the flags, which are the keys"
             )
         replaced = {*given, *({"robots", "density"} if {"robots", "density"} & {*given} else ())}

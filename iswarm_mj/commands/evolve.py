@@ -20,9 +20,9 @@ class Evolve(SearchPlan, ManyRunsOptions):
     )
 
     out: Path = Path("runs/evolve")
-    """Directory for the results; one that holds a search already is refused without --resume."""
+    """Directory for the results. To continue a search in it, pass --resume."""
     resume: bool = False
-    """Go on with the search in --out, with the same settings; begin it if there is none."""
+    """Resume the search in --out with the same settings, or start it if there is none."""
 
     def run(self) -> None:
         """Run the command."""

@@ -8,7 +8,7 @@ import tyro
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.limits import Combinations, Repeats
+from iswarm_mj.experiments.runner.limits import Combinations
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import Needs, validate
 from iswarm_mj.utils.errors import UserError
@@ -24,15 +24,15 @@ class Experiment(ManyRunsOptions):
     MAIN: ClassVar = ("name", "list", "quick", "genome", "reading", "seed", "engine", "workers", "again", "out")
 
     name: tyro.conf.Positional[str] = ""
-    """Which one; --list names them."""
+    """Name of the experiment; --list shows all."""
     list: bool = False
     """List the experiments."""
     quick: bool = False
     """A version of about a minute, with fewer and shorter runs."""
     genome: str = "type1"
-    """A preset or a JSON file, the swarm in question; the experiment types takes all presets."""
+    """A preset or a JSON file with the genome of the swarm; the experiment types uses all presets."""
     again: bool = False
-    """Do runs again that were kept in --out."""
+    """Repeat runs that --out already holds."""
     out: Path | None = None
     """Directory for the results; runs/experiments/NAME, and NAME-quick with --quick, by default."""
 
@@ -58,20 +58,18 @@ class Experiment(ManyRunsOptions):
 
 @dataclass(frozen=True)
 class Infer(ManyRunsOptions):
-    """Run combinations of readings on the paper's figures, and tell which choices agree with its numbers."""
+    """Run combinations of interpretations on the paper's figures and report which agree with its numbers."""
 
-    MAIN: ClassVar = ("combinations", "repeats", "quick", "seed", "engine", "workers", "again", "out")
+    MAIN: ClassVar = ("combinations", "quick", "seed", "engine", "workers", "again", "out")
 
     combinations: Annotated[Combinations, Needs("quick", (False,))] = 512
-    """Combinations of readings, drawn evenly over all choices."""
-    repeats: Annotated[Repeats, Needs("quick", (False,))] = 1
-    """Runs of each setting for each combination."""
+    """Number of combinations, drawn evenly over all choices."""
     quick: bool = False
     """A version of about a minute, with 8 combinations and short runs."""
     again: bool = False
-    """Do runs again that were kept in --out."""
+    """Repeat runs that --out already holds."""
     out: Path = Path("runs/infer")
-    """Directory for the results. A run that was interrupted goes on where it was."""
+    """Directory for the results; an interrupted run resumes there."""
 
     def __post_init__(self):
         validate(self)
@@ -82,4 +80,4 @@ class Infer(ManyRunsOptions):
         from iswarm_mj.experiments.studies.infer import experiment_of
 
         plan = Plan(self.config, Genome(), self.seed, self.quick)
-        run_experiment(experiment_of(self.combinations, self.repeats), plan, self.out, self.execution, self.again)
+        run_experiment(experiment_of(self.combinations), plan, self.out, self.execution, self.again)

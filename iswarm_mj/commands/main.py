@@ -19,7 +19,8 @@ from iswarm_mj.commands.flags import check_effects, in_flags, settings
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.parser import explained
 from iswarm_mj.commands.parser import parse as parsed
-from iswarm_mj.commands.recorded import Inspect, Picture, Video
+from iswarm_mj.commands.play import Play
+from iswarm_mj.commands.recorded import Inspect, Picture, Replay, Video
 from iswarm_mj.commands.report import Report, Reproduce
 from iswarm_mj.commands.train import Train
 from iswarm_mj.utils.errors import SimulationFault, UserError, printable, shown
@@ -28,7 +29,23 @@ from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
 COMMANDS: dict[str, type] = {
     cls.__name__.lower(): cls
     for cls in (
-        *(Clean, Run, Inspect, Picture, Bench, Grasp, Evolve, Train, Experiment, Infer, Report, Reproduce, Video),
+        *(
+            Clean,
+            Run,
+            Play,
+            Inspect,
+            Picture,
+            Bench,
+            Grasp,
+            Evolve,
+            Train,
+            Experiment,
+            Infer,
+            Report,
+            Reproduce,
+            Replay,
+            Video,
+        ),
     )
 }
 """Subcommands by their names: dataclasses of their flags with a method `run`."""
@@ -90,9 +107,9 @@ def _kept(command: Any) -> str:
         case Clean():  # and run
             return "; anything recorded so far is kept"
         case Evolve() | Train():
-            return "; finished generations and runs are kept, with which --resume goes on"
+            return "; finished generations and runs are kept; pass --resume to continue"
         case Experiment() | Infer() | Reproduce():
-            return "; finished runs are kept, with which the same command goes on"
+            return "; finished runs are kept; repeat the command to continue"
     return ""
 
 

@@ -29,7 +29,8 @@ class ConfigOptions:
     """The configuration, one group of flags for each of its parts."""
 
     reading: Literal["paper", "initial"] = "paper"
-    """Defaults of the flags below: the paper's rules as it states them, or as this simulator read them at first."""
+    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, or that of
+    the first version of this simulator."""
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     optics: OpticsConfig = field(default_factory=OpticsConfig)
@@ -61,7 +62,7 @@ class ManyRunsOptions(ConfigOptions):
     (JAX, runs batched on a GPU)."""
     refinement: Refinement = PlanarSettings.refinement
     workers: Annotated[Workers, Needs("in_processes", why="with runs in batches, which take one process")] = 0
-    """Worker processes, but of batches, 0 for one per core; the results do not depend on it."""
+    """Worker processes, except for batches; 0 for one per core. The results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
     """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
 

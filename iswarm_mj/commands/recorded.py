@@ -9,13 +9,16 @@ import tyro
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import printable
 
+MOST_REPLAYED = 200
+"""Control steps of a replay by default at most, some 2 MB for 280 robots."""
+
 
 @dataclass(frozen=True)
 class Inspect:
-    """Say what a directory of results holds: what ran, its measures and faults, its files and how to open them."""
+    """Summarise a directory of results: what ran, measures, faults, and how to open each file."""
 
     directory: tyro.conf.Positional[Path] = Path("runs")
-    """The --out of a command, also of an interrupted one, or a directory of several."""
+    """The --out of a finished or interrupted command, or a directory of several."""
 
     def run(self) -> None:
         """Run the command."""
@@ -31,9 +34,7 @@ class RenderOptions:
     directory: tyro.conf.Positional[Path] = Path("runs/clean")
     """The --out of a run of `iswarm clean`."""
     camera: Literal["above", "oblique"] = "above"
-    """Where the camera is."""
-    ball_scale: Annotated[float, Within(1, 1000)] = 15.0
-    """Magnification of the balls, which are too small to see at their true size."""
+    """Camera position."""
 
     def __post_init__(self):
         validate(self)
@@ -44,11 +45,11 @@ class Picture(RenderOptions):
     """Render one step of a recorded run to a PNG, off-screen."""
 
     step: Annotated[int | None, Within(0)] = None
-    """Control step, from 0 for the start; 100 by default, or the last one of a shorter run."""
+    """Control step, 0 for the start; 100 by default, or the last one of a shorter run."""
     width: Annotated[int, Within(16, 8192, "pixels")] = 1280
-    """Of the picture."""
+    """Width of the picture."""
     height: Annotated[int, Within(16, 8192, "pixels")] = 1280
-    """Of the picture."""
+    """Height of the picture."""
     out: Path = Path("swarm.png")
     """The file to write."""
 
@@ -57,7 +58,7 @@ class Picture(RenderOptions):
         from iswarm_mj.output.render import render
         from iswarm_mj.output.stage import Shot
 
-        shot = Shot(self.camera, (self.width, self.height), self.ball_scale)
+        shot = Shot(self.camera, (self.width, self.height))
         step = render(self.directory, self.step, shot, self.out)
         print(f"step {step} of {self.directory}, {self.camera}: {self.out}")
 
@@ -71,12 +72,12 @@ class Video(RenderOptions):
     steps: Annotated[int | None, Within(1)] = None
     """Number of control steps from the start; all by default."""
     frames_per_step: Annotated[int, Within(1, 24)] = 2
-    """Frames per control step; a second has 24."""
+    """Frames per control step, at 24 frames a second."""
     camera: Literal["above", "oblique"] = "oblique"
     width: Annotated[int, Within(64, 4096, "pixels")] = 1280
-    """Of the frames; even."""
+    """Width of the frames, an even number."""
     height: Annotated[int, Within(64, 4096, "pixels")] = 720
-    """Of the frames; even."""
+    """Height of the frames, an even number."""
     out: Path = Path("swarm.mp4")
     """The file to write."""
 
@@ -91,6 +92,49 @@ class Video(RenderOptions):
         from iswarm_mj.output.stage import Shot
         from iswarm_mj.output.video import Film, write_video
 
-        shot = Shot(self.camera, (self.width, self.height), self.ball_scale, fine=False)
+        shot = Shot(self.camera, (self.width, self.height), fine=False)
         write_video(self.directory, self.out, Film(self.title, self.steps, self.frames_per_step, shot))
         print(f"video of {self.directory}: {self.out}")
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Make one HTML file of a recorded run, which opens in any browser without a server."""
+
+    directory: tyro.conf.Positional[Path] = Path("runs/clean")
+    """The --out of a run of `iswarm clean` or `iswarm run`."""
+    first: Annotated[int, Within(0)] = 0
+    """Control step with which it begins."""
+    last: Annotated[int | None, Within(1)] = None
+    """Control step with which it ends; by default that of the run, at most 200 after the first."""
+    speed: Annotated[float, Within(0.1, 100, "1/s")] = 8.0
+    """Control steps a second."""
+    frames_per_step: Annotated[int, Within(1, 24)] = 2
+    """Pictures for each control step; more are smoother, and the file is larger."""
+    colour_by: str = "state"
+    """What colours the robots: state; or hops to, says or remembers, and a name, as "hops to dust"."""
+    draw: tuple[str, ...] = ("links",)
+    """Of links, trails and the names of vectors that robots remember."""
+    title: str = ""
+    """Text in the upper left corner."""
+    dark: bool = False
+    """Light on dark."""
+    out: Path = Path("replay.html")
+    """The file to write."""
+
+    def __post_init__(self):
+        validate(self)
+        check("out", str(self.out), "a name ending in .html", self.out.suffix == ".html")
+
+    def run(self) -> None:
+        """Run the command."""
+        from iswarm_mj.output.stage import recorded
+        from iswarm_mj.player.replay import Film, write_replay
+
+        run = recorded(self.directory)
+        end = int(run.arrays["step"][-1])
+        last = min(end, self.first + MOST_REPLAYED) if self.last is None else self.last
+        each, draw = self.frames_per_step, self.draw
+        film = Film(self.first, last, self.speed, each, self.colour_by, draw, self.title, self.dark)
+        write_replay(run, film, self.out)
+        print(f"steps {self.first} to {last} of {self.directory}: {self.out}")

@@ -1,15 +1,13 @@
 """Flags that the commands on a swarm share."""
 
 import importlib.util
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, make_dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, cast
 
 import tyro
 
-from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import Accuracy, ConfigOptions, Refinement, Threads
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
@@ -18,8 +16,7 @@ from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_set
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import read_obstacles
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.progress import waiting
 
 GenomeOverrides = make_dataclass(
@@ -53,9 +50,6 @@ class Swarm(ConfigOptions):
     """Number of robots; by default it follows from the density."""
     robot: Path | None = None
     """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
-    obstacles: Path | None = None
-    """A JSON file of boxes in the arena, in place of `arena.obstacles`: a list of objects with x, y, half_x, half_y
-    [rd] and yaw [deg]."""
     density: Annotated[float | None, Above(0, 1)] = None
     """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
     seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
@@ -86,20 +80,6 @@ class Swarm(ConfigOptions):
 
     def __post_init__(self):
         validate(self)
-
-    @property
-    def config(self) -> SwarmConfig:
-        """See `ConfigOptions.config`; with the obstacles of the file."""
-        if self.obstacles is None:
-            return super().config
-        if self.arena.obstacles:
-            raise UserError("--obstacles and --arena.obstacles exclude each other; give one of them.")
-        boxes: Any = read_obstacles(self.obstacles)
-        config = super().config
-        try:
-            return replace(config, arena=replace(config.arena, obstacles=boxes))
-        except UserError as error:
-            raise UserError(f"--obstacles {self.obstacles}: {error}") from None
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """Return the configuration, the genome and the number of robots.
@@ -164,56 +144,68 @@ class Swarm(ConfigOptions):
         check_robots(config.arena, n_robots, cell)
         return n_robots
 
-    def run_of(
-        self, config: SwarmConfig, genome: Genome, settings: Any, chunk: int = 25, share: Sequence[int] | None = None
-    ) -> Any:
-        """Return a `Run` of all worlds, or of a share; see `maker_of`."""
-        n_worlds = settings.n_worlds if share is None else len(share)
-        text = f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
-        with waiting(text):
-            return self.maker_of(config, genome, settings, share, chunk)()
-
-    def maker_of(
-        self,
-        config: SwarmConfig,
-        genome: Genome,
-        settings: Any,
-        share: Sequence[int] | None = None,
-        chunk: int = 25,
-        is_here: bool = True,
-    ) -> Callable[[], Any]:
-        """Return a function without arguments that makes a `Run`, here or on another machine.
+    def run_of(self, config: SwarmConfig, genome: Genome, settings: RunSettings, chunk: int = 25) -> Any:
+        """Return the `Run` at its start.
 
         Args:
             config: as returned by `checked`.
             genome: as returned by `checked`.
-            settings: `RunSettings` of all worlds.
-            share: numbers of the worlds, all by default.
+            settings: of the run.
             chunk: control steps that one call of a compiled program takes.
-            is_here: whether this machine computes it, which records its worlds.
         """
         from iswarm_mj.simulation.run import Run
-        from iswarm_mj.simulation.worlds import worlds_of_seed
 
-        worlds = worlds_of_seed(genome, settings)
-        numbers = range(len(worlds)) if share is None else share
-        recorded = tuple(numbers.index(world) for world in settings.record_worlds) if is_here else ()
-        return partial(
-            Run,
-            config,
-            genome,
-            replace(settings, n_worlds=len(numbers), record_worlds=recorded),
-            self._engine(chunk, is_here),
-            worlds=[worlds[number] for number in numbers],
-            strategy=None if isinstance(self.own, Genome) else self.own,
-            task=self.task,
-            robot_file=self.robot,
-        )
+        n_worlds = settings.n_worlds
+        with waiting(
+            f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
+        ):
+            return Run(
+                config,
+                genome,
+                settings,
+                self.engine_settings(chunk),
+                strategy=None if isinstance(self.own, Genome) else self.own,
+                task=self.task,
+                robot_file=self.robot,
+            )
 
-    def _engine(self, chunk: int, is_here: bool) -> Any:
+    def engine_settings(self, chunk: int) -> Any:
+        """Return the settings of the engine; `chunk` control steps are one call of a compiled program."""
         from iswarm_mj.utils.jax_setup import devices
 
-        used = tuple(devices(self.devices)) if self.is_compiled and is_here else None
+        used = tuple(devices(self.devices)) if self.is_compiled else None
         return engine_settings(
             self.engine, **{**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used}
         )
+
+
+@dataclass(frozen=True)
+class WithTask(Swarm):
+    """Settings of commands with any task."""
+
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
+    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    own_task: Any = None
+    """The task with the values of its flags, where `task_name` names one."""
+
+    @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        return super().task if self.own_task is None else self.own_task
+
+    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+        """See `Swarm.checked`."""
+        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
+            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
+            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
+            refuse(self, idle, f"in the task {type(self.task).__name__}")
+        return super().checked()
+
+    def _could_be_usual(self, group: str, name: str) -> bool:
+        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
+        try:
+            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
+        except ConfigError:
+            return False
+        return True

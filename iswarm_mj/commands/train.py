@@ -25,14 +25,14 @@ class Train(TrainingPlan, ConfigOptions):
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
     engine: EngineName = "planar"
-    """Physics: planar (on an NVIDIA GPU if there is one), mjx (likewise) or mujoco (C); all in one process."""
+    """Physics: planar or mjx (on an NVIDIA GPU if there is one), or mujoco (C); all in one process."""
     refinement: Refinement = PlanarSettings.refinement
     threads: Annotated[Threads, Needs("on_host", why="with batches, which use no threads")] = 0
     """Number of threads on a CPU, 0 for one per core; results do not depend on it."""
     out: Path = Path("runs/train")
-    """Directory for the results; one that holds a training already is refused without --resume."""
+    """Directory for the results. To continue a training in it, pass --resume."""
     resume: bool = False
-    """Go on with the training in --out, with the same settings; begin it if there is none."""
+    """Resume the training in --out with the same settings, or start it if there is none."""
 
     own: Any = None
     """The strategy with the values of its flags, where one is named."""

@@ -36,8 +36,9 @@ class Motion(NamedTuple):
     """Outcome of `Engine.move`."""
 
     bodies: Any
-    touching: Bool[Array, "*B N N"]
-    """Pairs of robots in contact at the end of any phase, upper triangle."""
+    touching: Int[Array, "*B K N"]
+    """int32, the robots of higher index in contact with each robot at the end of any phase, highest first, then 0; in
+    a heap the highest `Robot.most_partners`."""
     fault: Int[Array, "*B"]
     """Bits of `FaultKind`; 0 if nothing went wrong."""
     robot: Int[Array, "*B"]
@@ -79,7 +80,9 @@ Take = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
 worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact, bits of `FaultKind` (*B,)."""
 
 
-def take_phases(bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], edge: float, take: Take) -> Motion:
+def take_phases(
+    bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], edge: float, robot: Robot, take: Take
+) -> Motion:
     """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
 
     Args:
@@ -87,11 +90,12 @@ def take_phases(bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*
         phases: what the robots do.
         is_running: which worlds move.
         edge: distance of the walls from the arena's centre [mm].
+        robot: its geometry.
         take: takes the steps of a phase.
     """
-    xp, shape = array_module(bodies.poses), bodies.is_present.shape
+    xp, n_robots = array_module(bodies.poses), bodies.is_present.shape[-1]
     moved, fault = bodies, xp.zeros(is_running.shape, xp.int32)
-    touching = xp.zeros((*shape, shape[-1]), bool)
+    touching = xp.zeros((*is_running.shape, robot.most_partners, n_robots), xp.int32)
     for phase in phases:
         targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
         moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)

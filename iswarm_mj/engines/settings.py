@@ -61,7 +61,7 @@ class EngineSettings(ABC):
     @property
     @abstractmethod
     def bytes_per_robot(self) -> int:
-        """Memory that each robot of each world takes at least, beside the pairs of robots [bytes]."""
+        """Memory that each robot of each world takes at least [bytes]."""
 
     @classmethod
     def usual_impl(cls) -> str | None:

@@ -1,4 +1,4 @@
-"""Environments for learning: each robot of a swarm is told what to do, on every engine.
+"""Environments for learning: actions, observations and rewards of each robot, on every engine.
 
 `make_env` makes one of pure functions `reset` and `step`, in the style of MuJoCo Playground; `parallel_env` one for
 PettingZoo, `vector_env` and `single_env` ones for Gymnasium, which the extra `marl` installs.

@@ -84,7 +84,7 @@ def _said(field: Field) -> tuple[int, str, Any]:
         case Bearing():
             return 1, "half a turn, anticlockwise", lambda x: x[:, 0] * math.pi
         case Vector(reach):
-            text = f"there is a vector, above 0; ahead and left in {reach:g} mm; hop count from 0 to {field.max_hop}"
+            text = f"a vector is sent, above 0; ahead and left in {reach:g} mm; hop count from 0 to {field.max_hop}"
 
             def value(x: Float[Array, "N 4"]) -> VectorMemory:
                 hop = jnp.round((x[:, 3] + 1) / 2 * field.max_hop).astype(jnp.int32)

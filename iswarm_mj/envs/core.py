@@ -125,7 +125,7 @@ class Core:
             sight: what robots then receive.
         """
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
-        motion = motion._replace(bodies=None, touching=motion.touching & ran)
+        motion = motion._replace(bodies=None, touching=motion.touching * ran)
         moved = after_motion(data.world, motion, intent.is_refused, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = self.params._replace(key=data.key), step_keys(data.key, step)

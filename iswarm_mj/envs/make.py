@@ -29,7 +29,7 @@ from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
 
 MOST_BITS = 29
-"""That messages of flags carry: two are the number of the LED, one the parity."""
+"""Flags that fit into a message beside two bits of LED number and the parity."""
 
 
 def make_env(
@@ -46,25 +46,25 @@ def make_env(
     seed: int = 0,
     robot_file: Path | str | None = None,
 ) -> Env:
-    """Make an environment in which each robot of a swarm is told what to do.
+    """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
     Args:
-        task: `"cleaning"`, FILE.py:CLASS or the name of an installed one, or an object, see `tasks.protocol`.
+        task: `"cleaning"`, FILE.py:CLASS, the name of an installed task, or a `tasks.protocol.Task`.
         n_robots: N.
-        config: of the swarm, its defaults if not given.
+        config: of the swarm; defaults if None.
         engine: settings, by default `PlanarSettings()`. With `MjxSettings()`, `reset` and `step` are of one world, for
             `jax.vmap`; otherwise of `n_worlds` at once.
-        payload: what robots may say: fields by their names or a `Payload` (`sensors.messages`), or a number of bits,
-            which makes as many flags. Without it, actions are motion alone.
-        steps: of an episode at most.
-        stop_at: progress of the task that ends an episode; by default all that there is to do.
-        n_worlds: B, by default 1; not with MJX, but for the size of Warp's buffers.
-        n_starts: different layouts, of which each episode has one; `seed` draws them, and the keys of `reset` choose.
+        payload: message fields by name, a `Payload` (`sensors.messages`), or a number of bits, one flag each. Without
+            it, actions are motion only.
+        steps: maximum control steps of an episode.
+        stop_at: progress that ends an episode; the task's goal by default.
+        n_worlds: B, 1 by default; with MJX only the size of Warp's buffers.
+        n_starts: number of initial layouts, drawn from `seed`; the keys of `reset` pick one.
         seed: of the layouts.
         robot_file: MJCF file of the robots; None for `models/robot.xml`.
 
     Raises:
-        UserError: no such task, settings that do not fit, or more worlds than fit into the memory.
+        UserError: unknown task, settings that do not fit, or more worlds than fit into memory.
     """
     config, engine = SwarmConfig() if config is None else config, PlanarSettings() if engine is None else engine
     check_kind("config", config, SwarmConfig)
@@ -77,7 +77,7 @@ def make_env(
     speaker: Any = Speaker(_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
     params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)
-    poses, worlds = first_state(config, setup.starts, setup.task, setup.capacity)
+    poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
     senses = {
         name: (quantity, int(np.prod(setup.job.sensed[name].shape[1:], dtype=int)))
         for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute

@@ -63,12 +63,12 @@ def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, 
         for name, field in payload.fields
         for part, unit, low, high, text, get in _parts(name, field)
     ]
-    ball = "place of that ball, ahead and to the left of the robot's centre"
+    ball = "position of that ball, ahead and to the left of the robot's centre"
     return [
-        flag("is_heard", s, "a message arrived on this side, and its check is right"),
-        heard("bearing", "rad", -math.pi, math.pi, "of its sender, as measured, from the robot's front anticlockwise",
+        flag("is_heard", s, "a valid message arrived on this side"),
+        heard("bearing", "rad", -math.pi, math.pi, "measured direction of its sender, anticlockwise from the front",
               lambda seen: wrapped(seen.bearing)),
-        heard("distance", "rd", 0, far, "of its sender, as measured", lambda seen: seen.distance / RD),
+        heard("distance", "rd", 0, far, "measured distance of its sender", lambda seen: seen.distance / RD),
         heard("led", "", 0, s - 1, "number of the LED that sent it", lambda seen: seen.led),
         *said,
         flag("sees_wall", s, "a wall reflects the light of this side's LED"),
@@ -77,8 +77,8 @@ def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, 
             lambda seen: jnp.where(seen.at_dust[:, None], seen.ball_vector / RD, 0)),
         flag("on_dump", 1, "the robot is on the dump"),
         flag("is_loaded", 1, "the robot holds a ball"),
-        flag("grasp_failed", 1, "the robot has just tried to lift a ball, which stayed on the floor"),
-        flag("waits", 1, "the robot stays where it is in this step, whatever its action"),
+        flag("grasp_failed", 1, "the robot's attempt to pick up a ball failed in this step"),
+        flag("waits", 1, "the robot cannot move in this step"),
         *(
             Row(name, n, q.unit, q.low, q.high, q.description, lambda seen, name=name: seen.sensed[name])
             for name, (q, n) in senses.items()
@@ -118,7 +118,7 @@ def _parts(name: str, field: Field) -> Iterator[tuple[str, str, float, float, st
             yield "", "rad", -math.pi, math.pi, said, lambda values: values
         case Vector(max_range):
             reach, text = max_range / RD, f"vector {said}"
-            yield "_known", "", 0, 1, f"there is a {text}", lambda values: values.known
+            yield "_known", "", 0, 1, f"the message has a vector {name}", lambda values: values.known
             yield "_x", "rd", -reach, reach, f"{text}, ahead of its sender", lambda values: values.vector[..., 0] / RD
             left = f"{text}, to the left of its sender"
             yield "_y", "rd", -reach, reach, left, lambda values: values.vector[..., 1] / RD

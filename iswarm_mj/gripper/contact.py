@@ -69,6 +69,23 @@ def rebound_ratio(
     return where(leaves, sqrt(where(leaves, left, 1.0)), 0.0)
 
 
+def speed_at_contact(before: Quantity, gap: Quantity, earlier: Quantity, now: Quantity) -> Quantity:
+    """Speed at the moment when a gap closes, by linear interpolation between two steps.
+
+    Args:
+        before: gap one step earlier; 0 or less: it was closed.
+        gap: now, 0 or less.
+        earlier: closing speed one step earlier.
+        now: closing speed.
+
+    Returns:
+        Speed; 0 if the gap was closed before.
+    """
+    closes = (before > 0) & (gap <= 0)
+    share = before / where(closes, before - gap, 1.0)
+    return where(closes, earlier + share * (now - earlier), 0.0)
+
+
 def rebounds_on(begins: Condition, rebound: Quantity, gap: Quantity, before: Quantity) -> Quantity:
     """1 while a ball is thrown back: from the step in which that begins until it is clear or falls back, else 0."""
     return where(begins, 1.0, where((gap > CLEARANCE) | (gap <= before), 0.0, rebound))

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Float
 
-from iswarm_mj.engines.mjx.api import mjx, solver
+from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper import contact, plugin
 from iswarm_mj.gripper.laws import spline
 from iswarm_mj.gripper.laws.capacitance import tables
@@ -47,6 +47,8 @@ class State(NamedTuple):
     """1 if the oxide of the present contact broke down."""
     before: Float[Array, "P"]
     """Gaps one step earlier [um]."""
+    closing: Float[Array, "P"]
+    """Speeds with which they closed then [um/ms]."""
     rebound: Float[Array, "P"]
     """1 while an impact throws the ball back."""
 
@@ -146,7 +148,7 @@ def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
 def first_state(forces: GripperForces) -> State:
     """State of a ball after a reset."""
     zero, zeros = jnp.zeros(()), jnp.zeros(len(forces.pairs))
-    return State(jnp.asarray(contact.ON_PROBE), zero, zero, zeros, zeros)
+    return State(jnp.asarray(contact.ON_PROBE), zero, zero, zeros, zeros, zeros)
 
 
 class Force(NamedTuple):
@@ -166,6 +168,8 @@ class Force(NamedTuple):
     """To probe and plate, whose difference is `electrostatic` [nN]."""
     capacitances: tuple[Array, Array]
     """Of the ball to probe and plate [fF]."""
+    landing_speed: Float[Array, "P"]
+    """Of contacts that begin, 0 otherwise [um/ms]."""
     state: State
     """After this step."""
 
@@ -181,7 +185,7 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     """
     total = jnp.zeros_like(data.qvel)
     mass = model.body_mass[forces.joints[forces.ball][0].body]
-    adhesion, gaps, rebounds = [], [], []
+    adhesion, gaps, rebounds, landings = [], [], [], []
     for i, (instance, ball, surface) in enumerate(forces.pairs):
         own = {name: value for (it, name), value in forces.numbers.items() if it == instance}
         gap, normal = _gap(forces, model, data, ball, surface)
@@ -197,8 +201,9 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
         force = _contact.adhesion_force(work, own["hamaker"] * (NN * UM), radius * UM, gap * UM) / NN
         force = jnp.where(begins | (state.rebound[i] > 0), 0.0, force)
         total += _attraction(forces, model, data, (ball, surface), gap, (force - push) * normal)
-        rebound = _contact.rebounds_on(begins, state.rebound[i], gap, before)
-        adhesion, gaps, rebounds = [*adhesion, force], [*gaps, gap], [*rebounds, rebound]
+        adhesion, gaps = [*adhesion, force], [*gaps, gap]
+        rebounds = [*rebounds, _contact.rebounds_on(begins, state.rebound[i], gap, before)]
+        landings = [*landings, _contact.speed_at_contact(before, gap, state.closing[i], speed)]
     probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
     plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
     own = {name: value for (it, name), value in forces.numbers.items() if it == forces.circuit}
@@ -223,8 +228,20 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
     limits = least, own["off_voltage"]
     potential = _contact.next_potential(has_circuit, state.potential, mine, voltage, (probe_gap, plate_gap), *limits)
     broken = jnp.where(has_circuit, broken, state.broken)
-    new = State(potential, charge, broken, jnp.stack(gaps), jnp.stack(rebounds))
-    return Force(total, jnp.stack(adhesion), up - down, jnp.stack(gaps), mine, (up, down), capacitances, new)
+    now = jnp.stack(gaps)
+    closing = (state.before - now) / model.opt.timestep
+    new = State(potential, charge, broken, now, closing, jnp.stack(rebounds))
+    return Force(
+        total,
+        jnp.stack(adhesion),
+        up - down,
+        now,
+        mine,
+        (up, down),
+        capacitances,
+        jnp.stack(landings),
+        new,
+    )
 
 
 def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
@@ -235,19 +252,6 @@ def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) 
     """
     force = gripper_force(forces, model, mjx.kinematics(model, data), state)
     return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force
-
-
-def stepped(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
-    """`step` of a bench in the JAX implementation, whose bodies are placed once.
-
-    The stages are those of `mjx.step` with Euler's integrator and without sensors, which a bench has.
-    """
-    data = mjx.fwd_position(model, data)
-    force = gripper_force(forces, model, data, state)
-    data = data.replace(qfrc_applied=force.generalized)
-    for stage in (mjx.fwd_velocity, mjx.fwd_actuation, mjx.fwd_acceleration, solver.solve, mjx.euler):
-        data = stage(model, data)
-    return data, force
 
 
 def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, surface: int) -> tuple[Array, Array]:

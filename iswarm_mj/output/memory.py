@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Int8, UInt32
 
 from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import Scene
 
 UNKNOWN = -1
 """Hop count without a vector."""
@@ -28,6 +29,12 @@ def vectors(memory: Iterable[tuple[str, str, int]]) -> list[Vector]:
     """Return the vectors among parts of the memory: their names, units and numbers of numbers."""
     stems = {name: name.removesuffix("_vector") for name, *about in memory if about == ["m", 2]}
     return [Vector(name, stem, f"{stem}_known", f"{stem}_hop") for name, stem in stems.items()]
+
+
+def numbers(scene: Scene) -> list[str]:
+    """Return the names of what is recorded of the memory, but for vectors drawn as arrows and what belongs to them."""
+    drawn = {part for vector in vectors(scene.memory) for part in (vector.name, vector.known, vector.hop)}
+    return [name for name in scene.memory_names if name not in drawn]
 
 
 def is_known(frames: Frames, which: Vector) -> Bool[np.ndarray, "T N"]:

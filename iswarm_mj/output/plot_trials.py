@@ -1,5 +1,4 @@
-"""Figures of the gripper's experiments: the voltages that lift balls and let them go (the paper's Figs. 8, 9 and 11),
-and single trials. Axes in µm, V, nN and ms.
+"""Figures of the gripper's experiments: the voltages that lift balls and let them go (the paper's Figs. 8, 9 and 11).
 
 Bands are the paper's; dashed lines follow from the force laws without dynamics, at the medians of the works of
 adhesion.
@@ -13,14 +12,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, grasp_voltage, release_voltage
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure
-from iswarm_mj.output.trace_lines import LINES, UM
+from iswarm_mj.output.trace_lines import UM
 from iswarm_mj.utils.arrays import Quantity
 
 Rows = Sequence[Mapping[str, Any]]
@@ -218,39 +216,3 @@ def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
         fontsize=7,
         title_fontsize=7,
     )
-
-
-def draw_trace(trace: Trace, path: Path) -> Path:
-    """Draw a trial over time: voltage, gaps and forces, with its phases shaded.
-
-    Args:
-        trace: of the trial.
-        path: of the files, without suffix.
-
-    Returns:
-        Path of the PNG file.
-    """
-    time = trace.time * _MS
-    with figure(path, rows=3, size=(8.0, 2.2)) as panels:
-        voltage, gaps, forces = panels
-        for line in reversed(LINES):
-            axes = {"voltage": voltage, "gaps": gaps}.get(line.name.split("/")[0], forces)
-            values = np.broadcast_to(getattr(trace, line.field) * line.factor, time.shape)
-            axes.plot(time, values, color=line.colour, lw=1.2, label=line.label)
-        forces.set_yscale("symlog", linthresh=1.0)
-        for axes, label in zip(panels, ("voltage [V]", "gap [µm]", "force [nN]"), strict=True):
-            axes.set_ylabel(label)
-        forces.set_xlabel("time [ms]")
-        voltage.set_title(f"Trial with a ball of radius {trace.radius * UM:g} µm", pad=48)
-        starts = np.flatnonzero(np.append(True, np.diff(trace.phase) != 0))
-        edges = np.append(time[starts], time[-1])
-        for axes in panels:
-            axes.set_xlim(time[0], time[-1])
-            for i in range(0, len(starts), 2):
-                axes.axvspan(edges[i], edges[i + 1], color="0.5", alpha=0.1, lw=0)
-            if axes is not voltage:
-                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
-        for start, left, right in zip(starts, edges[:-1], edges[1:], strict=True):
-            name, at = trace.phases[trace.phase[start]], ((left + right) / 2, 1.03)
-            voltage.text(*at, name, transform=voltage.get_xaxis_transform(), rotation=90, ha="center", fontsize=7)
-    return path.with_name(path.name + ".png")

@@ -13,17 +13,14 @@ from jaxtyping import Bool, Float, Int, Real, Shaped
 
 from iswarm_mj.output import rerun_names as names
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.memory import hop_colours, hop_counts, is_known, vectors
+from iswarm_mj.output import shapes as geometry
+from iswarm_mj.output import swarm_classes as classes
+from iswarm_mj.output.memory import hop_colours, hop_counts, is_known, numbers, vectors
 from iswarm_mj.output.message_columns import shown_fields
 from iswarm_mj.output.rerun_names import BALLS, LINKS, ROBOTS, shown_values
 from iswarm_mj.output.rerun_states import states, states_of
-from iswarm_mj.output.rerun_swarm_view import MILLIMETRES
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
-from iswarm_mj.utils.geometry import rotate
-
-TRAIL_FRAMES = 20
-"""Length of a trail [frames]."""
 
 
 class Shape(NamedTuple):
@@ -46,37 +43,32 @@ def shapes(scene: Scene, frames: Frames, before: Float[np.ndarray, "_ N 3"]) -> 
         frames: of the block.
         before: poses in up to `TRAIL_FRAMES` frames before it.
     """
-    height = scene.robot_size[2] * MILLIMETRES
-    poses = np.concatenate([before, frames.pose])
-    history = np.full(poses.shape, height / 2, np.float32)
-    history[..., :2] = poses[..., :2] * np.float32(MILLIMETRES)
+    history = geometry.centres(scene, np.concatenate([before, frames.pose]))
     centres = history[len(before) :]
     yield from _robots(scene, frames, centres)
     yield from _balls(scene, frames)
     yield _links(frames, centres)
     yield _trails(frames.is_loaded, history, len(before))
-    yield from _memory(scene, frames, centres + np.array([0, 0, 0.6 * height], np.float32))
+    yield from _memory(scene, frames, centres)
     for name, shape in zip(scene.area_names, scene.area_shapes, strict=True):
-        areas = frames.task[AREA + name].astype(np.float64) * MILLIMETRES
+        areas = frames.task[AREA + name].astype(np.float64) * geometry.MILLIMETRES
         yield Shape(f"{names.AREAS}/{name}", look.areas(areas.reshape(-1, 3), shape), areas.shape[1])
     yield from _series(scene, frames)
 
 
 def _robots(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Iterator[Shape]:
     """Boxes coloured by state, and a dot at each front."""
-    length, _, height = np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)
     yaw, hops = frames.pose[..., 2], {v.hop: hop_counts(frames, v) for v in _with_hops(scene)}
     zero = np.zeros_like(yaw)
     boxes = rr.Boxes3D.from_fields(
         centers=centres.reshape(-1, 3),
         quaternions=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1).reshape(-1, 4),
-        class_ids=look.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority).reshape(-1),
+        class_ids=classes.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority).reshape(-1),
     )
     values = shown_values(ROBOTS, frames) | shown_fields(scene, frames.message)
     values |= hops | {f"{name}_colour": hop_colours(of) for name, of in hops.items()}
     yield Shape(ROBOTS, boxes, yaw.shape[1], values)
-    fronts = centres + 0.34 * length * np.stack([np.cos(yaw), np.sin(yaw), zero], axis=-1)
-    fronts[..., 2] = height + look.FRONT_RADIUS * length
+    fronts = geometry.fronts(scene, centres, yaw)
     yield Shape(names.FRONTS, rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), yaw.shape[1])
 
 
@@ -87,12 +79,11 @@ def _with_hops(scene: Scene) -> list:
 def _balls(scene: Scene, frames: Frames) -> Iterator[Shape]:
     """Points of true size; above the robots, markers that stay visible with the whole arena in view."""
     n_balls = frames.ball_position.shape[1]
-    positions = (frames.ball_position * np.float32(MILLIMETRES)).reshape(-1, 3)
-    classes = (frames.ball_state.reshape(-1) + look.BALL_CLASS_OFFSET).astype(np.uint16)
-    above = positions + np.array([0, 0, 1.5 * scene.robot_size[2] * MILLIMETRES])
-    points = rr.Points3D.from_fields(positions=positions, class_ids=classes)
+    positions, above = (a.reshape(-1, 3) for a in geometry.ball_centres(scene, frames))
+    kinds = (frames.ball_state.reshape(-1) + classes.BALL_CLASS_OFFSET).astype(np.uint16)
+    points = rr.Points3D.from_fields(positions=positions, class_ids=kinds)
     yield Shape(BALLS, points, n_balls, shown_values(BALLS, frames))
-    yield Shape(names.BALL_MARKERS, rr.Points3D.from_fields(positions=above, class_ids=classes), n_balls)
+    yield Shape(names.BALL_MARKERS, rr.Points3D.from_fields(positions=above, class_ids=kinds), n_balls)
 
 
 def _links(frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Shape:
@@ -101,19 +92,16 @@ def _links(frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Shape:
     frame, receiver, side = np.nonzero(is_link)
     values = {"receiver": receiver.astype(np.int16), "side": side.astype(np.uint8)}
     values |= {name: each[is_link] for name, each in shown_values(LINKS, frames).items()}
-    ends = np.stack([centres[frame, receiver], centres[frame, frames.link_sender[is_link]]], axis=1)
-    lines, classes = _strips(ends.reshape(-1, 3), np.full(len(frame), 2)), values["is_heard"] + look.LINK_CLASS_OFFSET
-    shown = rr.LineStrips3D.from_fields(strips=lines, class_ids=classes.astype(np.uint16))
+    ends = geometry.link_ends(frames, centres)
+    lines, kinds = _strips(ends.reshape(-1, 3), np.full(len(frame), 2)), values["is_heard"] + classes.LINK_CLASS_OFFSET
+    shown = rr.LineStrips3D.from_fields(strips=lines, class_ids=kinds.astype(np.uint16))
     return Shape(LINKS, shown, np.bincount(frame, minlength=len(frames)), values)
 
 
 def _trails(is_loaded: Bool[np.ndarray, "T N"], history: Float[np.ndarray, "_ N 3"], n_before: int) -> Shape:
     """Where loaded robots came from, oldest point first; shorter where there are fewer frames before."""
-    frame, robot = np.nonzero(is_loaded)
-    times = frame[:, None] + n_before - np.arange(TRAIL_FRAMES, -1, -1)
-    exists = times >= 0
-    points = history[times[exists], np.broadcast_to(robot[:, None], times.shape)[exists]]
-    shown = rr.LineStrips3D.from_fields(strips=_strips(points, np.count_nonzero(exists, axis=1)))
+    points, lengths = geometry.trails(is_loaded, history, n_before)
+    shown, robot = rr.LineStrips3D.from_fields(strips=_strips(points, lengths)), np.nonzero(is_loaded)[1]
     return Shape(names.TRAILS, shown, np.count_nonzero(is_loaded, axis=1), {"robot": robot.astype(np.int16)})
 
 
@@ -124,17 +112,14 @@ def _strips(points: Float[np.ndarray, "P 3"], lengths: Int[np.ndarray, "M"]) -> 
     return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
 
 
-def _memory(scene: Scene, frames: Frames, origins: Float[np.ndarray, "T N 3"]) -> Iterator[Shape]:
+def _memory(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Iterator[Shape]:
     """Arrows from the robots that know a vector, turned to the world; a series for other numbers of each robot."""
     for vector in vectors(scene.memory):
-        known = is_known(frames, vector)
-        ends = np.zeros((np.count_nonzero(known), 3), np.float32)
-        turned = rotate(frames.memory[vector.name][known], frames.pose[..., 2][known])
-        ends[:, :2] = turned * np.float32(MILLIMETRES)
-        arrows, robot = rr.Arrows3D.from_fields(origins=origins[known], vectors=ends), np.nonzero(known)[1]
+        origins, ends, known = geometry.arrows(scene, frames, vector, centres)
+        arrows, robot = rr.Arrows3D.from_fields(origins=origins, vectors=ends), np.nonzero(known)[1]
         counts = np.count_nonzero(known, axis=1)
         yield Shape(f"{names.ARROWS}/{vector.stem}", arrows, counts, {"robot": robot.astype(np.int16)})
-    for name in look.numbers(scene):
+    for name in numbers(scene):
         yield _scalars(f"{names.MEMORY}/{name}", frames.memory[name].reshape(len(frames), -1))
 
 

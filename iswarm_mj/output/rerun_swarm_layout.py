@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.memory import vectors
+from iswarm_mj.output.memory import numbers, vectors
 from iswarm_mj.output.rerun_format import blueprint, space, time_series
 from iswarm_mj.output.rerun_names import ARROWS, BALL_MARKERS, COUNTS, LINKS, MEMORY, METRICS, ROBOTS, SHARES, TRAILS
 from iswarm_mj.output.trajectory import Scene
@@ -63,7 +63,7 @@ def content(scene: Scene) -> rrb.Horizontal:
         row_shares=[3, 2],
         name="States",
     )
-    memory = [time_series(f"{MEMORY}/{name}", name, None) for name in look.numbers(scene)]
+    memory = [time_series(f"{MEMORY}/{name}", name, None) for name in numbers(scene)]
     tabs = rrb.Tabs(
         plots,
         states,

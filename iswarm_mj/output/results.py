@@ -1,11 +1,11 @@
 """What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from iswarm_mj import __version__
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, SCENE, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
@@ -28,18 +27,18 @@ def clear(out: Path) -> None:
 
 def clear_worlds(out: Path) -> None:
     """Remove what an earlier run left of its further worlds."""
-    for place in out.glob("world-*"):
+    for place in filter(Path.is_dir, out.glob("world-*")):
         clear(place)
         with suppress(OSError):
-            place.rmdir()  # it holds something else, or is no directory
+            place.rmdir()  # it holds something else
 
 
-def about(run: Run, settings: RunSettings) -> dict[str, Any]:
+def about(run: Run) -> dict[str, Any]:
     """Return what a run was, as JSON has it: version, settings, engine, genome, configuration and robot.
 
     It does not depend on which worlds are recorded.
     """
-    own = asdict(settings)
+    own = asdict(run.settings)
     del own["record_worlds"]
     values = {
         "version": __version__,
@@ -52,38 +51,15 @@ def about(run: Run, settings: RunSettings) -> dict[str, Any]:
     return json.loads(json.dumps(values))
 
 
-class Share(NamedTuple):
-    """What some worlds of a run came to."""
-
-    step: int
-    """Control steps taken."""
-    devices: list[str]
-    """That computed."""
-    worlds: dict[int, tuple[Measures, dict[str, Any]]]
-    """Measures and metrics of each world, by its number."""
-    faults: list[str]
-    """Of worlds that could not go on."""
-
-
-def share_of(run: Run) -> Share:
-    """Return what the worlds of a run came to so far."""
-    metrics = run.metrics()
-    each = [{name: values[k].item() for name, values in metrics.items()} for k in range(len(run.worlds))]
-    worlds = {world.index: (run.measures(k), each[k]) for k, world in enumerate(run.worlds)}
-    return Share(run.step, run.devices, worlds, [str(fault) for fault in run.faults])
-
-
-def result(run: Run, settings: RunSettings, shares: Sequence[Share], wall_s: float) -> dict[str, Any]:
+def result(run: Run, wall_s: float) -> dict[str, Any]:
     """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
 
     Args:
-        run: of this process.
-        settings: of the run of all processes.
-        shares: of the worlds, each in one of them.
+        run: up to where it is.
         wall_s: how long it took.
     """
-    found = {number: world for share in shares for number, world in share.worlds.items()}
-    measures, metrics = zip(*(found[number] for number in sorted(found)), strict=True)
+    settings, metrics = run.settings, run.metrics()
+    measures = [run.measures(world) for world in range(settings.n_worlds)]
     measured = getattr(run.task, "measured", {})
     units = {name: quantity.unit for name, quantity in measured.items() if quantity.unit}
 
@@ -101,10 +77,10 @@ def result(run: Run, settings: RunSettings, shares: Sequence[Share], wall_s: flo
         "n_robots": settings.n_robots,
         "max_steps": settings.steps,
         "stop_at": run.goal,
-        "steps": max(share.step for share in shares),
+        "steps": run.step,
         **{name: each([getattr(m, name) for m in measures]) for name in counts},
         **scored,
-        "metrics": {name: each([_number(world[name]) for world in metrics]) for name in metrics[0]},
+        "metrics": {name: each([_number(value) for value in values]) for name, values in metrics.items()},
         **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),
         "seconds": {
@@ -112,9 +88,9 @@ def result(run: Run, settings: RunSettings, shares: Sequence[Share], wall_s: flo
             "control_step": None if run.step_s is None else round(run.step_s, 6),
         }
         | {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
-        **about(run, settings),
-        "devices": [device for share in shares for device in share.devices],
-        "faults": [fault for share in shares for fault in share.faults],
+        **about(run),
+        "devices": run.devices,
+        "faults": [str(fault) for fault in run.faults],
     }
 
 

@@ -1,4 +1,4 @@
-"""A run read back from its files: what it was, what it came to, and tidy tables of what was recorded."""
+"""A run read back from its files: settings, results, and tidy tables of the recording."""
 
 import os
 from collections.abc import Mapping
@@ -33,25 +33,25 @@ class SavedRun:
     """
 
     path: Path
-    """What was read."""
+    """Directory of the run."""
     version: str
-    """Of the package that wrote it."""
+    """Version of the package that wrote it."""
     config: SwarmConfig
     genome: Genome | None
-    """None where another strategy than the paper's ran, which `strategy` states."""
+    """Parameters of the paper's strategy; None for another one, see `strategy`."""
     strategy: dict[str, Any] | None
-    """Class and parameters of a strategy other than the paper's, None for that."""
+    """Class and parameters of a strategy other than the paper's; None for the paper's."""
     task: dict[str, Any]
     """Class and settings of the task."""
     settings: RunSettings
-    """`record_worlds` are those that were found."""
+    """Settings of the run; `record_worlds` are the recorded worlds found."""
     engine: dict[str, Any]
     """Name and main settings of the engine."""
     measures: list[Measures]
-    """Of each world, up to where it was if the run was interrupted; empty without result.json, and for other tasks than
-    cleaning."""
+    """Measures of each world, of an interrupted run up to the interruption; empty without result.json, and for tasks
+    other than cleaning."""
     metrics: list[dict[str, Any]]
-    """Of the task in each world; None for what is not known."""
+    """Metrics of the task in each world; None for unknown ones."""
     result: dict[str, Any]
     """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
     scenes: dict[int, Scene]
@@ -88,12 +88,12 @@ class SavedRun:
 
     @cached_property
     def robots(self) -> pa.Table:
-        """Robots by world and step: place, state, memory, message and command."""
+        """Robots by world and step: position, state, memory, message and command."""
         return self._table("robots")
 
     @cached_property
     def balls(self) -> pa.Table:
-        """Balls by world and step: place, radius, state and holder."""
+        """Balls by world and step: position, radius, state and holder."""
         return self._table("balls")
 
     @cached_property

@@ -15,7 +15,7 @@ from iswarm_mj.engines.base import CompiledEngine
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
 from iswarm_mj.simulation.perceive import StepInputs
-from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.jax_setup import without_shardy
 
@@ -113,6 +113,14 @@ class CompiledLoop:
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
         return jax.tree.map(lambda a: a[self._rows], (self._params, self._state))
+
+    def replace(self, params: WorldParams, swarm: SwarmState) -> None:
+        """See `Loop.replace`."""
+        old, state = self.worlds()
+        params = params._replace(goal=old.goal, is_present=old.is_present)
+        finished = self._state.is_finished  # so are rows that only fill up the devices
+        self._params, state = self._placed(self._with_padding(params, state._replace(swarm=swarm)), _OWN)
+        self._state = state._replace(is_finished=finished)
 
     def stage_times(self) -> dict[str, float]:
         """See `Loop.stage_times`; each stage as a program of its own, of the worlds of the first device."""

@@ -13,7 +13,7 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.share import Share, is_key, rows, shares_of
-from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
@@ -45,6 +45,15 @@ class Loop(Protocol):
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """Return parameters and state of all worlds, as NumPy arrays where possible."""
+        ...
+
+    def replace(self, params: WorldParams, swarm: SwarmState) -> None:
+        """Put other parameters and another state of the swarm, of the same shapes and types, in place of the present.
+
+        Args:
+            params: of B worlds; goal and places for robots stay as they are.
+            swarm: of B worlds.
+        """
         ...
 
     def stage_times(self) -> dict[str, float]:
@@ -112,6 +121,11 @@ class HostLoop:
         """See `Loop.worlds`."""
         params, state = _joined([(share.params, share.state) for share in self._shares])
         return params, state
+
+    def replace(self, params: WorldParams, swarm: SwarmState) -> None:
+        """See `Loop.replace`."""
+        for share, part in zip(self._shares, self._parts, strict=True):
+            share.replace(*rows((params, swarm), part))
 
     def stage_times(self) -> dict[str, float]:
         """See `Loop.stage_times`; of all steps so far, by the clock if all threads have as much to do."""

@@ -9,9 +9,6 @@ from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.memory import available_memory, gigabytes
 
-PER_PAIR = 8
-"""Memory for each pair of robots of a world: who touches whom, before and after a step [bytes]."""
-
 
 def devices_of(engine: EngineSettings) -> list[Any]:
     """Return the JAX devices that an engine of compiled programs is to use."""
@@ -27,7 +24,7 @@ def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> int:
         n_robots: places for robots in each world.
     """
     n_worlds, n_robots = int(n_worlds), int(n_robots)  # which never overflow
-    return n_worlds * n_robots * (engine.bytes_per_robot + PER_PAIR * n_robots)
+    return n_worlds * n_robots * engine.bytes_per_robot
 
 
 def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:

@@ -139,6 +139,10 @@ def decider_of(config: SwarmConfig) -> Decider:
     if config.gripper.resolution == "quasi-static":
         return by_balance
     # Here, since the bench is a large part of the package that other runs need not load.
-    from iswarm_mj.gripper.bench.deciders import decider_for
+    if config.gripper.bench == "mjx":
+        from iswarm_mj.gripper.bench.batch_trials import by_batch
 
-    return decider_for(config.gripper)
+        return by_batch
+    from iswarm_mj.gripper.bench.swarm_trials import by_host
+
+    return by_host

@@ -1,7 +1,7 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,17 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.faults import decode, summary
+from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
-from iswarm_mj.simulation.state import StepRecord, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.strategies import of_all_worlds, to_json
 from iswarm_mj.simulation.tasks import metrics_of
-from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -31,6 +34,7 @@ from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
 STEPS = 800
@@ -40,26 +44,42 @@ STEPS = 800
 class Run:
     """B worlds that advance together until each is finished or faulty, or the time is up.
 
-    A fault ends its world alone, and `faults` names it. Only the contact buffers of MJX with Warp are shared: if
-    they are full, all worlds of the device end.
+    A fault ends only its own world, and `faults` names it. With MJX on Warp, a full contact buffer ends all worlds of
+    the device, which share it.
 
     Attributes:
-        config: what all worlds share.
-        genome: of the run.
+        config: configuration that all worlds share.
+        genome: parameters of the paper's strategy.
         settings: of the run.
         engine: settings of the engine.
-        worlds: B of them.
-        starts: how each of them began.
+        worlds: B worlds.
+        starts: initial state of each world.
         start: record of the start of the W recorded worlds, with axes (1, W).
         strategy: as given; None for the paper's.
         task: as given.
         goal: progress of the task that finishes a world, in cleaning balls delivered; None if it never is.
         recorded: parts of the strategy's memory that recordings show, and their units.
-        payload: what the robots' messages carry.
+        payload: fields of the messages.
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
-        watch: where the time goes.
+        watch: times of the stages.
     """
+
+    config: SwarmConfig
+    genome: Genome
+    settings: RunSettings
+    engine: EngineSettings
+    worlds: list[World]
+    starts: Sequence[Start]
+    start: StepRecord
+    strategy: Strategy | Any
+    task: Task
+    goal: int | None
+    recorded: Mapping[str, str]
+    payload: Payload
+    robot: Robot
+    robot_file: Path | None
+    watch: Stopwatch
 
     def __init__(
         self,
@@ -112,13 +132,12 @@ class Run:
         self.config, self.genome, self.settings, self.engine = config, genome, settings, setup.engine
         self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
         self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
-        self.strategy, n_leds = strategy, len(setup.robot.sides)
+        self.strategy, self._is_per_world, n_leds = strategy, strategy_per_world, len(setup.robot.sides)
+        own = self._strategies()
         if strategy is None:
-            own = vector_strategies(config, setup.robot, self.worlds)
             self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
-            own = of_all_worlds(strategy, config, setup.robot, self.worlds, is_per_world=strategy_per_world)
             check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.watch = Stopwatch()
@@ -127,6 +146,12 @@ class Run:
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
         self._has_ended, self._snapshot = np.zeros(n_worlds, bool), None
+
+    def _strategies(self) -> Any:
+        """The strategy with a first axis of B worlds."""
+        if self.strategy is None:
+            return vector_strategies(self.config, self.robot, self.worlds)
+        return of_all_worlds(self.strategy, self.config, self.robot, self.worlds, is_per_world=self._is_per_world)
 
     @property
     def step(self) -> int:
@@ -198,6 +223,34 @@ class Run:
             self.watch.laps.clear()
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
+
+    def change(self, config: SwarmConfig, genome: Genome, strategy: Strategy | Any = None) -> None:
+        """Give all worlds other settings from the next control step on; places and memories stay as they are.
+
+        Args:
+            config: may differ from the run's in `common.PER_WORLD_FIELDS`.
+            genome: of the paper's strategy.
+            strategy: of the same class, static fields and shapes as the run's; None for the paper's.
+
+        Raises:
+            UserError: the configurations differ in something else.
+        """
+        check_common(self.config, config)
+        self.worlds = [replace(world, config=config, genome=genome) for world in self.worlds]
+        self.strategy = strategy
+        params, state = self.arrays()
+        conditions = conditions_of_worlds(config, self.worlds)
+        self._loop.replace(params._replace(strategy=self._strategies(), conditions=conditions), state.swarm)
+
+    def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:
+        """Put another state of the swarm in place of the present one, from the next control step on.
+
+        Args:
+            edit: makes it of the present one; NumPy arrays of B worlds, with the same shapes and types.
+        """
+        params, state = self.arrays()
+        self._loop.replace(params, edit(state.swarm))
+        self._status = self._loop.status()
 
     @property
     def task_state(self) -> Any:

@@ -11,7 +11,7 @@ class RunSettings:
     """One run of B worlds; world w of seed s has its own random numbers."""
 
     n_robots: Annotated[int, Within(1)]
-    """N, robots in each world, or in the largest."""
+    """N, robots in the largest world."""
     steps: Annotated[int, Within(1, 1_000_000)]
     """Control steps at most."""
     seed: Annotated[int, Within(0, 2**32 - 2)] = 0
@@ -19,14 +19,13 @@ class RunSettings:
     n_worlds: Annotated[int, Within(1)] = 1
     """B, independent worlds at once."""
     stop_at: Annotated[int | None, Within(1)] = None
-    """A world is finished with this progress of the task, in cleaning balls delivered; None for all there is to do."""
+    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the task's goal."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
-    """Share of the robots that are dead from the start: they only stand in the way."""
+    """Share of robots that are dead from the start and only stand in the way."""
     capacity: Annotated[int | None, Within(1)] = None
-    """Robots that the arrays of compiled programs have places for, at least `n_robots`; None for exactly those.
+    """Robots for which compiled programs have room, at least `n_robots`; None for exactly those.
 
-    Runs with different numbers of robots share a program, which takes seconds to compile, if they have the same
-    capacity.
+    Runs with the same capacity share a compiled program, whatever their number of robots.
     """
     record_worlds: tuple[int, ...] = (0,)
     """Worlds whose steps `Run.advance` returns."""

@@ -36,11 +36,16 @@ class Share:
     """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled."""
 
     def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
-        cpu = jax.local_devices(backend="cpu")[0]
         self.engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
         self._goal, self._is_present = params.goal, params.is_present
-        self.params: WorldParams = jax.device_put(params, cpu)
-        self.state = state._replace(swarm=jax.device_put(state.swarm, cpu))
+        self.params, self.state = params, state
+        self.replace(params, state.swarm)
+
+    def replace(self, params: WorldParams, swarm: SwarmState) -> None:
+        """See `loop.Loop.replace`."""
+        cpu = jax.local_devices(backend="cpu")[0]
+        self.params, swarm = jax.device_put((params, swarm), cpu)
+        self.state = self.state._replace(swarm=swarm)
 
     def advance(self, step: int, last: int, recorded: Sequence[int]) -> StepRecord | None:
         """Take a control step.

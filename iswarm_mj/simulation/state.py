@@ -68,8 +68,8 @@ class WorldState(NamedTuple):
     bodies: Any
     """Mechanical state, the engine's own."""
     swarm: SwarmState
-    touching: Bool[Array, "*B N N"]
-    """Pairs of robots in contact during the last control step, upper triangle; no meaning in a world with a fault."""
+    touching: Int[Array, "*B K N"]
+    """Who touched whom in the last control step, see `Motion.touching`; no meaning in a world with a fault."""
     collisions: Int[Array, "*B"]
     """Counted so far."""
     is_finished: Bool[Array, "*B"]

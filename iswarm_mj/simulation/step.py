@@ -78,9 +78,15 @@ def after_motion(
         xp.where(bits != 0, step + 1, state.fault.step).astype(state.fault.step.dtype),
         xp.where(bits != 0, robot, state.fault.robot),
     )
-    begun = (motion.touching > state.touching).sum(axis=(-2, -1), dtype=state.collisions.dtype)
+    begun = new_contacts(state.touching, motion.touching).astype(state.collisions.dtype)
     collisions = state.collisions + xp.where(is_running & (fault.bits == 0), begun, 0)
     return state._replace(bodies=motion.bodies, touching=motion.touching, collisions=collisions, fault=fault)
+
+
+def new_contacts(before: Int[Array, "*B K N"], now: Int[Array, "*B K N"]) -> Int[Array, "*B"]:
+    """Return the number of pairs of robots that touch now and did not before, see `Motion.touching`."""
+    is_known = (now[..., None, :, :] == before[..., :, None, :]).any(axis=-3)
+    return ((now > 0) & ~is_known).sum(axis=(-2, -1))
 
 
 def after_task(

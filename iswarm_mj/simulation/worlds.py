@@ -103,11 +103,10 @@ def world_params(
         goal: progress that finishes a world.
         capacity: places for robots.
     """
-    each = [conditions_of(world.config or config) for world in worlds]
     n_robots = np.array([world.n_robots for world in worlds])
     return WorldParams(
         strategy=strategy,
-        conditions=Conditions(*map(_column, zip(*each, strict=True))),
+        conditions=conditions_of_worlds(config, worlds),
         key=random_keys(worlds),
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), goal, np.int32),
@@ -115,8 +114,14 @@ def world_params(
     )
 
 
+def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
+    """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those of the run's."""
+    each = [conditions_of(world.config or config) for world in worlds]
+    return Conditions(*map(_column, zip(*each, strict=True)))
+
+
 def first_state(
-    config: SwarmConfig, starts: Sequence[Start], task: Task, capacity: int, memory: Any = None
+    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robot, capacity: int, memory: Any = None
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
 
@@ -124,6 +129,7 @@ def first_state(
         config: of the run; robots have full capacitors, if any.
         starts: of B worlds.
         task: of the run.
+        robot: geometry.
         capacity: places for robots.
         memory: of the robots at the start, with a first axis of B worlds.
     """
@@ -140,7 +146,7 @@ def first_state(
     state = WorldState(
         bodies=None,
         swarm=swarm,
-        touching=np.zeros((*here, capacity), bool),
+        touching=np.zeros((len(starts), robot.most_partners, capacity), np.int32),
         collisions=zero,
         is_finished=zero > 0,
         finished_at=zero,

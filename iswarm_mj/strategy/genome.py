@@ -23,11 +23,11 @@ class Genome:
     density_of_robots: Share = 0.118
     """Robots per 1 x 1 rd cell of the arena outside the dump."""
     fraction_scouts: Share = 0.08
-    """Share of the robots that scout."""
+    """Share of robots that are scouts."""
     p_vector_forget: Share = 0.29
     """Probability per step that a robot forgets the vectors in its memory."""
     use_hop_count: bool = True
-    """A robot adopts a vector only if its hop count is smaller than that of its own."""
+    """A robot adopts a vector only if its hop count is smaller than its own."""
     priority_coll_avoid_dist: Share = 0.40
     """Distance that empty robots keep from robots that send the priority flag [sr]."""
     empty_coll_avoid_dist: Share = 0.65

@@ -12,16 +12,15 @@ class Observation(NamedTuple):
     """All that N robots sense in one control step."""
 
     is_heard: Bool[Array, "N S"]
-    """A message arrived on this side, and its check is right; elsewhere what it says is undefined."""
+    """A valid message arrived on this side; elsewhere its content is undefined."""
     bearing: Float[Array, "N S"]
-    """Direction that it came from, in the robot's frame [rad]."""
+    """Measured direction of its sender, in the robot's frame [rad]."""
     distance: Float[Array, "N S"]
     """Measured distance of its sender [mm]."""
     led: Int[Array, "N S"]
-    """int32, LED number in the message."""
+    """Number of the LED that sent it, int32."""
     payload: dict[str, Any]
-    """(N, S) what the messages carry, by the names of the payload's fields (`sensors.messages.Payload`); vectors are in
-    their senders' frames."""
+    """(N, S) fields of the message by name (`sensors.messages.Payload`); vectors are in the sender's frame."""
     sees_wall: Bool[Array, "N S"]
     """A wall reflects the light of this side's LED."""
     at_dust: Bool[Array, "N"]
@@ -33,17 +32,17 @@ class Observation(NamedTuple):
     is_loaded: Bool[Array, "N"]
     """The robot holds a ball."""
     grasp_failed: Bool[Array, "N"]
-    """The robot tried to lift a ball in this step, and the ball stayed on the floor."""
+    """The robot's attempt to pick up a ball failed in this step."""
     sensed: Mapping[str, Array]
-    """(N, ...) what else the task lets robots sense, by the names of `tasks.protocol.Task.senses`."""
+    """(N, ...) what the task lets robots sense, by the names in `tasks.protocol.Task.senses`."""
     waits: Bool[Array, "N"]
-    """The robot stays where it is in this step, whatever it commands: it works at a ball, or has no energy."""
+    """The robot cannot move in this step: it works at a ball, or has no energy."""
 
 
 class Command(NamedTuple):
     """What N robots do in one control step: turn, then move."""
 
     turn: Float[Array, "N"]
-    """Anticlockwise [rad]."""
+    """Turn, anticlockwise [rad]."""
     forward: Float[Array, "N"]
-    """[mm], negative backwards."""
+    """Distance to move after the turn, negative backwards [mm]."""

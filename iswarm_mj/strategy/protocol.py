@@ -15,16 +15,14 @@ class Strategy(Protocol):
     """Rules of N robots of one world, in pure JAX: all methods run under `jit` and `vmap`.
 
     A strategy is a pytree (`jax.tree_util.register_dataclass`): its arrays may differ from world to world, and its
-    static fields are compiled in. Its memory is a pytree of arrays whose first axis is that of the robots, numbers and
-    not random keys (`jax.random.key_data`). Methods set no attributes, and draw random numbers from their key alone.
+    static fields are compiled in. Its memory is a pytree of arrays with the robots as first axis; store random keys as
+    `jax.random.key_data`. Methods set no attributes, and draw random numbers only from their key.
 
-    What its messages carry it declares by an attribute `payload`, a dictionary of names and `sensors.fields` or a
-    `Payload`, and says by a method `say`, see `SpeakingStrategy`. Without both, messages carry the number of the LED
-    that sends alone.
+    A strategy that sends messages is a `SpeakingStrategy`; others send only the number of the LED.
     """
 
     def init(self, n_robots: int, key: Array) -> Any:
-        """Return the memory of N robots at the start.
+        """Return the initial memory of N robots.
 
         Args:
             n_robots: N.
@@ -33,14 +31,14 @@ class Strategy(Protocol):
         ...
 
     def picks(self, memory: Any) -> Bool[Array, "N"]:
-        """Return whether each robot picks up the balls that its tool reaches."""
+        """Return whether each robot picks up balls within reach."""
         ...
 
     def act(self, memory: Any, observation: Observation, key: Array) -> tuple[Any, Command]:
-        """Advance the memory by one control step, and decide what the robots do.
+        """Return the next memory and the commands.
 
         Args:
-            memory: from the step before.
+            memory: of the previous step.
             observation: what the robots sense now.
             key: random key of this world and step.
 
@@ -52,15 +50,15 @@ class Strategy(Protocol):
 
 @runtime_checkable
 class SpeakingStrategy(Strategy, Protocol):
-    """A strategy whose messages carry something."""
+    """A strategy with its own message fields."""
 
     @property
     def payload(self) -> Payload | Mapping[str, Any]:
-        """Fields of the messages."""
+        """Fields of the messages: names and `sensors.fields`, or a `Payload`."""
         ...
 
     def say(self, memory: Any, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
-        """Return what each robot says to all sides: arrays (N,) by the names of the payload's fields, of their types.
+        """Return the message of each robot: arrays (N,) by field name, of the fields' types.
 
         Args:
             memory: from the step before.
@@ -71,12 +69,12 @@ class SpeakingStrategy(Strategy, Protocol):
 
 @runtime_checkable
 class RelayingStrategy(SpeakingStrategy, Protocol):
-    """A strategy whose robots can pass on what they have just heard, which sequential updates need."""
+    """A strategy whose robots can pass on what they just heard, which sequential updates need."""
 
     def listen(self, memory: Any, observation: Observation, key: Array) -> Any:
-        """Return the memory from which robots speak after they heard and before they move.
+        """Return the memory from which robots speak, after they heard and before they move.
 
-        What one robot remembers may depend only on what that robot senses.
+        The memory of a robot may depend only on what that robot senses.
 
         Args:
             memory: from the step before.

@@ -89,7 +89,7 @@ def _register(cls: type) -> tuple[str, ...]:
     JAX rebuilds its objects without `__init__`, whose checks need numbers.
     """
     own = fields(cls) if is_dataclass(cls) else ()
-    static = tuple(f.name for f in own if _is_static_field(cls, f))
+    static = tuple(f.name for f in own if is_static_field(cls, f))
     dynamic = tuple(f.name for f in own if f.name not in static)
 
     def flatten(given: Any) -> tuple[Any, ...]:
@@ -106,7 +106,8 @@ def _register(cls: type) -> tuple[str, ...]:
     return static
 
 
-def _is_static_field(cls: type, field: Field) -> bool:
+def is_static_field(cls: type, field: Field) -> bool:
+    """Return whether values of a field are compiled in."""
     if field.name in ("recorded", "payload"):
         return True
     if "static" in field.metadata:

@@ -8,26 +8,26 @@ from iswarm_mj.utils.constraints import Within, check, validate
 
 @dataclass(frozen=True)
 class EnergyConfig:
-    """A capacitor on board that light charges, and what draws on it.
+    """A capacitor on board that light charges, and its consumers.
 
     The paper names "a capacitor up to the desired voltage level" of 20 to 40 V and negligible costs of manipulation
     (section 5); it gives no capacitance, no power and no cost of walking and LEDs. All values are choices.
     """
 
     model: Literal["none", "capacitor"] = "none"
-    """Robots have whatever they need, or what is left in their capacitor."""
+    """Robots have unlimited energy, or what is left in their capacitor."""
     capacitance: Annotated[float, Within(1e-9, 1e-3, "F")] = 1e-6
-    """Of the capacitor [F]."""
+    """Capacitance [F]."""
     largest_voltage: Annotated[float, Within(1, 69, "V")] = 60.0
-    """To which light charges it, and which it has at the start [V]."""
+    """Voltage to which light charges it, and at the start [V]."""
     light_power: Annotated[float, Within(0, 1, "W")] = 0.48e-3
-    """That charges it [W]: a cell of 4 mm^2 and 12 % in sunlight of 1000 W/m^2."""
+    """Charging power [W]: a cell of 4 mm^2 and 12 % in sunlight of 1000 W/m^2."""
     walking_power: Annotated[float, Within(0, 1, "W")] = 0.3e-3
-    """While a robot walks at full speed or turns at full rate [W]."""
+    """Power of walking at full speed or turning at full rate [W]."""
     message_energy: Annotated[float, Within(0, 1e-3, "J")] = 80e-6
-    """Of the LEDs in one control step [J]: 1 mW for 20 ms on each of four sides."""
+    """Energy of the LEDs per control step [J]: 1 mW for 20 ms on each of four sides."""
     tool_capacitance: Annotated[float, Within(0, 1e-6, "F")] = 10e-12
-    """Of tool and leads, charged in each attempt [F]; the ball adds some 10 fF."""
+    """Capacitance of tool and leads, charged in each attempt [F]; the ball adds some 10 fF."""
 
     def __post_init__(self):
         validate(self, "energy")

@@ -1,15 +1,13 @@
-"""Boxes that stand in the arena, as numbers: where they are, how far points are from them; lists of them in files."""
+"""Boxes that stand in the arena, as numbers: where they are, how far points are from them."""
 
 import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import read_json
+from iswarm_mj.utils.errors import ConfigError
 
 Obstacle = tuple[float, float, float, float, float]
 """x and y of the centre, half the edges along the box's own x and y [rd], yaw [deg]."""
@@ -83,17 +81,3 @@ def distances(points: Float[np.ndarray, "P 2"], boxes: Float[np.ndarray, "M 6"])
     dx, dy = points[:, :1] - x, points[:, 1:] - y
     u, v = np.abs(c * dx + s * dy) - a, np.abs(c * dy - s * dx) - b
     return np.hypot(np.maximum(u, 0.0), np.maximum(v, 0.0)).min(axis=1, initial=np.inf)
-
-
-def read_obstacles(path: Path) -> list[list[float]]:
-    """Return the obstacles of a JSON file: a list of objects with `x`, `y`, `half_x`, `half_y` [rd] and `yaw` [deg].
-
-    Raises:
-        UserError: it cannot be read, or holds something else.
-    """
-    form = f"a list of objects with {', '.join(FIELDS[:4])} [rd] and, if not 0, yaw [deg]"
-    content = read_json(path, f"write {form}", what="--obstacles ")
-    is_list = isinstance(content, list) and all(isinstance(one, Mapping) for one in content)
-    if not is_list or any(set(one) - {"yaw"} != set(FIELDS[:4]) for one in content):
-        raise UserError(f"--obstacles {path} must be {form}")
-    return [[one.get(name, 0.0) for name in FIELDS] for one in content]

@@ -46,24 +46,30 @@ def _in_processes(
     options: dict[str, Any] = {"initializer": _begin, "initargs": (os.getpid(),)} if workers > 1 else {}
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)  # one that has grown by 300 MB
     pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
-    results = cast(Generator[Any, None, None], pool(delayed(call)(*arguments) for arguments in given))
-    try:
-        for result in results:  # noqa: UP028, since `yield from` would close them here, with a warning
-            yield result
+    try:  # the pool may break while it hands over the first calls, too
+        results = cast(Generator[Any, None, None], pool(delayed(call)(*arguments) for arguments in given))
+        try:
+            for result in results:  # noqa: UP028, since `yield from` would close them here, with a warning
+                yield result
+        finally:
+            _close(results)
     except BrokenProcessPool:
         raise _lost() from None
-    finally:
-        hook = threading.excepthook  # joblib's thread may end by a KeyError when it has just accepted a call
-        threading.excepthook = lambda error: None if error.exc_type is KeyError else hook(error)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # that not all results were taken
-            results.close()
-        threading.excepthook = hook
+
+
+def _close(results: Generator[Any, None, None]) -> None:
+    """Stop the calls that are left, without the warnings of joblib and the error of its thread."""
+    hook = threading.excepthook  # joblib's thread may end by a KeyError when it has just accepted a call
+    threading.excepthook = lambda error: None if error.exc_type is KeyError else hook(error)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that not all results were taken
+        results.close()
+    threading.excepthook = hook
 
 
 def _on_ray(call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int) -> Generator[Any, None, None]:
     # Not by joblib's backend for Ray, which has no generators.
-    ray = connected(workers)
+    ray = _connected(workers)
     remote = ray.remote(num_cpus=1, max_retries=0, runtime_env={"env_vars": {"JAX_PLATFORMS": "cpu"}})(call)
     left, running = list(given)[::-1], []
     try:
@@ -81,15 +87,8 @@ def _on_ray(call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers:
             ray.cancel(task, force=True)
 
 
-def connected(workers: int = 0) -> Any:
-    """Return Ray, connected to the cluster that RAY_ADDRESS names, or else to a new one on this machine.
-
-    Args:
-        workers: processor cores of a new one, 0 for all.
-
-    Raises:
-        UserError: Ray is not installed.
-    """
+def _connected(workers: int) -> Any:
+    """Ray, connected to the cluster that RAY_ADDRESS names, or to a new one of so many cores, 0 for all."""
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError:

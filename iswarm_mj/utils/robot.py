@@ -107,6 +107,14 @@ class Robot:
         return min(self.half_edges[:2])
 
     @property
+    def most_partners(self) -> int:
+        """Robots that touch one at most: half as many again as fit around it with their shorter sides, at its corners
+        too; 12 for square ones.
+        """
+        length, width = max(self.half_edges[:2]), self.inradius
+        return math.ceil(1.5 * (2 * (1 + length / width) + 4))
+
+    @property
     def ray_height(self) -> float:
         """Height of the centre above the floor, at which light travels [mm]."""
         return self.half_edges[2]

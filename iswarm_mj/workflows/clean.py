@@ -10,73 +10,58 @@ from statistics import fmean
 from typing import Any
 
 from iswarm_mj.output import results
-from iswarm_mj.output.results import Share, share_of
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
-from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import postponed, saved
 from iswarm_mj.utils.lock import locked
-from iswarm_mj.utils.progress import Progress, waiting
-from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown, advanced
+from iswarm_mj.utils.progress import Progress
+from iswarm_mj.workflows.recorder import Recorder, advanced
 
 MAX_LISTED = 10
 """Worlds whose numbers the summary lists; of more it states averages and ranges."""
 
 
-def clean(
-    run: Run, settings: RunSettings, out: Path, shown: Shown = AS_USUAL, others: Callable[[], list[Share]] = list
-) -> dict[str, Any]:
+def clean(run: Run, out: Path, grasps: int = 0) -> dict[str, Any]:
     """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
 
     From the start on, result.json is that of this run: until it has ended, it says "interrupted": true, and if an
     exception or a signal ends the run, it and the files of recorded worlds contain what there was.
 
     Args:
-        run: at its start; of several shares of the worlds, the first.
-        settings: of all worlds.
+        run: at its start.
         out: result.json and the first recorded world go here, each further one into world-N.
-        shown: what recordings show; the viewer is for the first recorded world.
-        others: waits for the other shares of the worlds and returns what they came to.
+        grasps: attempts at most whose trials are recorded beside the arena.
 
     Raises:
         UserError: `out` cannot be written to, or is in use.
         SimulationFault: a world could not go on; the results of all others are in `out`.
     """
-    shares: list[Share] = []
     with locked(out):
         with ExitStack() as stack:
-            save = partial(_save, run, settings, out, time.perf_counter(), shares)
-            _advance(run, _begin(run, settings, out, shown, save, stack))
-            with waiting("waiting for the other shares of the worlds"):
-                shares += [share_of(run), *others()]
+            mark = {"interrupted": True}
+            save = partial(_save, run, out, time.perf_counter(), mark)
+            _advance(run, _begin(run, out, grasps, save, stack))
+            mark.clear()
         content = json.loads((out / RESULT).read_bytes())
     print(summary(content, out))
     run.raise_faults()
-    if content["faults"]:
-        raise SimulationFault("; ".join(content["faults"]))
     return content
 
 
-def _save(run: Run, settings: RunSettings, out: Path, started: float, shares: Sequence[Share]) -> None:
-    """Write result.json; as that of an interrupted run, unless there are the shares of all worlds."""
-    mark: dict[str, Any] = {} if shares else {"interrupted": True}
-    if not shares and len(run.worlds) < settings.n_worlds:
-        mark["worlds"] = [world.index for world in run.worlds]
+def _save(run: Run, out: Path, started: float, mark: dict[str, bool]) -> None:
+    """Write result.json, with the mark of an interrupted run."""
     try:
-        content = results.result(run, settings, shares or [share_of(run)], time.perf_counter() - started)
+        content = results.result(run, time.perf_counter() - started)
     except RuntimeError:  # a program that runs has taken the state of the worlds
         content = json.loads((out / RESULT).read_bytes()) | {"steps": run.step}
         content |= dict.fromkeys({*Measures._fields, "fitness", "metrics"} & content.keys())
     results.write_result(out, content | mark)
 
 
-def _begin(
-    run: Run, settings: RunSettings, out: Path, shown: Shown, save: Callable[[], None], stack: ExitStack
-) -> list[Recorder]:
+def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: ExitStack) -> list[Recorder]:
     """Remove what an earlier run left, announce this one and record its start; `stack` saves it at its end."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
@@ -94,8 +79,7 @@ def _begin(
         name = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING
         recorders = []
         for index in range(len(recorded)):
-            own = shown if index == 0 else shown._replace(viewer=None)
-            recorders.append(Recorder(run, places[index] / name, index, places[index], settings, own))
+            recorders.append(Recorder(run, places[index] / name, index, places[index], grasps))
             stack.enter_context(saved(recorders[-1].save))
     return recorders
 

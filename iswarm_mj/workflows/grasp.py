@@ -18,7 +18,7 @@ from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
-from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases
+from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases, of_settings
 from iswarm_mj.workflows.grasp_table import TrialRow, summary, trial_rows
 
 TABLE = "trials.parquet"
@@ -28,7 +28,7 @@ _FIGURES = ("grasp_voltage", "grasp_voltage_humidity", "release_voltage", "relea
 _RESULTS = (
     TABLE,
     "trials.csv",
-    "trial-[0-9][0-9][0-9][0-9]*.*",
+    "trial-[0-9][0-9][0-9][0-9]*.rrd",
     *(f"{name}.{suffix}" for name in _FIGURES for suffix in ("png", "svg")),
 )
 """Patterns of the names of all that `run_grasp` writes."""
@@ -73,7 +73,7 @@ def _run(settings: GraspSettings, out: Path, record: Sequence[int]) -> list[Tria
     write_table(out / TABLE, mappings, settings.metadata(), csv=True)
     draw_figures(mappings, settings.metadata(), out)
     for number in record:
-        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}")
+        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}.rrd")
     lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s, {settings.engine}"), ("results", str(out))]
     print("\n".join(f"{name:>12}  {text}" for name, text in lines))
     return rows
@@ -83,7 +83,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     """Write force-distance curves of balls with the medians of the works of adhesion: table and figure.
 
     Args:
-        settings: of which radii, the first humidity and the protocol count.
+        settings: radii, the first humidity, materials, tip, surfaces, contacts and protocol count.
         voltages: one curve each [V].
         out: directory.
 
@@ -103,7 +103,7 @@ def _run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: P
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []
     for radius, voltage in product(settings.radii, voltages):
-        trial = Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity)
+        trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
         rows += force_curve(trial, settings.protocol, voltage)
     metadata = {**settings.metadata(), "relative_humidity": humidity}
     write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
@@ -120,13 +120,11 @@ def _clear(out: Path) -> None:
 
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:
-    """Repeat a trial at its grasp voltage, nan if it has none, in the C engine; write a recording and a figure."""
-    from iswarm_mj.output.plot_trials import draw_trace
+    """Repeat a trial at its grasp voltage, nan if it has none, in the C engine, and record it."""
     from iswarm_mj.output.rerun_trial import record_trace
 
     lifts = None if np.isnan(voltage) else float(voltage)
     gap = next(iter(settings.gap), RELEASE_GAP)
     trace = trace_trial(case.trial, settings.protocol, lifts, gap)
     metadata = {**settings.metadata(), "trial": case.trial._asdict(), "repeat": case.repeat, "grasp_voltage": lifts}
-    record_trace(path.with_suffix(".rrd"), trace, metadata)
-    draw_trace(trace, path)
+    record_trace(path, trace, metadata)

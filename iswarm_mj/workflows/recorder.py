@@ -1,11 +1,10 @@
 """The steps of a run, and recordings of its worlds, for Rerun and as trajectory.npz; frames are kept on disk."""
 
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -15,16 +14,11 @@ from iswarm_mj.gripper.bench.attempt_trace import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import RecordedWorld
-from iswarm_mj.output.schema import Frames
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.tasks.protocol import BallTask
 from iswarm_mj.utils.interruption import postponed
 from iswarm_mj.utils.memory import give_back
-
-if TYPE_CHECKING:
-    from iswarm_mj.output.rerun_live import LiveRecording
 
 BLOCK, LONG = 64, 1024
 """Frames that are written at a time at first, and at most; for each block Rerun keeps some 60 to 160 kB in memory."""
@@ -32,22 +26,6 @@ LONG_BYTES = 16_000_000
 """Bytes of a block's frames at most; what is made of them takes several times as much while they are written."""
 LARGE_BYTES = 4_000_000
 """Bytes of a block's frames from which on that is given back to the system afterwards."""
-LIVE_SECONDS = 0.25
-"""Time between what a viewer is sent of a run that goes on."""
-
-
-class Shown(NamedTuple):
-    """What a recording shows, and where."""
-
-    lanes: tuple[int, ...] = ()
-    """Robots whose states are lanes; a few by default."""
-    viewer: str | None = None
-    """Address of a viewer that shows the world while it runs, see `output.viewer`."""
-    grasps: int = 0
-    """Attempts at most whose trials are recorded beside the arena; of a run of one world on CPUs."""
-
-
-AS_USUAL = Shown()
 
 
 class Recorder:
@@ -59,8 +37,7 @@ class Recorder:
         recording: Path,
         index: int = 0,
         trajectory: Path | None = None,
-        settings: RunSettings | None = None,
-        shown: Shown = AS_USUAL,
+        grasps: int = 0,
     ):
         """Begin with the start.
 
@@ -69,18 +46,17 @@ class Recorder:
             recording: file for Rerun.
             index: which of the recorded worlds.
             trajectory: directory for trajectory.npz; none is written if not given.
-            settings: of the run of all processes, by default those of the run.
-            shown: what the recording shows, and where.
+            grasps: attempts at most whose trials are recorded beside the arena; of a run of one world on CPUs.
         """
-        from iswarm_mj.output.rerun_live import LiveRecording
         from iswarm_mj.output.rerun_swarm import Recording
 
         self._watch, self._out, self._index = run.watch, trajectory, index
-        world = RecordedWorld(run, index)
-        self._scene = world.scene
-        self._about = results.about(run, settings or run.settings)
+        self._world = RecordedWorld(run, index)
+        self._scene = self._world.scene
+        self._about = results.about(run)
         self._is_saved = False
-        self._pending, self._unseen = _Queue(world, run.start), _Queue(world, run.start)
+        self._records: list[StepRecord] = [run.start]
+        self._before: StepRecord | None = None
         self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
@@ -90,18 +66,14 @@ class Recorder:
             "n_robots": run.settings.n_robots,
             **run.identity,
         }
-        self._recording = Recording(recording, self._scene, metadata, identity, lanes=shown.lanes)
+        self._recording = Recording(recording, self._scene, metadata, identity)
         self._attempts = None
-        if shown.grasps and isinstance(run.task, BallTask):
+        if grasps and isinstance(run.task, BallTask):
             from iswarm_mj.output.rerun_attempts import AttemptView
 
-            gap = world.config.gripper.release_gap
-            self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
+            gap = self._world.config.gripper.release_gap
+            self._attempts = AttemptView(self._recording.stream, self._scene, gap, grasps)
             self._state, self._balls_of = self._of_step(run.start, 0), run.task.balls
-        self._live = None
-        if shown.viewer is not None:
-            self._live = LiveRecording(shown.viewer, self._scene, metadata, identity, lanes=shown.lanes)
-        self._shown_at = 0.0
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
@@ -112,9 +84,6 @@ class Recorder:
             try:
                 self._write()
                 self._recording.__exit__(None, None, None)
-                if self._live is not None:
-                    self._show(self._live)
-                    self._live.__exit__(None, None, None)
             finally:
                 if self._out is not None and self._frames is not None:
                     results.write_trajectory(self._out, self._scene, self._frames, self._about)
@@ -123,7 +92,7 @@ class Recorder:
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""
         with postponed(), self._watch("record"):
-            self._pending.append(record)
+            self._records.append(record)
             if self._attempts is not None:
                 for t, steps in enumerate(record.step[:, self._index]):
                     before, self._state = self._state, self._of_step(record, t)
@@ -131,26 +100,17 @@ class Recorder:
                     self._attempts.append(
                         int(steps), attempts_between(self._balls_of(before), balls), np.asarray(balls.position)
                     )
-            if len(self._pending) >= self._block:
+            if sum(len(each.step) for each in self._records) >= self._block:
                 self._write()
-            if self._live is not None:
-                self._unseen.append(record)
-                if time.monotonic() - self._shown_at >= LIVE_SECONDS:
-                    self._show(self._live)
 
     def _of_step(self, record: StepRecord, t: int) -> Any:
         """State of the recorded world's task after the t-th step of a record."""
         return jax.tree.map(lambda values: np.asarray(values)[t, self._index], record.swarm.task)
 
-    def _show(self, live: "LiveRecording") -> None:
-        """Send what the viewer has not had."""
-        if self._unseen:
-            live.append(self._unseen.taken())
-            self._shown_at = time.monotonic()
-
     def _write(self) -> None:
-        if self._pending:
-            block = self._pending.taken()
+        records, self._records = self._records, []
+        if records:
+            block, self._before = self._world.frames(records, self._before), records[-1]
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())
@@ -172,23 +132,3 @@ def advanced(run: Run, recorders: Sequence[Recorder] = ()) -> Iterator[StepRecor
                 for recorder in recorders:
                     recorder.add(record)
         yield record
-
-
-class _Queue:
-    """Records of a world that wait to be frames."""
-
-    def __init__(self, world: RecordedWorld, start: StepRecord):
-        self._world, self._records = world, [start]
-        self._before: StepRecord | None = None
-
-    def __len__(self) -> int:
-        return sum(len(record.step) for record in self._records)
-
-    def append(self, record: StepRecord) -> None:
-        self._records.append(record)
-
-    def taken(self) -> Frames:
-        """Return the frames of all that wait, which are then gone."""
-        records, self._records = self._records, []
-        before, self._before = self._before, records[-1]
-        return self._world.frames(records, before)

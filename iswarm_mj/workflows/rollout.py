@@ -33,28 +33,28 @@ from iswarm_mj.workflows.recorder import Recorder, advanced
 
 
 class Rollout(NamedTuple):
-    """What came of B worlds, as NumPy arrays with the worlds first; see `metrics.Measures`."""
+    """Results of B worlds, as NumPy arrays with the worlds first; see `tasks.measures.Measures`."""
 
     delivered: np.ndarray
-    """(B,) balls at the dump at the end; like what is picked and carried, of no meaning in tasks without a dump."""
+    """(B,) balls at the dump at the end; undefined, like `picked` and carriage, for tasks without a dump."""
     picked: np.ndarray
-    """(B,) different balls that were picked up at least once."""
+    """(B,) balls picked up at least once."""
     collisions: np.ndarray
-    """(B,) pairs of robots in contact that were not at the control step before, summed over the steps."""
+    """(B,) pairs of robots in contact that were not in contact one control step earlier, summed over the steps."""
     mean_carriage_steps: np.ndarray
-    """(B,) control steps for which a delivered ball was carried, on average; NaN where none was delivered."""
+    """(B,) mean control steps for which a delivered ball was carried; NaN where none was delivered."""
     is_finished: np.ndarray
-    """(B,) bool, the goal was reached, in cleaning all balls delivered; the world stood still from then on."""
+    """(B,) bool, the goal was reached, in cleaning all balls delivered; the world stands still from then on."""
     finished_at: np.ndarray
-    """(B,) control step after which that was so; 0 where it was not."""
+    """(B,) control step after which the goal was reached; 0 where it was not."""
     steps: np.ndarray
-    """(C,) control steps after which deliveries were counted."""
+    """(C,) control steps after which progress was counted."""
     delivered_after: np.ndarray
     """(B, C) progress of the task after these steps, in cleaning balls at the dump."""
     poses: np.ndarray | None
-    """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds asked for, from the start on; None without any."""
+    """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds in `poses_of`, from the start on; None without any."""
     faults: list[SimulationFault]
-    """Worlds that could not go on; their numbers count up to there."""
+    """Faults of worlds; their measures count up to the fault."""
     metrics: dict[str, np.ndarray]
     """(B,) metrics of the task at the end, by their names."""
 
@@ -74,32 +74,31 @@ def rollout(
     poses_of: Sequence[int] = (),
     record: str | Path | None = None,
 ) -> Rollout:
-    """Let a strategy clean the floor of B worlds, or do another task in them.
+    """Run a strategy in B worlds.
 
-    A key determines its world: where robots and balls are at the start, how large the balls are and how strongly they
-    stick (NumPy's generator, seeded by the key's data), then the noise and the chances of the strategy (the key
-    itself). Another strategy under the same keys meets the same worlds.
+    A key determines its world: positions of robots and balls at the start, radii and adhesion of the balls (NumPy's
+    generator, seeded by the key's data), then the noise and the strategy's random numbers (the key itself). Different
+    strategies with the same keys meet the same worlds.
 
-    Programs are compiled for each configuration, class of strategy, number of robots and `every`; values of the
-    strategy's arrays are free.
+    Programs are compiled for each configuration, class of strategy, number of robots and `every`, but not for values of
+    the strategy's arrays.
 
     Args:
         config: what all worlds share.
-        strategy: a genome, or see `strategy.protocol.Strategy`; what may differ between worlds says
-            `simulation.strategies.of_all_worlds`.
+        strategy: a genome or a `strategy.protocol.Strategy`.
         keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
         n_robots: N, in each world.
-        steps: control steps at most.
+        steps: maximum control steps.
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
-        task: what the robots are to do, see `tasks.protocol.Task`; cleaning by default.
-        stop_at: a world is finished with this progress, in cleaning balls delivered; None for all there is to do.
-        every: deliveries are counted after every so many control steps, and after the last.
-        poses_of: W numbers of worlds whose poses after each step are kept.
-        record: file for a recording of the first of these worlds, or of world 0 without any; open it with `rerun`.
+        task: a `tasks.protocol.Task`; cleaning by default.
+        stop_at: progress at which a world is finished, in cleaning balls delivered; None for the task's goal.
+        every: control steps between counts of progress; the last step is always counted.
+        poses_of: numbers of the W worlds whose poses are kept.
+        record: file for a recording of the first of these worlds, or of world 0; open it with `rerun`.
 
     Raises:
-        UserError: keys, robots, settings or a strategy that do not fit; or the recording cannot be written.
+        UserError: keys, robots, settings or strategy do not fit, or the recording cannot be written.
     """
     _check_keys(keys)
     check_kind("config", config, SwarmConfig)

@@ -1,6 +1,5 @@
 """Grasp and release in the C engine, in MJX-JAX and in MJX-Warp: one decision, that of the laws."""
 
-import dataclasses
 from pathlib import Path
 
 import jax
@@ -73,16 +72,19 @@ def in_mjx(task, impl):
 
     def run(radius, work, voltage, height, tip, path):
         lifted = height > 0
-        model, mine = resize(forces, mx, radius), dataclasses.replace(forces, work=work)
+        works = {(f"adhesion_{surface}", "work"): work[k] for k, surface in enumerate(("plate", "probe"))}
+        model, mine = resize(forces, mx, radius), forces.having(works)
         z = height + radius + jnp.where(lifted, 2e-4, -2e-4)
         start = dx.replace(qpos=dx.qpos.at[2].set(z).at[8].set(tip))
 
         def advance(carry, probe_z):
             data, ball = carry
             data = data.replace(ctrl=jnp.stack([0 * probe_z, probe_z, voltage]))
-            return step(mine, model, data, ball), None
+            data, force = step(mine, model, data, ball)
+            return (data, force.state), None
 
-        ball = first_state(mine)._replace(potential=jnp.where(lifted, ON_PROBE, ON_PLATE))
+        ball = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), first_state(mine))
+        ball = ball._replace(potential=jnp.where(lifted, ON_PROBE, ON_PLATE))
         (data, _), _ = jax.lax.scan(advance, (start, ball), path)
         return data.qpos[2] - radius
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_obstacles import BOXES, CONFIG, N, starts
+from helpers_touching import pairs_of
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena, contact_capacity
@@ -85,7 +86,7 @@ def test_steps_agree(in_c, impl):
         there = in_c.move(in_c.place(poses.copy(), PRESENT), drive_phases(CONFIG.drive, command), RUNNING)
         here, theirs = moved(engine, poses, command), in_c.poses(there.bodies)
         assert not here.fault.any() and not there.fault.any()
-        pairs = there.touching | here.touching
+        pairs = pairs_of(there.touching) | pairs_of(here.touching)
         is_alone = ~(pairs.any(axis=1) | pairs.any(axis=2))
         away = distances(theirs[..., :2].reshape(-1, 2), boxes).reshape(3, N)
         assert distances(here.bodies.poses[..., :2].reshape(-1, 2), boxes).min() > 0.8  # half a robot is 1 mm

@@ -99,7 +99,7 @@ def test_corners_by_hand():
 def test_recordings_show_them(tmp_path):
     settings = RunSettings(4, 3, record_worlds=(0,))
     run = Run(CONFIG, None, settings, PlanarSettings(1))
-    clean(run, settings, tmp_path)
+    clean(run, tmp_path)
     boxes = read(tmp_path / "clean.rrd")["/world/arena/obstacles"]
     half = np.array(boxes["Boxes3D:half_sizes"])
     np.testing.assert_allclose(half[:, :2], RD * np.array(BOXES)[:, 2:4], rtol=1e-6)

@@ -1,9 +1,5 @@
 """Obstacles by flags and files, and those that cannot be."""
 
-import json
-import os
-
-import numpy as np
 import pytest
 
 from iswarm_mj.commands.main import parse
@@ -16,16 +12,12 @@ from iswarm_mj.utils.errors import UserError
 
 
 def test_flags_and_files_say_the_same(tmp_path):
-    path = tmp_path / "boxes.json"
-    path.write_text(
-        json.dumps([{"x": 8, "y": 8, "half_x": 2, "half_y": 0.5, "yaw": 30}, dict(x=0, y=9, half_x=1, half_y=1)])
-    )
+    path = tmp_path / "boxes.toml"
+    path.write_text("[arena]\nobstacles = [[8, 8, 2, 0.5, 30], [0, 9, 1, 1, 0]]")
     numbers = ["8", "8", "2", "0.5", "30", "0", "9", "1", "1", "0"]
-    by_file = parse(["clean", "--obstacles", str(path)]).config
+    by_file = parse(["clean", "--config", str(path)]).config
     assert by_file == parse(["clean", "--arena.obstacles", *numbers]).config
     assert by_file.arena.obstacles == ((8.0, 8.0, 2.0, 0.5, 30.0), (0.0, 9.0, 1.0, 1.0, 0.0))
-    with pytest.raises(UserError, match=r"--obstacles and --arena.obstacles exclude each other"):
-        parse(["clean", "--obstacles", str(path), "--arena.obstacles", *numbers]).checked()
 
 
 WRONG = {
@@ -48,12 +40,6 @@ def test_what_cannot_be(box, sentence):
         ArenaConfig(obstacles=(box,))
 
 
-def test_arrays_of_boxes():
-    assert ArenaConfig(obstacles=np.array([[8.0, 8, 1, 1, 0]])) == ArenaConfig(obstacles=((8.0, 8.0, 1.0, 1.0, 0.0),))
-    with pytest.raises(UserError, match=r"arena.obstacles must be boxes of 5 numbers each"):
-        ArenaConfig(obstacles=np.zeros((2, 4)))
-
-
 def test_no_room_is_left():
     around = (
         (0.0, 4.0, 7.4, 3.4, 0.0),
@@ -72,23 +58,3 @@ def test_no_obstacle_where_balls_lie():
         UserError, match=r"arena.obstacles must be outside the dust areas, .* \(12, 0\) .*\(got '16 0 3 3 0'\)"
     ):
         Run(config, settings=RunSettings(3, 5), engine=PlanarSettings())
-
-
-@pytest.mark.parametrize(
-    "text, sentence",
-    [
-        ("[", "no JSON"),
-        ("{}", "must be a list of objects with x, y, half_x, half_y"),
-        ('[{"x": 1}]', "must be a list of objects with x, y, half_x, half_y"),
-        (None, "cannot be read"),
-        (os.mkfifo, r"cannot be read \(it is a pipe or a device, not a file\)"),
-    ],
-)
-def test_files_that_hold_something_else(tmp_path, text, sentence):
-    path = tmp_path / "boxes.json"
-    if callable(text):
-        text(path)
-    elif text is not None:
-        path.write_text(text)
-    with pytest.raises(UserError, match=sentence):
-        parse(["clean", "--obstacles", str(path)]).checked()

@@ -101,9 +101,6 @@ def test_in_turn_news_goes_further_within_a_step():
     "old, new, words",
     [
         ("Integer(bits=4)", "Integer(bits=21)", "payload of 32 bits .* leave out or shorten fields by 3 bits"),
-        ("Integer(bits=4)", "Integer(bits=0)", r"Integer\.bits must be a whole number between 1 and 31"),
-        ("Real(0, 1, bits=8)", "Real(1, 1, bits=8)", r"Real\.high must be above the low, 1 \(got 1\)"),
-        ("Real(0, 1, bits=8)", "Real(0, float('nan'), bits=8)", r"Real\.high must be between .* \(got nan\)"),
         ('"count": Integer', '"led": Integer', "cannot be called 'led'"),
         ('{"count": Integer(bits=4), "heat"', '{"heat"', "dictionary with the payload's fields heat, aim .got "),
         (
@@ -111,14 +108,11 @@ def test_in_turn_news_goes_further_within_a_step():
             "        return memory | {'heat': memory['count']}\n",
             "float32.12. as its field heat",
         ),
-        ("        return memory\n", "        return memory | {'heat': memory['heat'][:3]}\n", r"got float32\[3\]"),
-        ("        return memory\n", "        return memory['heat']\n", "payload's fields count, heat, aim"),
         (
             "    payload = ",
             "    payloads = ",
             "Gossip has a method say, but no attribute payload; declare what it says",
         ),
-        ("def say", "def says", "Gossip has no method say; a strategy has say, init, picks, act"),
     ],
 )
 def test_mistakes(capfd, old, new, words):

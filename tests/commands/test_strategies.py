@@ -99,20 +99,6 @@ def test_every_engine_runs_and_records_it(engine):
     np.testing.assert_allclose(np.array([row for row in entity["Scalars:scalars"]]), turned, rtol=1e-6)
 
 
-def test_bench_runs_it(capfd):
-    flags = ("--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5")
-    assert code_of("bench", "--strategy", "walk.py:Walk", *flags, "--robots=4", "--steps=3", "--warm-up=2") == 0
-    assert json.loads(capfd.readouterr().out)["n_robots"] == 4
-
-
-def test_help_shows_its_flags_in_place_of_the_genome(capfd):
-    assert code_of("clean", "--strategy", "walk.py:Walk", "--help") == 0
-    out, _ = capfd.readouterr()
-    text = re.sub(r"[\s│]+", " ", out)
-    assert "--turn FLOAT Largest turn of a step. (between 0 and 180 deg; default 30.0)" in text
-    assert "--genome" not in out and "--weight-find-dust" not in out
-
-
 class TestInstalled:
     @pytest.fixture(autouse=True)
     def package(self, here, monkeypatch):
@@ -131,13 +117,6 @@ class TestInstalled:
             assert cli.parse(["clean", "--strategy", name]).checked()[1] == genome
         command = cli.parse(["clean", "--strategy", "type2", "--p-vector-forget", "0.5"])
         assert command.checked()[1].p_vector_forget == 0.5 and command.checked()[1].weight_find_dump == 1.0
-
-    def test_a_preset_does_the_same_by_either_name(self):
-        one = walked(name="type2")
-        assert code_of("clean", "--genome", "type2", *FEW) == 0
-        with np.load("runs/clean/trajectory.npz") as other:
-            np.testing.assert_array_equal(one["pose"], other["pose"])
-            np.testing.assert_array_equal(one["dust_hop"], other["dust_hop"])
 
     def test_other_packages_offer_theirs(self):
         assert walked(name="theirs")["turned"].any()
@@ -163,48 +142,14 @@ class TestMistakes:
         line = changed("    def picks(self, memory):", "    def picks(self, memory)")
         assert re.search(rf"SyntaxError: .*walk\.py, line {line}: `def picks\(self, memory\)`", self.wrong(capfd))
 
-    @pytest.mark.parametrize("line", ["class Walk:", '        return {"turned": jnp.zeros(n_robots)}'])
-    def test_exits(self, capfd, line):
-        """Where it is imported, and in a method."""
-        indent = line[: -len(line.lstrip())]
-        changed(line, f"{line}\n    exit(0)" if not indent else f"{indent}raise SystemExit(0)")
-        assert "raised SystemExit: 0 (" in self.wrong(capfd)
-
-    def test_names_that_are_too_long(self, capfd):
-        error = self.wrong(capfd, f"{'a' * 300}.py:Walk")
-        assert re.search(r"strategy file a{100}\.\.\. cannot be read \(File name too long\)", error)
-
     def test_an_object_that_cannot_be_made(self, capfd):
         changed("@dataclass\nclass Walk:", "class Walk:\n    def __init__(self):\n        self.a = 1 / 0\n")
         assert re.search(r"raised ZeroDivisionError: .*walk\.py, line \d+: `self.a = 1 / 0`", self.wrong(capfd))
 
-    def test_imports(self, capfd):
-        changed("import jax\n", "import nonesuch\n")
-        assert "ModuleNotFoundError: No module named 'nonesuch'" in self.wrong(capfd)
-
-    def test_missing_methods(self, capfd):
-        changed("def picks", "def pick")
-        assert "Walk has no method picks" in self.wrong(capfd)
-
-    def test_ranges(self, capfd):
-        assert "--turn must be between 0 and 180 deg (got 200.0)" in self.wrong(capfd, "walk.py:Walk", "--turn=200")
-
-    @pytest.mark.parametrize(
-        "task, flag, said",
-        [
-            ("foraging.py:Foraging", "--source-radius=7.6", r"at most 7.5 rd, half of --arena.size \(got 7.6\); make"),
-            (
-                "foraging.py:Foraging",
-                "--sources=6",
-                r"at most 5, the items .* \(--arena.n-dust\) \(got 6\)",
-            ),
-            ("aggregation.py:Aggregation", "--spot-radius=7.6", "at most 7.5 rd, half of --arena.size"),
-        ],
-    )
-    def test_what_a_task_finds_wrong_with_its_flags(self, capfd, task, flag, said):
-        few = FEW if task.startswith("foraging") else SMALL
-        error = refused(capfd, "run", f"--task={Path(iswarm_mj.__file__).parent / 'tasks' / task}", *few, flag)
-        assert re.search(f"^iswarm: {flag.partition('=')[0]} must be {said}", error)
+    def test_what_a_task_finds_wrong_with_its_flags(self, capfd):
+        task = Path(iswarm_mj.__file__).parent / "tasks" / "foraging.py"
+        error = refused(capfd, "run", f"--task={task}:Foraging", *FEW, "--sources=6")
+        assert re.search(r"^iswarm: --sources must be at most 5, the items .* \(--arena.n-dust\) \(got 6\)", error)
 
     def test_flags_that_the_command_has(self, capfd):
         changed("    turn: ", "    steps: int = 3\n    turn: ")
@@ -214,11 +159,7 @@ class TestMistakes:
         "statement, words",
         [
             ("if seen.at_dust.any(): turn = turn * 0", "jnp.where"),
-            ("if self.turn > 3: turn = turn * 0", "jnp.where"),
-            ("turn = turn[seen.at_dust]", "jnp.where"),
             ("import numpy; turn = numpy.sin(turn)", "jax.numpy"),
-            ("turn = jnp.zeros(int(turn[0]))", "static"),
-            ("for _ in range(seen.led[0, 0]): pass", "jax.lax"),
         ],
     )
     def test_python_on_traced_values(self, capfd, statement, words):
@@ -227,23 +168,11 @@ class TestMistakes:
         error = self.wrong(capfd)
         assert re.search(rf"Walk\.act .*walk\.py, line {line}: `{re.escape(statement)}`\).*{re.escape(words)}", error)
 
-    def test_exceptions(self, capfd):
-        last = 'return {"turned": memory["turned"] + turn}'
-        line = changed(last, f'memory["missing"]\n        {last}')
-        assert re.search(rf"Walk\.act raised KeyError: 'missing' .*walk\.py, line {line}: `memory", self.wrong(capfd))
-
-    def test_arguments(self, capfd):
-        changed("def init(self, n_robots, key)", "def init(self, n_robots)")
-        assert re.search(r"Walk\.init raised TypeError: .*takes 2 positional arguments but 3", self.wrong(capfd))
-
     @pytest.mark.parametrize(
         "old, new, words",
         [
-            ("jnp.full_like(turn, 1.0)", "1", "forward of its command"),
             ("Command(turn, ", "Command(turn[:2], ", r"turn of its command \(got float32\[2\]\)"),
-            ('memory["turned"] < jnp.inf', 'memory["turned"]', r"picks must return bool\[4\]"),
             ('{"turned": "rad"}', '{"turn": "rad"}', "recorded names 'turn', which its memory lacks"),
-            ('{"turned": "rad"}', '"turned"', "recorded must be a tuple of names"),
             ('{"turned": jnp.zeros(n_robots)}', '{"turned": jnp.zeros(3)}', "axis must be that of the 4 robots"),
         ],
     )
@@ -255,7 +184,3 @@ class TestMistakes:
     def test_names_that_trajectories_or_their_writer_have(self, capfd, name):
         Path("walk.py").write_text(textwrap.dedent(WALK).replace('"turned"', f'"{name}"'))
         assert f"cannot be called {name}" in self.wrong(capfd)
-
-    def test_exceptions_of_the_constructor(self, capfd):
-        changed("    def init", "    def __post_init__(self):\n        raise ValueError('too\\nbad')\n    def init")
-        assert re.search(r"raised ValueError: too .*walk\.py, line \d+: `raise", self.wrong(capfd))

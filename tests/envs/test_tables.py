@@ -42,12 +42,12 @@ def as_page(table):
 
 
 def test_observations_of_the_page_are_those_of_the_code():
-    assert of_page("What robots observe") == as_page(observations.rows(SwarmConfig(), ROBOT, PAYLOAD, {}))
+    assert of_page("Observations") == as_page(observations.rows(SwarmConfig(), ROBOT, PAYLOAD, {}))
 
 
 def test_actions_of_the_page_are_those_of_the_code():
     found = [[name, size, text] for name, size, _, _, _, text in as_page(actions.rows(SwarmConfig(), PAYLOAD))]
-    assert of_page("What robots do") == found
+    assert of_page("Actions") == found
 
 
 def heard(seed, is_heard):

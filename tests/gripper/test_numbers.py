@@ -18,6 +18,7 @@ CASES = {
         *(r(0.01, 0.2), r(7e3, 8e3), r(1e-5, 3e-5), r(1e-3, 2e-2)),
         *(r(0, 1), r(0, 1e8, True), r(0, 5e10, True)),
     ),
+    "speed_at_contact": lambda r: (r(-0.1, 0.1), r(-0.1, 0.1), r(0, 90), r(0, 90)),
     "rebounds_on": lambda r: (r(-1, 1) > 0, float(r(-1, 1) > 0), r(-0.01, 0.04), r(-0.01, 0.04)),
     "ball_voltage": lambda r: (r(-1, 1) > 0, r(-9, 9), float(r(-1, 1) > 0), r(0, 60), (r(1, 9), r(1, 9)), r(-1, 1)),
     "is_broken": lambda r: (r(-90, 90), r(-0.1, 0.4), float(r(-1, 1) > 0), 0.2, 70.0),

@@ -23,8 +23,8 @@ class Benches:
             self.tried.append(volts[0])
         bounces = np.isin(self.volts, self.bounces)
         self.hangs = ((self.volts >= self.low) & (self.volts <= self.high)) | bounces
-        nothing, gap = np.full(len(volts), np.nan), np.where(self.hangs, 1e-6, 0.0)
-        plate = np.where(self.hangs & ~bounces, np.nan, 0.0)
+        nothing, gap = np.full(len(volts), -np.inf), np.where(self.hangs, 1e-6, 0.0)
+        plate = np.where(self.hangs & ~bounces, np.inf, 0.0)
         return Watch(nothing, nothing, plate, nothing, np.where(self.hangs, 0.0, 1e-6), gap, nothing, gap >= 0)
 
     def save(self):

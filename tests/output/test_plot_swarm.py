@@ -22,17 +22,6 @@ def test_vectors_start_at_their_robots_in_their_own_frames():
     assert found == pytest.approx(np.array([[[0, 0], [0, 3]], [[5, 5], [3, 5]]]))
 
 
-@pytest.mark.parametrize(("half", "length"), [(20, 5), (69.3, 20), (15, 5), (200, 50)])
-def test_the_scale_is_to_scale(half, length):
-    from iswarm_mj.output.plot_style import blank
-    from iswarm_mj.output.plot_swarm import _scale
-
-    _, (axes,) = blank()
-    _scale(axes, half)
-    (bar,) = axes.lines
-    assert np.ptp(bar.get_xdata()) == length and axes.texts[0].get_text() == f"{length} mm"
-
-
 def test_each_pair_has_one_link():
     """0 and 1 hear each other, 2 hears 1; what is not valid does not count."""
     frames = {

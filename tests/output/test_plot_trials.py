@@ -5,12 +5,11 @@ from contextlib import contextmanager
 import matplotlib
 import numpy as np
 import pytest
-from helpers_trace import SCRIPT, bench_trace
 
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_style import STYLE, blank
-from iswarm_mj.output.plot_trials import draw_figures, draw_trace
+from iswarm_mj.output.plot_trials import draw_figures
 
 RADII = (15e-6, 20e-6, 25e-6)
 
@@ -117,24 +116,6 @@ def test_force_laws(tmp_path, shown):
     np.testing.assert_allclose(laws["release_voltage"], release_voltage(radius, 2e-3))
 
 
-def test_humidities(tmp_path, shown):
-    paths = draw_figures(make_rows("grasp", (10.0, 30.0, 50.0)), {}, tmp_path)
-    assert [path.stem for path in paths] == ["grasp_voltage", "grasp_voltage_humidity"]
-    (alone,), (axes,) = shown["grasp_voltage"], shown["grasp_voltage_humidity"]
-    assert len(line(alone, "each trial")) == 6 and "30 % RH, mean" not in labels(alone)
-    assert {"10 % RH, mean", "30 % RH, mean", "50 % RH, mean"} <= set(labels(axes))
-    dashed = [drawn.get_ydata() for drawn in axes.lines if drawn.get_linestyle() == "--"]
-    assert len(dashed) == 3 and dashed[0].max() < dashed[1].min() and dashed[1].max() < dashed[2].min()
-    np.testing.assert_allclose(dashed[2][0], grasp_voltage(15e-6, 1.41e-3 * 11 / 7, 14.7e-3 * 11 / 7))
-
-
-def test_humid_trials_alone_get_no_band(tmp_path, shown):
-    paths = draw_figures(make_rows("grasp", (30.0,)), {}, tmp_path)
-    assert [path.stem for path in paths] == ["grasp_voltage_humidity"]
-    (axes,) = shown["grasp_voltage_humidity"]
-    assert bands(axes) == [] and axes.get_title() == "Grasp voltage at 30 % RH"
-
-
 def test_release(tmp_path, shown):
     rows = [make_row("release", voltage=voltage) for voltage in (41.0, 43.0)]
     rows.append(make_row("release", voltage=45.0, landed=False, flight_time=None, landing_speed=None))
@@ -143,15 +124,6 @@ def test_release(tmp_path, shown):
     assert bands(axes) == [(37, 47)] and axes.get_title() == "Release voltage at 10 % RH, gap 5 µm"
     np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 43)])
     assert "2 of 3 released balls landed; medians: flight 0.18 ms, landing at 0.14 m/s." in caption(axes)
-
-
-def test_release_at_other_gaps_has_figures_of_its_own(tmp_path, shown):
-    rows = [make_row("release"), make_row("release", gap=10e-6, voltage=60.0)]
-    paths = draw_figures(rows, {}, tmp_path)
-    assert [path.stem for path in paths] == ["release_voltage", "release_voltage_10um"]
-    (axes,) = shown["release_voltage_10um"]
-    assert bands(axes) == []
-    np.testing.assert_allclose(line(axes, "force laws, no dynamics")[0, 1], release_voltage(19.6e-6, gap=10e-6))
 
 
 def test_voltages_that_were_not_found(tmp_path, shown):
@@ -187,34 +159,8 @@ def test_attempts_without_contact(tmp_path, shown):
     assert law[50, 1] == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.parametrize("experiment", ["grasp", "release", "no_contact"])
-@pytest.mark.parametrize("changes", [{"voltage": None}, {"faulty": True}, {"voltage": None, "landed": None}])
-def test_nothing_to_show_is_shown(tmp_path, shown, experiment, changes):
-    (path,) = draw_figures([make_row(experiment, **changes)], {}, tmp_path)
-    assert ("1 faulty" in caption(shown[path.stem][0])) == ("faulty" in changes)
-
-
-def test_no_rows(tmp_path):
-    assert draw_figures([], {}, tmp_path) == [] and list(tmp_path.iterdir()) == []
-
-
-def test_trace(tmp_path, shown):
-    trace = bench_trace()
-    path = draw_trace(trace, tmp_path / "trial")
-    assert path == tmp_path / "trial.png"
-    voltage, gaps, forces = shown["trial"]
-    np.testing.assert_allclose(voltage.lines[0].get_xydata()[-1], (trace.time[-1] * 1e3, trace.voltage[-1]))
-    assert line(gaps, "tool to ball")[0, 1] == pytest.approx(5, abs=0.01)
-    assert line(forces, "adhesion to the plate")[0, 1] == pytest.approx(2 * np.pi * 20 * 14.7, rel=1e-3)
-    assert line(forces, "electrostatic, positive to the tool")[:, 1].min() < -100
-    assert [text.get_text() for text in voltage.texts] == [name for name, *_ in SCRIPT]
-    shaded = [p.get_x() for p in gaps.patches]
-    np.testing.assert_allclose(shaded, [0, 1.5, 2.8], atol=0.005)
-
-
 def test_figures_are_written(tmp_path):
     rows = [*make_rows("grasp"), make_row("grasp", voltage=None), make_row("no_contact")]
     paths = draw_figures(rows, {}, tmp_path)
-    paths.append(draw_trace(bench_trace(), tmp_path / "trial"))
-    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact", "trial"]
+    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact"]
     assert all(path.with_suffix(end).stat().st_size > 10_000 for path in paths for end in (".png", ".svg"))

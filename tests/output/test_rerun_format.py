@@ -6,7 +6,6 @@ import threading
 import numpy as np
 import pytest
 import rerun as rr
-from helpers_swarm_recording import make_scene
 
 from iswarm_mj.output import rerun_format
 from iswarm_mj.output.rerun_format import bounded
@@ -22,19 +21,12 @@ def unregistered(monkeypatch):
     return calls
 
 
-def test_what_ends_has_ended():
-    done = []
+def test_a_call_ends_fails_or_is_left_alone():
+    done, never = [], threading.Event()
     bounded(lambda: done.append(1))
     assert done == [1]
-
-
-def test_its_errors_are_raised():
     with pytest.raises(ZeroDivisionError):
         bounded(lambda: 1 / 0)
-
-
-def test_what_does_not_end_is_an_error():
-    never = threading.Event()
     with pytest.raises(TimeoutError, match="not done"):
         bounded(never.wait, 0.05)
     never.set()
@@ -63,11 +55,6 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
     del recording
     gc.collect()
     assert forgotten == []
-
-
-def test_a_name_that_no_file_can_have(unregistered):
-    with pytest.raises(UserError, match=r"cannot be written \(embedded null byte\)"):
-        Recording("a\0b", make_scene(3, 1), {}, {})
 
 
 def test_a_recording_without_its_end_is_told(tmp_path, unregistered):

@@ -1,15 +1,11 @@
 """What recordings of a swarm show."""
 
-import re
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
 
-from iswarm_mj.output import palette, rerun_shapes
-from iswarm_mj.output import rerun_swarm_view as view
+from iswarm_mj.output import shapes, swarm_classes
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +44,14 @@ def test_robots_stand_where_they_stood(run):
 def test_load_goes_before_scout_before_worker(run):
     scene, frames, recorded = run
     classes = np.stack(column(recorded, "/world/robots/body", "Boxes3D:class_ids"))
-    np.testing.assert_array_equal(classes, view.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority))
+    np.testing.assert_array_equal(
+        classes, swarm_classes.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)
+    )
     assert set(classes.ravel()) >= {0, 2, 4, 5}
     is_loaded = np.array([[False, False, False, False, True, True, True]])
     is_scout = np.array([False, False, True, True, False, True, True])
     has_priority = np.array([[False, True, False, True, False, False, True]])
-    assert view.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+    assert swarm_classes.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
 
 
 def test_balls(run):
@@ -92,17 +90,6 @@ def test_balls_trails_and_arrows_name_their_robots(run):
         assert recorded[entity]["robot"] == [np.flatnonzero(row).tolist() for row in who], entity
 
 
-def test_robots_tell_messages_hop_counts_and_commands(run):
-    _, frames, recorded = run
-    robots = recorded["/world/robots/body"]
-    np.testing.assert_array_equal(robots["message"], frames.message)
-    for name in ("dust", "dump"):
-        hops, known = frames.memory[f"{name}_hop"], frames.memory[f"{name}_known"]
-        np.testing.assert_array_equal(robots[f"{name}_hop"], np.where(known, hops.astype(int), -1))
-    np.testing.assert_allclose(robots["turn_deg"], np.rad2deg(frames.command[..., 0]), rtol=1e-5)
-    np.testing.assert_allclose(robots["forward_mm"], 1e3 * frames.command[..., 1], rtol=1e-5)
-
-
 @pytest.mark.parametrize("kind", ["dust", "dump"])
 def test_arrows_start_at_those_who_know(run, kind):
     _, frames, recorded = run
@@ -124,32 +111,8 @@ def test_trails_of_loaded_robots_cross_blocks(run):
         who = np.flatnonzero(frames.is_loaded[t])
         assert len(strips) == len(who)
         for i, strip in zip(who, strips, strict=True):
-            past = frames.pose[max(0, t - rerun_shapes.TRAIL_FRAMES) : t + 1, i, :2]
+            past = frames.pose[max(0, t - shapes.TRAIL_FRAMES) : t + 1, i, :2]
             np.testing.assert_allclose(np.array(strip)[:, :2], 1e3 * past, atol=1e-3)
-
-
-def test_trails_are_whole_at_the_start_of_a_block(tmp_path):
-    """All robots are loaded all the time."""
-    scene = make_scene()
-    frames = make_frames(scene, 30)
-    write(tmp_path / "a.rrd", scene, replace(frames, is_loaded=np.ones_like(frames.is_loaded)), cuts=(25,))
-    strips = read(tmp_path / "a.rrd")["/world/trails"]["LineStrips3D:strips"]
-    assert [{len(strip) for strip in frame} for frame in strips] == [{min(t, 20) + 1} for t in range(30)]
-
-
-def test_time_series(run):
-    _, frames, recorded = run
-    wanted = {
-        "balls/delivered": frames.delivered,
-        "balls/picked": frames.picked,
-        "collisions": frames.collisions,
-        "known/dust": frames.memory["dust_known"].sum(1) / 40,
-        "known/dump": frames.memory["dump_known"].sum(1) / 40,
-        "mean_speed": 1e3 * frames.mean_speed,
-    }
-    for name, values in wanted.items():
-        recorded_values = np.concatenate(column(recorded, f"/series/{name}", "Scalars:scalars"))
-        np.testing.assert_allclose(recorded_values, values, rtol=1e-6, err_msg=name)
 
 
 def test_blocks_make_no_difference(run, tmp_path):
@@ -161,31 +124,3 @@ def test_blocks_make_no_difference(run, tmp_path):
         if "step" in again[entity]:
             for name in again[entity].keys() - {"rerun.controls.RowId"}:
                 assert again[entity][name] == recorded[entity][name], (entity, name)
-
-
-def test_colours_differ_from_what_lies_beneath():
-    """Robots from floor, dump and dust, and held balls from loaded robots, also in luminance."""
-    robots = {label: colour for _, label, colour in view.ROBOT_CLASSES}
-    beneath = list(map(palette.rgb, (palette.FLOOR, palette.DUMP, palette.DUST)))
-    assert min(_luminance(b) / _luminance(c) for b in beneath for c in robots.values()) > 1.5
-    held = next(colour for _, label, colour in view.BALL_CLASSES if label == "held")
-    assert _luminance(held) / max(_luminance(c) for label, c in robots.items() if "loaded" in label) > 4
-
-
-def _luminance(colour):
-    """Relative luminance of sRGB, plus flare, as WCAG 2 compares contrasts."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255 for v in colour)]
-    return float(np.dot([0.2126, 0.7152, 0.0722], linear)) + 0.05
-
-
-def test_the_legend_leaves_out_what_a_scene_lacks():
-    bare = make_scene()._replace(
-        ball_radius=np.zeros(0), dump=np.zeros(4), dust_areas=np.zeros((0, 4)), memory_names=(), memory_units=()
-    )
-    assert {"Balls", "Hop counts", "Floor"} <= set(re.findall(r"\*\*(.+?)\*\*", view.legend(make_scene())))
-    assert re.findall(r"\*\*(.+?)\*\*", view.legend(bare._replace(memory_sizes=()))) == [
-        "Robots",
-        "Lines",
-        "States",
-        "Selected",
-    ]

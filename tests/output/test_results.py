@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from iswarm_mj.engines.arena import read_robot
@@ -28,25 +29,24 @@ def test_a_directory_in_the_place_of_a_file(tmp_path):
 
 def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     """Ten points for each of those that it was given, not of those that it took."""
-    rules = {"genome": asdict(Genome())}
-    parts = {"config": small, "rules": rules, "robot": read_robot(None), "robot_file": None, "identity": {}}
+    measures, faults = [Measures(24, 24, 60, 5.0, step) for step in (40, 55)], []
+    parts = {"config": small, "rules": {"genome": asdict(Genome())}, "robot": read_robot(None), "robot_file": None}
+    parts |= {"settings": RunSettings(30, 100, n_worlds=2), "identity": {}, "devices": ["cpu"], "faults": faults}
+    parts |= {"measures": measures.__getitem__, "metrics": lambda: {"picked": np.array([24, 24])}, "step": 55}
     run = SimpleNamespace(**parts, task=CLEANING, goal=24, watch=Stopwatch(), first_call_s=2.5, step_s=0.01)
-    shares = [
-        results.Share(step, ["cpu"], {world: (Measures(24, 24, 60, 5.0, step), {"picked": 24})}, [])
-        for world, step in ((1, 55), (0, 40))
-    ]
-    content = results.result(run, RunSettings(30, 100, n_worlds=2), shares, 1.0)
+    content = results.result(run, 1.0)
     assert content["fitness"] == pytest.approx([40 * 24 + 10 * 60 - 0.1, 40 * 24 + 10 * 45 - 0.1])
     assert content["seconds"] == {"first_call": 2.5, "control_step": 0.01}
     assert content["finished_at"] == [40, 55] and (content["steps"], content["max_steps"]) == (55, 100)
-    assert content["metrics"] == {"picked": [24, 24]} and content["devices"] == ["cpu", "cpu"]
+    assert content["metrics"] == {"picked": [24, 24]} and content["devices"] == ["cpu"]
 
 
 def test_further_worlds_of_an_earlier_run_are_removed(tmp_path):
     for name in ("world-1", "world-2", "mine"):
         (tmp_path / name).mkdir()
         (tmp_path / name / TRAJECTORY).touch()
-    (tmp_path / "world-2" / "notes.txt").touch()
+    for name in ("world-2/notes.txt", "world-map.png"):
+        (tmp_path / name).touch()
     results.clear_worlds(tmp_path)
     left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
-    assert left == ["mine", f"mine/{TRAJECTORY}", "world-2", "world-2/notes.txt"]
+    assert left == ["mine", f"mine/{TRAJECTORY}", "world-2", "world-2/notes.txt", "world-map.png"]

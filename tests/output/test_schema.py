@@ -23,7 +23,7 @@ def done(small, tmp_path_factory):
     """Arrays, tables and recording of a run."""
     out = tmp_path_factory.mktemp("run")
     run = run_of(small, steps=12)
-    clean(run, run.settings, out)
+    clean(run, out)
     return np.load(out / TRAJECTORY), iswarm_mj.load(out), read(out / RECORDING)
 
 

@@ -17,7 +17,7 @@ from helpers_recorded import write_run
 from helpers_signals import SMALL
 from helpers_small import FLAGS
 
-from iswarm_mj.commands.flags import flag, names, settings
+from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.utils.constraints import choices
@@ -27,12 +27,10 @@ STARTS = [
     "iswarm_mj.experiments.runner.pool.run_jobs",
     "iswarm_mj.workflows.grasp.run_trials",
     "iswarm_mj.workflows.grasp.force_curve",
-    "iswarm_mj.workflows.benchmark_grasp.speed",
     "iswarm_mj.output.render.Stage",
     "iswarm_mj.output.video.Stage",
-    "iswarm_mj.workflows.shares.connected",
 ]
-"""Where physics, pictures, workers or other machines would start."""
+"""Where physics, pictures or workers would start."""
 REFUSAL = re.compile(
     r"(iswarm: (placing|compiling) [^\n]+\n)*(iswarm: [^\n]+|.*full helptext.*|.*\n\.\.\.)\n", re.DOTALL
 )
@@ -114,7 +112,7 @@ def answer(line):
     return {None: "accepted", 0: "answered", 1: "fault", 2: "refused"}[code]
 
 
-@pytest.mark.attack(60)
+@pytest.mark.attack(30)
 def test_each_is_done_or_refused(attack, place, monkeypatch):
     for name in STARTS:
         monkeypatch.setattr(name, reach)
@@ -125,15 +123,7 @@ def test_each_is_done_or_refused(attack, place, monkeypatch):
             assert outcome != ["fault"]
 
 
-def test_there_are_lines_with_every_flag():
-    for name, cls in COMMANDS.items():
-        flags = {flag(name) for name, *_ in settings(cls())}
-        lines = [command_line(np.random.default_rng([1, n]), name) for n in range(6 * len(flags))]
-        words = names(word for line in lines for word in line)
-        assert set(names(flags)) <= set(words)
-
-
-@pytest.mark.attack(4)
+@pytest.mark.attack(2)
 def test_what_is_accepted_runs(attack, place):
     """To its end, or to a fault in a sentence; what it records is finite."""
     few = ["--steps=2", "--robots=9", "--threads=1", *FLAGS]
@@ -144,7 +134,7 @@ def test_what_is_accepted_runs(attack, place):
         line = [name, *(word for word in [*few, f"--engine={engine}"] if word.partition("=")[0] not in named), *more]
         if any(len(part) > 3 and part.isdigit() for word in line for part in word.split("=")):
             continue  # many robots, worlds or steps
-        with attack.case(line, 600) as outcome:
+        with attack.case(line) as outcome:
             outcome.append(answer(line))
             written = place / "runs" / "clean" / "trajectory.npz"
             if outcome == ["answered"] and name == "clean" and written.exists():
@@ -152,24 +142,12 @@ def test_what_is_accepted_runs(attack, place):
                     assert all(np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed"))
 
 
-def process(*arguments, **more):
-    """The error output of a command that is refused, as a process of its own."""
-    command = [sys.executable, "-m", "iswarm_mj", *arguments]
-    done = subprocess.run(command, capture_output="stdout" not in more, **more)
-    error = done.stderr.decode()
-    assert done.returncode == 2 and REFUSAL.fullmatch(error), error
-    return error
-
-
 LONG = "n" * 300
 
 
 @pytest.mark.parametrize(
     "line",
-    [
-        *(["clean", "--genome", LONG], ["clean", "--out", LONG], ["picture", LONG], ["video", "--out", LONG + ".mp4"]),
-        *(["report", "--results", LONG], ["report", "--results", ".", "--out", LONG + ".html"], ["clean", "--out", ""]),
-    ],
+    [["clean", "--genome", LONG], ["clean", "--out", LONG], ["picture", LONG], ["report", "--results", LONG]],
     ids=str,
 )
 def test_names_of_files(tmp_path, monkeypatch, line):
@@ -178,13 +156,11 @@ def test_names_of_files(tmp_path, monkeypatch, line):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_name_that_is_no_text(tmp_path):
-    process("clean", "--genome", b"not-text-\xff", cwd=tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 def test_output_to_a_full_disk(tmp_path):
+    command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps=2", f"--out={tmp_path}"]
     with open("/dev/full", "w") as full:
-        said = process("clean", *SMALL, "--steps=2", f"--out={tmp_path}", stdout=full, stderr=subprocess.PIPE)
-    assert "No space left on device" in said and (tmp_path / "result.json").exists()
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and REFUSAL.fullmatch(done.stderr), done.stderr
+    assert "No space left on device" in done.stderr and (tmp_path / "result.json").exists()

@@ -17,6 +17,7 @@ LATEST_S = 12.0
 """After the start; most commands begin with some seconds of loading and compiling."""
 
 
+@pytest.mark.slow
 @pytest.mark.attack(3)
 def test_at_any_moment(attack, recorded_run, tmp_path):
     """What became of a process by its signal, and how long that took at most, are told."""
@@ -29,7 +30,7 @@ def test_at_any_moment(attack, recorded_run, tmp_path):
         if name.startswith("clean"):
             for file in OF_A_RUN:
                 shutil.copy(recorded_run / file, out / file)
-        with attack.case(f"{name}, {number.name} after {moment:.2f} s", 300) as outcome:
+        with attack.case(f"{name}, {number.name} after {moment:.2f} s") as outcome:
             with begun(LONG[name](out, recorded_run)) as process:
                 with suppress(subprocess.TimeoutExpired):
                     process.communicate(timeout=moment)

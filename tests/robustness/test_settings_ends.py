@@ -113,6 +113,7 @@ def compiled(small):
         Run(small, settings=RunSettings(N_ROBOTS, 1), engine=engine).advance()
 
 
+@pytest.mark.slow
 @pytest.mark.attack(2)
 @pytest.mark.usefixtures("compiled")
 def test_numbers_stay_finite(attack, small):

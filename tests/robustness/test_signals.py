@@ -4,7 +4,6 @@ import json
 import signal
 import time
 
-import numpy as np
 import pytest
 from helpers_rrd import read
 from helpers_signals import ENDLESS, SMALL, start
@@ -61,7 +60,9 @@ def check(out):
     return content
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGINT, signal.SIGHUP))]
+)
 def test_in_the_middle_of_a_run(tmp_path, number):
     old = tmp_path / "trajectory.npz"
     old.write_text("of an earlier run")
@@ -94,6 +95,7 @@ def test_where_a_library_is_loaded_they_wait(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_where_python_only_reports_it(tmp_path):
     with start("clean", *SMALL, "--seed", 5, "--out", tmp_path, before=SWALLOWED) as process:
         assert process.stdout.readline() == "collecting\n"
@@ -101,36 +103,8 @@ def test_where_python_only_reports_it(tmp_path):
     assert check(tmp_path)["steps"] == 0
 
 
+@pytest.mark.slow
 def test_between_the_announcement_and_the_recording(tmp_path):
     with start("clean", *SMALL, "--out", tmp_path, before=ANNOUNCED) as process:
         ended(process)
     assert check(tmp_path)["steps"] == 0
-
-
-@pytest.mark.slow
-def test_at_random_moments(tmp_path):
-    """Before the run begins, earlier results stay as they were; from then on everything is the new run's."""
-    names = "result.json", "trajectory.npz", "clean.rrd"
-    rng = np.random.default_rng(0)
-    until_run, moments = None, [None, *rng.uniform(0.1, 1.3, 6)]
-    for moment in moments:
-        for name in names:
-            (tmp_path / name).write_text("old")
-        began = time.monotonic()
-        with start("clean", *ENDLESS, "--out", tmp_path) as process:
-            if moment is None:
-                while (tmp_path / "trajectory.npz").exists():
-                    time.sleep(0.01)
-                until_run = time.monotonic() - began
-            else:
-                time.sleep(moment * until_run)
-            process.terminate()
-            error = process.communicate(timeout=300)[1]
-        assert process.returncode in (143, -15), error  # the system ends a process that has not begun the command
-        left = [name for name in names if (tmp_path / name).exists()]
-        if "result.json" in left and (tmp_path / "result.json").read_text() == "old":
-            assert moment is not None and all((tmp_path / name).read_text() == "old" for name in names)
-        elif left:  # nothing, if the process was ended when it had removed the old and written nothing yet
-            check(tmp_path)
-        for path in tmp_path.iterdir():
-            path.unlink()

@@ -3,19 +3,13 @@
 `pytest -m slow tests/robustness/test_soak.py` takes hours.
 """
 
-from dataclasses import replace
-from functools import partialmethod
-
 import numpy as np
 import pytest
-import rerun as rr
 from helpers_files import memory_mb
-from helpers_swarm_recording import make_frames, make_scene
 from helpers_worlds import start_of
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.sensors.floor import probe_tips
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -30,8 +24,6 @@ GROWTH_MB = 50
 """Memory may grow by this much after the first fifth of a run: the C library keeps what a block took."""
 INDEX_KB = 0.3
 """And by this much a step: Rerun keeps an index of what it wrote until the file ends."""
-KEPT_MB = 0.03, 0.25
-"""Of that index, at least and at most, for each block of frames."""
 PARTS = 200
 """After which the memory is told."""
 
@@ -113,32 +105,3 @@ def test_memory_is_flat(n_robots, steps, refinement, tmp_path):
     first = len(memory) // 5
     later_steps = (len(memory) - 1 - first) * max(steps // PARTS, 1)
     assert max(memory) - memory[first] < GROWTH_MB + INDEX_KB / 1e3 * later_steps, memory
-
-
-@pytest.mark.slow
-def test_memory_without_a_recording_stays_as_it_is():
-    """Whatever grows with the steps is the recording's."""
-    run, memory = swarm(20, 100_000, 1), []
-    for step in range(15_000):
-        run.advance()
-        if step in (5_000, 14_999):
-            memory.append(memory_mb())
-    assert memory[1] - memory[0] < 2, memory
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("has_index", "limits"), [(True, KEPT_MB), (False, (-0.002, 0.002))])
-def test_what_a_recording_adds_is_its_index(has_index, limits, tmp_path, monkeypatch, capsys):
-    """So much for each block, until the file ends; nothing without one."""
-    scene, save = make_scene(20, 72), rr.RecordingStream.save
-    frames, memory = make_frames(scene, 1), []
-    monkeypatch.setattr(rr.RecordingStream, "save", partialmethod(save, write_footer=has_index))
-    with Recording(tmp_path / "run.rrd", scene, {}, {}) as recording:
-        for block in range(2000):
-            recording.append(replace(frames, step=np.array([block], np.int32)))
-            if block in (200, 1999):
-                memory.append(memory_mb())
-    each = (memory[1] - memory[0]) / 1799
-    with capsys.disabled():
-        print(f"{1e3 * each:.0f} kB a block {'with' if has_index else 'without'} an index")
-    assert limits[0] < each < limits[1], memory

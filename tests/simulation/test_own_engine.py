@@ -52,7 +52,9 @@ class Teleport:
         moves = np.asarray(is_running)[:, None]
         fault, robot = find_lost(poses, np.broadcast_to(moves, poses.shape[:2]), self._edge)
         poses = np.where((moves & (fault == 0)[:, None])[..., None], poses, bodies.poses)
-        return Motion(Places(poses), np.zeros((*poses.shape[:2], poses.shape[1]), bool), fault, robot)
+        return Motion(
+            Places(poses), np.zeros((len(poses), self.robot.most_partners, poses.shape[1]), np.int32), fault, robot
+        )
 
 
 @dataclass(frozen=True)

@@ -82,11 +82,11 @@ class TestMeasures:
 
     def test_collisions_are_new_contacts(self, small, monkeypatch):
         """Robots 0 and 5 touch, 0 and 7 join, the first pair parts, touches again, both part, both touch."""
-        script = iter([[5], [5, 7], [7], [5, 7], [], [5, 7]])
+        script = iter([[5], [7, 5], [7], [7, 5], [], [7, 5]])
 
         def move(self, bodies, phases, is_running):
-            touching = np.zeros((1, N, N), bool)
-            touching[0, 0, next(script)] = True
+            partners, touching = next(script), np.zeros((1, self.robot.most_partners, N), np.int32)
+            touching[0, : len(partners), 0] = partners
             return Motion(bodies, touching, np.zeros(1, np.int32), np.zeros(1, np.int32))
 
         monkeypatch.setattr(MujocoEngine, "move", move)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers_runs import N, first_step, poses_of, records, run_of
 from helpers_sensing import lay
+from helpers_touching import pairs_of
 from helpers_worlds import start_of, swarm_of
 from scipy.stats import mannwhitneyu
 
@@ -59,7 +60,7 @@ def carried_out(config, turn, forward, is_alive=True, waits=False):
 
 
 def touching_pairs(motion):
-    return [np.argwhere(world).tolist() for world in motion.touching]
+    return [np.argwhere(pairs).tolist() for pairs in pairs_of(motion.touching)]
 
 
 class TestDrive:
@@ -155,7 +156,7 @@ def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
         progress=np.zeros(2, int),
     )
     params = WorldParams(None, None, None, np.ones((2, 2), bool), np.ones(2, int), None)
-    state = WorldState(bodies, decision.swarm, np.zeros((2, 2, 2), bool), *[np.zeros(2, int)] * 4, fault=None)
+    state = WorldState(bodies, decision.swarm, np.zeros((2, 12, 2), np.int32), *[np.zeros(2, int)] * 4, fault=None)
     begin = StepInputs(poses, None, np.int32(3), np.array([True, False]))
     made = record_of(Stepper(engine, small, None, True), params, state, decision, begin)
     for values in (made.links.valid, made.is_heard, *made.command):
@@ -263,8 +264,8 @@ class TestAccount:
             collisions=np.array([10, 20, 30], np.int32),
             fault=Fault(*(np.array([0, 0, value], np.int32) for value in (FaultKind.OUTSIDE, 5, 1))),
         )
-        touching = np.zeros((3, 3, 3), bool)
-        touching[:, 0, 1:] = True
+        touching = np.zeros_like(state.touching)
+        touching[:, :2, 0] = 2, 1
         motion = Motion(state.bodies, touching, np.array(fault, np.int32), np.array([2, 2, 2], np.int32))
         is_refused = np.zeros((3, 3), bool)
         for world, robot in refused:

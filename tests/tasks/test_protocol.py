@@ -187,7 +187,7 @@ class TestFiles:
     def saved(small, tmp_path_factory):
         out = tmp_path_factory.mktemp("run")
         run = run_of(small, PlanarSettings(1), record_worlds=(0, 1))
-        clean(run, run.settings, out)
+        clean(run, out)
         return out, load(out)
 
     def test_result(self, saved):
@@ -202,7 +202,7 @@ class TestFiles:
             measured: ClassVar = {**Eastward.measured, "steps": Quantity("taken", "steps")}
 
         run = run_of(small, PlanarSettings(1), Counted(2.0))
-        clean(run, run.settings, tmp_path)
+        clean(run, tmp_path)
         text = capsys.readouterr().out
         assert "       steps  12, 12 steps\n" in text and "       share  0" in text
         assert "       steps  12, 12 steps\n" in inspection(tmp_path)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 
 
@@ -15,10 +15,8 @@ from iswarm_mj.utils.errors import ConfigError
     "constraint, text, inside, outside",
     [
         (Within(10, 150, "rd"), "between 10 and 150 rd", [10, 150], [9.99, 151]),
-        (Within(0, 0.9), "between 0 and 0.9", [0, 0.9], [-1e-9, 1]),
         (Within(1e-6, 2e-5, "m"), "between 1e-06 and 2e-05 m", [1e-6], [9e-7]),
         (Within(1), "at least 1", [1, 1e300], [0]),
-        (Within(1, 100_000), "between 1 and 100000", [100_000], [100_001]),
         (Above(0, 1, "rd"), "above 0 and at most 1 rd", [1e-9, 1], [0, -1, 1.1, 1e-300, 5e-324]),
         (Within(0, 69, "V", "70 V melts the ball"), "between 0 and 69 V, since 70 V melts the ball", [69], [70]),
     ],
@@ -62,28 +60,14 @@ def test_allowed(values):
 @pytest.mark.parametrize(
     "values, message",
     [
-        ({"length": 10.5}, "motor.length must be between 0 and 10 m (got 10.5)"),
         ({"length": "3"}, "motor.length must be between 0 and 10 m (got '3')"),
-        ({"length": True}, "motor.length must be between 0 and 10 m (got True)"),
         ({"count": 2.0}, "motor.count must be a whole number between 1 and 5 (got 2.0)"),
-        ({"most": 2.5}, "motor.most must be a whole number at least 1 (got 2.5)"),
-        ({"most": 10**400}, f"motor.most must be a whole number at least 1 (got 1{'0' * 99}...)"),
-        ({"most": 10**5000}, "motor.most must be a whole number at least 1 (got a number of too many digits)"),
         ({"most": True}, "motor.most must be a whole number at least 1 (got True)"),
         ({"mode": "still"}, "motor.mode must be fast or slow (got 'still')"),
         ({"is_on": 1}, "motor.is_on must be true or false (got 1)"),
-        ({"width": 11}, "motor.width must be between 0 and 10 (got 11)"),
     ],
 )
 def test_refused(values, message):
     with pytest.raises(ConfigError) as caught:
         Settings(**values)
     assert str(caught.value) == message
-
-
-def test_a_check_by_hand():
-    check("size", 3.0, "odd", True)
-    with pytest.raises(ConfigError, match=r"^size must be odd \(got 4\)$"):
-        check("size", 4, "odd", False)
-    with pytest.raises(ConfigError, match=r"got nan"):
-        check("size", math.nan, "odd", True)

@@ -17,30 +17,28 @@ import jax
 {before}
 configure_jax()
 configure_jax()
+{after}
 print(jax.config.jax_compilation_cache_dir, os.environ["TF_CPP_MIN_LOG_LEVEL"])
 """
 UNSET = ("JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME", "TF_CPP_MIN_LOG_LEVEL")
 
 
-def configured(before="", **environment):
+def configured(before="", after="", **environment):
     """The cache directory and the level of XLA's log, in a process of its own."""
     inherited = {name: value for name, value in os.environ.items() if name not in UNSET}
-    command = [sys.executable, "-c", CONFIGURE.format(before=before)]
+    command = [sys.executable, "-c", CONFIGURE.format(before=before, after=after)]
     done = subprocess.run(command, env=inherited | environment, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
     return done.stdout.split()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="directories of Linux")
-@pytest.mark.parametrize(
-    "environment, directory",
-    [
-        ({"HOME": "/home/ada"}, f"/home/ada/.cache/iswarm_mj/jax-{platform.node()}"),
-        ({"XDG_CACHE_HOME": "/scratch"}, f"/scratch/iswarm_mj/jax-{platform.node()}"),
-        ({"XDG_CACHE_HOME": "/scratch", "JAX_COMPILATION_CACHE_DIR": "/mine"}, "/mine"),
-    ],
-)
-def test_programs_are_kept_in_the_users_cache(environment, directory):
-    assert configured(**environment) == [directory, "3"]
+def test_programs_are_kept_in_the_users_cache_and_loading_them_prints_nothing(tmp_path):
+    compile = "jax.jit(lambda x: x @ x.T)(jax.numpy.ones((9, 9))).block_until_ready()"
+    for _ in range(2):
+        found = configured(after=compile, XDG_CACHE_HOME=str(tmp_path), JAX_PLATFORMS="cpu")
+        assert found == [f"{tmp_path}/iswarm_mj/jax-{platform.node()}", "3"]
+    assert any((tmp_path / "iswarm_mj" / f"jax-{platform.node()}").iterdir())
 
 
 def test_settings_made_in_python_or_the_environment_are_left_alone():
@@ -48,18 +46,7 @@ def test_settings_made_in_python_or_the_environment_are_left_alone():
     assert configured(before, TF_CPP_MIN_LOG_LEVEL="0") == ["/mine", "0"]
 
 
-def test_loading_a_kept_program_prints_nothing(tmp_path):
-    run = "configure_jax(); print(jax.jit(lambda x: x @ x.T)(jax.numpy.ones((9, 9))).sum())"
-    code = f"from iswarm_mj.utils.jax_setup import configure_jax; import jax; {run}"
-    environment = {name: value for name, value in os.environ.items() if name not in UNSET}
-    environment |= {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "JAX_PLATFORMS": "cpu"}
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-        assert (done.stdout, done.stderr) == ("729.0\n", "")
-    assert list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("count", ["²", "٣", "0", "-1", "1.0", "", "two", "1000"])
+@pytest.mark.parametrize("count", ["٣", "0", "1.0", "", "1000"])
 def test_devices_that_are_not_there_are_refused(count):
     with pytest.raises(UserError, match=r"^devices must be all, or between 1 and \d+, .*JAX sees \(cpu\) \(got "):
         devices(count)

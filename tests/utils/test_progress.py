@@ -35,7 +35,8 @@ def test_texts_are_due_once_a_second(clock):
     assert bar.is_due()
 
 
-def test_what_is_quick_says_nothing(capsys):
+def test_what_is_quick_says_nothing(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "PATIENCE", 600.0)
     with Progress(3, "step", waiting="compiling") as bar, waiting("placing"):
         bar.update(3)
     assert capsys.readouterr().err == ""

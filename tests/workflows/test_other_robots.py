@@ -2,7 +2,6 @@
 
 import json
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ from helpers_sensing import remember, senses_nothing
 
 from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
-from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.sensors.messages import Message
@@ -46,28 +43,6 @@ def test_six_sided_robots_clean_and_their_files_name_them(tmp_path):
     with np.load(tmp_path / "trajectory.npz") as file:
         np.testing.assert_allclose(file["scene_robot_size"], [2.4e-3, 1.6e-3, 1e-3])
         assert file["link_valid"].shape[2] == 6 and file["link_valid"].any(axis=(0, 1)).all()
-
-
-def test_runs_of_every_engine_begin_alike():
-    """At one time step, in single precision and double."""
-    config, settings = SwarmConfig(arena=ARENA), RunSettings(10, 3, seed=2)
-    engines = (
-        MujocoSettings(1),
-        PlanarSettings(1, refinement=1),
-        PlanarSettings(refinement=1, impl="warp", chunk=3),
-        MjxSettings(chunk=3),
-    )
-    records = []
-    for engine in engines:
-        run = Run(config, PRESETS["type1"], settings, engine, robot_file=SIX)
-        steps = []
-        while not run.is_over:
-            steps.append(run.advance())
-        records.append(jax.tree.map(lambda *parts: np.concatenate(parts), *steps))
-    for record in records[1:]:
-        np.testing.assert_array_equal(record.links.valid, records[0].links.valid)
-        np.testing.assert_allclose(record.poses, records[0].poses, atol=2e-3)
-    assert records[0].links.valid.sum() > 10
 
 
 def test_windows_have_a_slot_for_each_led():

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
 from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
 from iswarm_mj.engines.mjx.api import mjx
@@ -53,7 +53,14 @@ def move(
     touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
     touching &= bodies.is_present & bodies.is_present[:, None]
     moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
-    return concluded(bodies, moved, touching, overflow, is_running, arena.edge)
+    return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.edge)
+
+
+def _partners(touching: Bool[Array, "N N"], most: int) -> Int[Array, "K N"]:
+    """See `Motion.touching`."""
+    n_robots = len(touching)
+    index, k = jnp.arange(n_robots, dtype=jnp.int32), min(most, n_robots)
+    return jnp.pad(jax.lax.top_k(jnp.where(touching, index, 0), k)[0].T, ((0, most - k), (0, 0)))
 
 
 def _overflow(arena: MjxArena, data: mjx.Data) -> Array:

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine
 
 EXACT, FAST = 100, 20
-"""Iterations of the contact solver: as many as it needs, so that a control step ends within 0.02 mm of where MuJoCo in
-C ends; or several times faster, with robots in crowds up to 0.2 mm off."""
+"""Iterations of the contact solver: within 0.02 mm of MuJoCo in C after a control step, or several times faster with
+robots in crowds up to 0.2 mm off."""
 
 
 @dataclass(frozen=True)
@@ -24,13 +24,13 @@ class MjxSettings(EngineSettings):
     impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
     solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
-    """Iterations of MJX's contact solver at most: 100 for MuJoCo's own result, 20 for speed."""
+    """Maximum iterations of MJX's contact solver: 100 for MuJoCo's result, 20 for speed."""
     contact_capacity: Annotated[float, Within(0.01, 100)] = 1.0
     """Size of MJX's contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
     chunk: Annotated[int, Within(1, 10_000)] = 25
-    """Control steps that one call of the compiled program takes; faults and progress are seen between calls."""
+    """Control steps per call of the compiled program; faults and progress are reported between calls."""
     devices: tuple[Any, ...] | None = None
-    """JAX devices that share the worlds; None for all that this process sees."""
+    """JAX devices that share the worlds; None for all visible ones."""
 
     @property
     def identity(self) -> dict[str, Any]:

@@ -104,7 +104,7 @@ class MujocoEngine:
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        motion = take_phases(bodies, phases, is_running, self._edge, self._take_steps)
+        motion = take_phases(bodies, phases, is_running, self._edge, self.robot, self._take_steps)
         failed = np.flatnonzero(motion.fault)
         if len(failed):
             poses = motion.bodies.poses[failed, : self._n_robots]
@@ -120,7 +120,7 @@ class MujocoEngine:
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
-            self._read_contacts(world, np.asarray(touching), n_contacts)
+            self._read_contacts(world, np.asarray(touching)[world], n_contacts)
         poses = self._padded(self._qpos[:, self._arena.qpos])
         return Bodies(poses, bodies.is_present, n_contacts), touching, fault
 
@@ -135,14 +135,19 @@ class MujocoEngine:
             return list(error.ids)
         return []
 
-    def _read_contacts(self, world: int, touching: Bool[np.ndarray, "B P P"], n_contacts: Int[np.ndarray, "B"]) -> None:
-        """Mark the pairs of robots of a world that touched in its last physics step."""
+    def _read_contacts(self, world: int, touching: Int[np.ndarray, "K P"], n_contacts: Int[np.ndarray, "B"]) -> None:
+        """Add the pairs of robots of a world that touched in its last physics step, see `Motion.touching`."""
         contact = self._batch.get_data(world, self._scratch).contact
         n_contacts[world] = len(contact.geom)
         first, second = self._scene.object_of[contact.geom[contact.dist <= 0]].T
         robots = (first < self._n_robots) & (second < self._n_robots)
-        first, second = first[robots], second[robots]
-        touching[world, np.minimum(first, second), np.maximum(first, second)] = True
+        first, second = np.sort([first[robots], second[robots]], axis=0)
+        rank, robot = np.nonzero(touching)
+        codes = np.union1d(robot * self._capacity + touching[rank, robot], first * self._capacity + second)[::-1]
+        robot, partner = np.divmod(codes, self._capacity)
+        rank = np.arange(len(robot)) - np.searchsorted(-robot, -robot)
+        fits = rank < len(touching)
+        touching[rank[fits], robot[fits]] = partner[fits]
 
     def _padded(self, given: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
         """Values of robots with zeros, or false, for the places beyond them."""

@@ -81,7 +81,7 @@ class PlanarBatchEngine:
         near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, light, points, radius),
             launch_dims=(n_worlds, n_robots),
-            output_dims=surroundings.near_places(n_worlds, n_robots),
+            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.plane),
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
             *(place, robot, is_present, plane, light, points, self._boxes(), *near),
@@ -94,7 +94,7 @@ class PlanarBatchEngine:
 
     def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        return take_phases(bodies, phases, is_running, self.plane.edge, self._take_steps)
+        return take_phases(bodies, phases, is_running, self.plane.edge, self.robot, self._take_steps)
 
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
@@ -104,7 +104,7 @@ class PlanarBatchEngine:
         radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
         n_boxes = len(self.boxes)
-        sizes = physics.places(n_worlds, n_robots, n_boxes, grid, n_threads)
+        sizes = physics.places(touching.shape, n_boxes, grid, n_threads)
         touching, poses, velocity, failure, *_ = self._kernel(
             physics.take_steps_in(shared_bytes(n_robots)), n_threads, len(sizes), "touching"
         )(

@@ -17,7 +17,6 @@ from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_sight, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.units import RD
 
@@ -74,16 +73,16 @@ class PlanarEngine:
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         bodies = bodies._replace(overlap=np.zeros(len(is_running)))
-        return take_phases(bodies, phases, is_running, self.plane.edge, self._take_steps)
+        return take_phases(bodies, phases, is_running, self.plane.edge, self.robot, self._take_steps)
 
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
-        new, is_solved = Bodies(*(part.copy() for part in bodies)), np.ones(len(runs), bool)
+        new, failure = Bodies(*(part.copy() for part in bodies)), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
-        self._spread(take_steps, np.flatnonzero(runs), *arguments, is_solved, self._boxes)
-        return new, touching, np.where(is_solved, 0, int(FaultKind.SOLVER_FAILED))
+        self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._boxes)
+        return new, touching, failure
 
     def _spread(self, function: Callable[..., None], worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:
         """Call a compiled function with shares of some worlds, spread over the threads, and these other arguments."""

@@ -9,11 +9,14 @@ from iswarm_mj.engines.planar.compiled import cached, compiled
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
-from iswarm_mj.engines.planar.solver import solve
+from iswarm_mj.engines.planar.solver import begin_as, solve
+from iswarm_mj.utils.errors import FaultKind
 
 SKIN = 1.5
 """Near pairs are those whose circumcircles are closer than this; they are found anew where others may have become so
 [mm]."""
+
+_FAILED = int(FaultKind.SOLVER_FAILED)
 
 
 class Bodies(NamedTuple):
@@ -36,7 +39,7 @@ def take_steps(
     bodies: Bodies,
     targets: np.ndarray,
     touching: np.ndarray,
-    is_solved: np.ndarray,
+    failure: np.ndarray,
     boxes: np.ndarray,
     plane: Plane,
 ) -> None:
@@ -47,13 +50,13 @@ def take_steps(
         n_substeps: number of physics steps.
         bodies: state, changed.
         targets: (B, N, 3) set points of the servos [mm/s, mm/s, rad/s].
-        touching: (B, N, N) bool, in which the pairs in contact in the last step are set, in the upper triangle.
-        is_solved: (B,) bool, set to False where the contact solver fails, which ends the steps of the world.
+        touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
+        failure: (B,) output, bits of `FaultKind`; where the contact solver fails, that ends the steps of the world.
         boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
         plane: robots and arena.
     """
     for world in worlds:
-        is_solved[world] = _take_steps(
+        failure[world] = _take_steps(
             n_substeps,
             Bodies(
                 bodies.poses[world],
@@ -71,33 +74,47 @@ def take_steps(
 @compiled
 def _take_steps(
     n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, boxes: np.ndarray, plane: Plane
-) -> bool:
-    """As `take_steps`, of one world, without an axis of worlds; return whether the contact solver succeeded."""
+) -> int:
+    """As `take_steps`, of one world, without an axis of worlds; return bits of `FaultKind`."""
     n_robots = len(bodies.poses)
     velocities = np.zeros((n_robots + 1, 3))  # the last row is that of the walls
     velocities[:n_robots] = bodies.velocities
     places = np.empty((n_robots, 4))
     set_places(bodies.poses, places)
-    pairs, contacts = np.empty((0, 2), np.int64), np.empty(0, CONTACT)
-    moved, n_contacts = np.inf, 0
+    pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
+    moved = np.inf
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
             pairs, moved = near_pairs(places, bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
             contacts = np.empty(len(pairs) + (4 + len(boxes)) * n_robots, CONTACT)
         n_contacts = find_contacts(pairs, places, velocities, bodies.is_present, plane, boxes, contacts)
-        for contact in contacts[:n_contacts]:
+        found = contacts[:n_contacts]
+        for contact in found:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
         for i in range(n_robots):
             for k in range(3):
                 velocities[i, k] += plane.servo[k] * (targets[i, k] - velocities[i, k])
-        if not solve(contacts[:n_contacts], velocities, plane):
-            return False
+        begin_as(solved, found, velocities, plane)
+        if not solve(found, velocities, plane):
+            return _FAILED
+        solved = found.copy()
         moved += _integrate(bodies, places, velocities, plane.timestep)
     bodies.velocities[:] = velocities[:n_robots]
-    for contact in contacts[:n_contacts]:
+    for contact in solved:
         if contact.first < n_robots:
-            touching[contact.first, contact.second] = True
-    return True
+            _add(touching, contact.first, contact.second)
+    return 0
+
+
+@compiled
+def _add(touching: np.ndarray, robot: int, partner: int) -> None:
+    """Add a partner to those of a robot in (K, N), unless it is there: the lesser of two moves on."""
+    for k in range(len(touching)):
+        found = touching[k, robot]
+        touching[k, robot] = max(found, partner)
+        partner = 0 if found == partner else min(found, partner)
+        if partner == 0:
+            break
 
 
 @compiled

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlanarSettings(EngineSettings):
-    """MuJoCo's contacts of upright boxes, solved in the plane: faster, for this scene alone."""
+    """MuJoCo's contacts of upright boxes, solved in the plane: faster, but only for this scene."""
 
     name: ClassVar[str] = "planar"
     implementations: ClassVar[tuple[str, ...]] = ("numba", "warp")
@@ -27,18 +27,18 @@ class PlanarSettings(EngineSettings):
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads of `numba`, 0 for one per core; the results do not depend on it."""
     refinement: Annotated[int, Within(1, 100)] = 10
-    """Parts into which planar divides each physics step, so that robots overlap less: 10 keeps 283 robots that clean
-    within 0.1 mm, 1 is the time step of MuJoCo in C."""
+    """Parts into which planar divides each physics step, so that robots overlap less: with 10, 283 cleaning robots
+    overlap by at most 0.1 mm; 1 is the time step of MuJoCo in C."""
     accuracy: Annotated[float, Within(2e-5, 1)] = 0.01
-    """How far from where an exact contact solver puts them 99 of 100 robots in a crowd may end a control step of the
-    planar engine [mm]; by default half of what engines agree to. In jams more of them slip to another side."""
+    """Accuracy of planar's contact solver: 99 of 100 robots in a crowd end a control step within this distance of the
+    exact solution [mm]. In jams more robots slip to another side."""
     impl: Literal["numba", "warp"] = "numba"
     """Implementation: numba (CPUs, 64-bit floats) or warp (NVIDIA GPUs, all worlds in one compiled program, 32-bit
     floats; on a CPU with one thread)."""
     chunk: Annotated[int, Within(1, 10_000)] = 25
-    """Control steps that one call of the compiled program takes, with `warp`."""
+    """Control steps per call of the compiled program, with `warp`."""
     devices: tuple[Any, ...] | None = None
-    """JAX devices that share the worlds, with `warp`; None for all that this process sees."""
+    """JAX devices that share the worlds, with `warp`; None for all visible ones."""
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -54,7 +54,7 @@ class PlanarSettings(EngineSettings):
     @property
     def bytes_per_robot(self) -> int:
         """See `EngineSettings.bytes_per_robot`."""
-        return 1_000
+        return 1_000 if self.impl == "numba" else 4_000
 
     @classmethod
     def usual_impl(cls) -> str:

@@ -15,9 +15,45 @@ MOST_MOMENTUM = 0.9
 """Share of the latest change by which all impulses move on, at most; nearer 1, rounding grows in 32-bit floats."""
 
 
+_SAME_SIDE = 0.9
+"""Cosine of the angle between two contacts' normals above which the bodies touch at the same sides."""
+
+
+@compiled
+def begin_as(before: np.ndarray, contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> None:
+    """Give contacts the impulses that the same sides of the same bodies had in the step before.
+
+    In jams, which last, that halves the sweeps of fine steps.
+
+    Args:
+        before: (D,) contacts of the step before, solved.
+        contacts: (C,) without impulses.
+        velocities: see `solve_island`.
+        plane: robots and arena.
+    """
+    latest, earlier = np.full(len(velocities), -1), np.empty(len(before), np.int64)  # by the second body
+    for k in range(len(before)):
+        earlier[k], latest[before[k].second] = latest[before[k].second], k
+    for k in range(len(contacts)):
+        contact: Any = contacts[k]
+        m = latest[contact.second]
+        while m >= 0:
+            old: Any = before[m]
+            if old.first == contact.first and old.nx * contact.nx + old.ny * contact.ny > _SAME_SIDE:
+                p1, p2 = old.p1, old.p2
+                if contact.n_rows == 1:
+                    p1, p2 = p1 + p2, 0.0
+                elif old.n_rows == 1:
+                    p1, p2 = 0.5 * p1, 0.5 * p1
+                _set_impulses(contact, p1, p2, velocities, plane)
+                contact.before1, contact.before2 = p1, p2
+                break
+            m = earlier[m]
+
+
 @compiled
 def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
-    """Find the impulses of all contacts (C,) and add them to the velocities, island by island.
+    """Find the impulses of all contacts (C,) and change the velocities accordingly, island by island.
 
     Args: as for `solve_island`.
 
@@ -33,7 +69,7 @@ def solve(contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
 
 @compiled
 def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarray, plane: Plane) -> bool:
-    """Find the impulses of some contacts and add them to the velocities.
+    """Find the impulses of some contacts and change the velocities accordingly.
 
     Each sweep solves contact after contact exactly while the others stay, which descends on the strictly convex dual
     problem and converges. Where many robots push each other that takes thousands of sweeps; momentum makes it ten times
@@ -44,7 +80,7 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
     Args:
         members: indices of the contacts that are solved.
         contacts: (C,) of type CONTACT.
-        velocities: (N + 1, 3), on entry as they would be without contacts [mm/s, mm/s, rad/s].
+        velocities: (N + 1, 3), on entry with the contacts' impulses so far [mm/s, mm/s, rad/s].
         plane: robots and arena.
 
     Returns:
@@ -61,7 +97,7 @@ def solve_island(members: np.ndarray, contacts: np.ndarray, velocities: np.ndarr
             change = max(change, _change(contact, p1, p2, plane))
             uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
             _set_impulses(contact, p1, p2, velocities, plane)
-        if change <= plane.tolerance:
+        if change <= plane.tolerance or len(members) == 1:
             return True
         downhill = downhill + 1 if uphill <= 0.0 and 2 * sweep <= plane.max_sweeps else 0
         momentum = min(MOST_MOMENTUM, downhill / (downhill + 2.0)) if sweep > 1 else 0.0

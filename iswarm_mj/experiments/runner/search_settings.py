@@ -16,11 +16,11 @@ class SearchPlan:
     """How many runs of which length, and how genomes are searched for."""
 
     generations: Generations = 120
-    """Generations, the first, random one included."""
+    """Generations, including the first, random one."""
     population: Population = 10
     """Swarms in a generation."""
     steps: Steps = 800
-    """Control steps of a run at most."""
+    """Maximum control steps of a run."""
     evaluations: Repeats = 1
     """Runs of each swarm in each generation; its fitness is their mean."""
     replicates: Repeats = 1

@@ -17,11 +17,11 @@ class TrainingPlan:
     steps: Steps = 200
     """Control steps of a world."""
     generations: Generations = 200
-    """Generations in all; a training that has ended goes on with more, and --resume."""
+    """Total generations; to continue a finished training, pass more and --resume."""
     population: Population = 40
     """Candidates in a generation."""
     worlds: Repeats = 2
-    """Worlds in which each candidate is tried, the same for all of a generation; its fitness is their mean."""
+    """Worlds per candidate, the same for all of a generation; its fitness is their mean."""
     spread: Annotated[float, Above(0, 100)] = 0.1
     """Standard deviation of the weights at the start."""
     seed: Seed = 0

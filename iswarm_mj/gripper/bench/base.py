@@ -5,10 +5,10 @@ from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.utils.arrays import array_module
-
 Voltages: TypeAlias = float | Float[np.ndarray, "B"]
 Mask: TypeAlias = Bool[np.ndarray, "B"]
+Each: TypeAlias = Any
+"""A number or a truth of one bench, or an array (B,) of those of many, of NumPy or JAX."""
 
 
 class Move(NamedTuple):
@@ -24,24 +24,24 @@ class Move(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What happened during one move on each of B benches. Times count from the start of the move; nan: never."""
+    """What happened on each of B benches since the last look; times count from there."""
 
-    last_tool: Float[np.ndarray, "B"]
-    """Time of the ball's last contact with the tool [s]."""
-    last_plate: Float[np.ndarray, "B"]
-    """Time of its last contact with the plate [s]."""
-    first_plate: Float[np.ndarray, "B"]
-    """Time of its first contact with the plate [s]."""
-    landing_speed: Float[np.ndarray, "B"]
-    """Downward speed at `first_plate` [m/s]."""
-    gap_tool: Float[np.ndarray, "B"]
+    last_tool: Each
+    """Time of the ball's last contact with the tool [s]; -infinite: there was none."""
+    last_plate: Each
+    """Time of its last contact with the plate [s]; -infinite: there was none."""
+    first_plate: Each
+    """Time of its first contact with the plate [s]; infinite: there was none."""
+    landing_speed: Each
+    """Downward speed with which that began [m/s]; 0 if the ball touched the plate before."""
+    gap_tool: Each
     """Gap to the tool one physics step before the end [m]."""
-    gap_plate: Float[np.ndarray, "B"]
+    gap_plate: Each
     """Gap to the plate one physics step before the end [m]."""
-    speed: Float[np.ndarray, "B"]
+    speed: Each
     """Speed of the ball at the end [m/s]."""
-    finite: Bool[np.ndarray, "B"]
-    """Whether the whole state is finite."""
+    finite: Each
+    """Whether the state is finite."""
 
 
 @runtime_checkable
@@ -75,19 +75,3 @@ class Bench(Protocol):
     def restore(self, state: Any) -> None:
         """Return to a saved state."""
         ...
-
-
-def speed_at_zero(before: Any, now: Any) -> Any:
-    """Speed at the moment when a gap closes, by linear interpolation between two steps.
-
-    Args:
-        before: (..., 2) gap and speed one step earlier.
-        now: (..., 2) gap and speed.
-
-    Returns:
-        (...) speed; that of `now` if the gap was closed before.
-    """
-    xp = array_module(before, now)
-    closes = (before[..., 0] > 0) & (now[..., 0] < before[..., 0])
-    share = xp.where(closes, before[..., 0] / xp.where(closes, before[..., 0] - now[..., 0], 1.0), 1.0)
-    return xp.where(closes, before[..., 1] + share * (now[..., 1] - before[..., 1]), now[..., 1])

@@ -18,19 +18,18 @@ class Contacts(NamedTuple):
     """
 
     leak: Annotated[float, Within(0, 1e18, "Ohm")] = 60e9
-    """Resistance of the touching tool's whole oxide [Ohm]; 0: the ball has the plate's potential while it is lifted,
-    and the tool's from the moment when the voltage is off."""
+    """Resistance of the touching tool's oxide [Ohm]. 0: no circuit; the ball has the plate's potential during the lift
+    and the tool's once the voltage is off."""
     contact: Annotated[float, Above(0, 1e18, "Ohm")] = 1e3
     """Resistance of the tool's contact after breakdown [Ohm]; a choice."""
     plate_contact: Annotated[float, Above(0, 1e18, "Ohm")] = 1e3
     """Resistance of the plate's contact [Ohm]; a choice."""
     oxide: Annotated[float, Within(0, 1e-6, "m")] = 70e-9
-    """Thickness of the tool's oxide where it touches [m]; 0: none. Elsewhere roughness keeps the surfaces apart, by the
-    effective electrical gap."""
+    """Thickness of the tool's oxide where it touches [m]; 0: none."""
     breakdown: Annotated[float, Above(0, 1e12, "V/m")] = 1e9
     """Field that breaks the oxide [V/m]."""
     restitution: Annotated[float | None, Within(0, 1)] = None
-    """Of impacts without adhesion; None: by plastic yield. 0: a ball stays wherever it lands."""
+    """Restitution of impacts without adhesion; None: by plastic yield; 0: a ball stays where it lands."""
     yield_pressure: Annotated[float, Above(0, 1e12, "Pa")] = YIELD_PRESSURE
     """Contact pressure at which a ball yields [Pa]."""
     plate_modulus: Annotated[float, Above(0, 1e13, "Pa")] = MODULUS_PLATE

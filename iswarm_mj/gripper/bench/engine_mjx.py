@@ -1,6 +1,6 @@
 """Benches in MJX: one compiled program moves all of them; between moves only their states are kept."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,11 +12,13 @@ from jaxtyping import Float
 
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch
 from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers, start
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
+from iswarm_mj.gripper.bench.script import first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.mjx_forces import GripperForces, first_state, gripper_forces
+from iswarm_mj.gripper.laws.detachment import BALL_DENSITY
+from iswarm_mj.gripper.mjx_forces import Force, GripperForces, first_state, gripper_force, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, UM
 from iswarm_mj.utils.arrays import Array
@@ -56,20 +58,10 @@ class Parameters(NamedTuple):
 
     radius: Array
     probe_radius: Array
+    density: Array
+    """Of the ball over that of the model."""
     numbers: dict[tuple[str, str], Array]
     """Of `GripperForces`."""
-
-
-class _Contacts(NamedTuple):
-    last: Array
-    """(2,) step of the last contact with tool and plate, -1: none."""
-    first: Array
-    """Step of the first contact with the plate, -1: none."""
-    landing_speed: Array
-    gaps: Array
-    """(2,) to tool and plate."""
-    before: Array
-    """(2,) gap to the plate and downward speed one step earlier."""
 
 
 class MjxBench:
@@ -100,10 +92,13 @@ class MjxBench:
         self.where, forces = layout(model), gripper_forces(model)
         capacity: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self.physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
-        rows: list[Any] = [(trial.radius / UM, trial.probe_radius / UM, plugin_numbers(trial)) for trial in trials]
+        rows: list[Any] = [
+            (trial.radius / UM, trial.probe_radius / UM, trial.density / BALL_DENSITY, plugin_numbers(trial))
+            for trial in trials
+        ]
         self.parameters = _single(Parameters(*jax.tree.map(lambda *values: np.array(values), *rows)))
-        starts = [start(model, trial, start_gap) for trial in trials]
-        qpos, self._touch = np.array([qpos for qpos, _ in starts]), np.array([touch for _, touch in starts])
+        qpos = np.array([start(model, trial, first_gaps(start_gap)) for trial in trials])
+        self._touch = np.array([2 * trial.radius / UM for trial in trials])
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
         ball = jax.tree.map(lambda a: np.repeat(np.asarray(a)[None], count, axis=0), first_state(forces))
         ctrl[:, self.where.tip] = qpos[:, self.where.slide]
@@ -120,19 +115,8 @@ class MjxBench:
         end[:, 1] = voltage
         with jax.default_matmul_precision("highest"):
             target = jnp.asarray(end, jnp.float32)
-            self._state, contacts = _advance(self.where, self.physics, self.parameters, self._state, target, n_steps)
-        return self._watch(*jax.device_get((self._state, contacts)))
-
-    def _watch(self, state: State, contacts: _Contacts) -> Watch:
-        def time(step: Array) -> np.ndarray:
-            return np.where(np.asarray(step) >= 0, np.asarray(step) * self.timestep, np.nan)
-
-        speed = np.linalg.norm(state.qvel[:, self.where.ball : self.where.ball + 3], axis=1) * UM / MS
-        finite = np.asarray(np.isfinite(np.hstack([state.qpos, state.qvel])).all(axis=1))
-        gaps = np.asarray(contacts.gaps, float) * UM
-        landing_speed = np.where(contacts.first >= 0, contacts.landing_speed, np.nan) * UM / MS
-        last_tool, last_plate = time(contacts.last).T
-        return Watch(last_tool, last_plate, time(contacts.first), landing_speed, gaps[:, 0], gaps[:, 1], speed, finite)
+            self._state, watch = _advance(self.where, self.physics, self.parameters, self._state, target, n_steps)
+        return Watch(*(values if values.dtype == bool else values.astype(float) for values in jax.device_get(watch)))
 
     def save(self) -> State:
         """See `Bench.save`."""
@@ -150,50 +134,72 @@ def _single(arrays):
 def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, mjx.Model]:
     """Forces and MJX's model of one bench."""
     mine = physics.forces.having(parameters.numbers)
-    return mine, resize(mine, physics.model, parameters.radius, parameters.probe_radius)
+    return mine, resize(mine, physics.model, parameters.radius, parameters.probe_radius, parameters.density)
 
 
 @partial(jax.jit, static_argnums=0)
 def _advance(
     where: Layout, physics: Physics, parameters: Parameters, state: State, target: Float[Array, "B 2"], n_steps: Array
-) -> tuple[State, _Contacts]:
+) -> tuple[State, Watch]:
     """Move B benches by a number of physics steps; `target` holds the setpoint of the tip and the voltage."""
 
-    def move(parameters: Parameters, state: State, end: Array) -> tuple[State, _Contacts]:
-        mine, sized = prepared(physics, parameters)
-        order = jnp.array(mine.tool_and_plate)
+    def move(parameters: Parameters, state: State, end: Array) -> tuple[State, Watch]:
+        tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]
+
+        def control(k: Array) -> Array:
+            share = (k + 1) / n_steps
+            ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
+            return ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
+
         begin = physics.data.replace(
             qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.qacc_warmstart, ctrl=state.ctrl
         )
-
-        def step(
-            k: Array, carry: tuple[mjx.Data, mjx_forces.State, _Contacts]
-        ) -> tuple[mjx.Data, mjx_forces.State, _Contacts]:
-            before, ball, contacts = carry
-            share = (k + 1) / n_steps
-            tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]
-            ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
-            ctrl = ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
-            now, force = mjx_forces.step(mine, sized, before.replace(ctrl=ctrl), ball)
-            return now, force.state, _updated(contacts, k, force.gaps[order], -before.qvel[where.ball + 2])
-
-        nothing = jnp.full(2, jnp.nan)
-        contacts = _Contacts(jnp.full(2, -1), jnp.array(-1), jnp.array(jnp.nan), nothing, nothing)
-        now, ball, contacts = jax.lax.fori_loop(0, n_steps, step, (begin, state.ball, contacts))
-        return State(now.qpos, now.qvel, now.qacc_warmstart, now.ctrl, ball), contacts
+        now, force, watch = watched(where, prepared(physics, parameters), begin, state.ball, control, n_steps)
+        return State(now.qpos, now.qvel, now.qacc_warmstart, now.ctrl, force.state), watch
 
     return jax.vmap(move)(parameters, state, target)
 
 
-def _updated(contacts: _Contacts, k: Array, gaps: Array, speed: Array) -> _Contacts:
-    """Contacts after step k with these gaps (2,) to tool and plate and this downward speed."""
-    touches = gaps <= 0
-    now = jnp.stack([gaps[1], speed])
-    lands = touches[1] & (contacts.first < 0)
-    return _Contacts(
-        jnp.where(touches, k, contacts.last),
-        jnp.where(lands, k, contacts.first),
-        jnp.where(lands, speed_at_zero(contacts.before, now), contacts.landing_speed),
-        gaps,
-        now,
-    )
+def watched(
+    where: Layout,
+    bench: tuple[GripperForces, mjx.Model],
+    data: mjx.Data,
+    ball: mjx_forces.State,
+    control: Callable[[Array], Array],
+    n_steps: int | Array,
+) -> tuple[mjx.Data, Force, Watch]:
+    """Take physics steps of one bench and watch its ball; the force is that of the last step.
+
+    Args:
+        where: addresses of the bench's numbers.
+        bench: of `prepared`.
+        data: before the first step.
+        ball: what it keeps from before.
+        control: from the number of a step, from 0, to its `ctrl` (nu,).
+        n_steps: at least one.
+    """
+    forces, model = bench
+    time, (tool, plate) = model.opt.timestep * MS, forces.tool_and_plate
+
+    def step(k: Array, carry: tuple[mjx.Data, Force, Watch]) -> tuple[mjx.Data, Force, Watch]:
+        data, force, seen = carry
+        data, force = mjx_forces.step(forces, model, data.replace(ctrl=control(k)), force.state)
+        gap_tool, gap_plate = force.gaps[tool] * UM, force.gaps[plate] * UM
+        begins = (gap_plate <= 0) & jnp.isinf(seen.first_plate)
+        seen = seen._replace(
+            last_tool=jnp.where(gap_tool <= 0, k * time, seen.last_tool),
+            last_plate=jnp.where(gap_plate <= 0, k * time, seen.last_plate),
+            first_plate=jnp.where(begins, k * time, seen.first_plate),
+            landing_speed=jnp.where(begins, force.landing_speed[plate] * (UM / MS), seen.landing_speed),
+            gap_tool=gap_tool,
+            gap_plate=gap_plate,
+        )
+        return data, force, seen
+
+    shapes = jax.eval_shape(partial(gripper_force, forces), model, data, ball)
+    force = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)._replace(state=ball)
+    nothing = _single(Watch(-jnp.inf, -jnp.inf, jnp.inf, 0.0, jnp.nan, jnp.nan, 0.0, True))
+    data, force, seen = jax.lax.fori_loop(0, n_steps, step, (data, force, nothing._replace(finite=jnp.bool_(True))))
+    speed = jnp.linalg.norm(data.qvel[where.ball : where.ball + 3]) * (UM / MS)
+    finite = jnp.isfinite(data.qpos).all() & jnp.isfinite(data.qvel).all()
+    return data, force, seen._replace(speed=speed, finite=finite)

@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch, speed_at_zero
+from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch
 from iswarm_mj.gripper.bench.model import (
     STATE,
     Recorded,
@@ -22,44 +22,11 @@ from iswarm_mj.gripper.bench.model import (
     start,
     usual_model,
 )
+from iswarm_mj.gripper.bench.script import first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
-BLOCK = 256
-"""Physics steps in one call of MuJoCo."""
-
-
-class ContactLog:
-    """Contacts of n benches, in steps since the move began, in the bench's units.
-
-    Attributes:
-        last: (n, 2) step of the last contact with tool and plate, nan: never.
-        first: (n,) step of the first contact with the plate, nan: never.
-        landing_speed: (n,) downward speed at that moment.
-        gaps: (n, 2) to tool and plate at the last step.
-    """
-
-    def __init__(self, count: int):
-        self.last = np.full((count, 2), np.nan)
-        self.first = np.full(count, np.nan)
-        self.landing_speed = np.full(count, np.nan)
-        self.gaps = self._before = np.full((count, 2), np.nan)
-
-    def add(self, gaps: np.ndarray, speed: np.ndarray, first: int) -> None:
-        """Process T steps from `first` on: gaps (n, T, 2) to tool and plate, downward speeds (n, T)."""
-        rows, count = np.arange(len(gaps)), gaps.shape[1]
-        touches = gaps <= 0
-        last = first + count - 1 - np.argmax(touches[:, ::-1], axis=1)
-        self.last = np.where(touches.any(axis=1), last, self.last)
-        new = touches[:, :, 1].any(axis=1) & np.isnan(self.first)
-        if new.any():
-            at = np.argmax(touches[:, :, 1], axis=1)
-            self.first = np.where(new, first + at, self.first)
-            now = np.stack([gaps[rows, at, 1], speed[rows, at]], axis=1)
-            earlier = np.stack([gaps[rows, at - 1, 1], speed[rows, at - 1]], axis=1)
-            before = np.where(at[:, None] > 0, earlier, self._before)
-            self.landing_speed = np.where(new, speed_at_zero(before, now), self.landing_speed)
-        self.gaps, self._before = gaps[:, -1], np.stack([gaps[:, -1, 1], speed[:, -1]], axis=1)
+SURFACES = "adhesion_probe", "adhesion_plate"
 
 
 class MujocoBench:
@@ -78,6 +45,7 @@ class MujocoBench:
         threads: int = 0,
         timestep: float | None = None,
         is_recorded: bool = False,
+        hanging: float | None = None,
     ):
         """Place the balls.
 
@@ -87,46 +55,45 @@ class MujocoBench:
             threads: 0 for one a core.
             timestep: instead of that of the model [s].
             is_recorded: keep all states of the first bench, for `tracing.trace_of`.
+            hanging: balls hang at the tool instead, so high above the plate [m].
         """
         self.recorded: list[Recorded] | None = [] if is_recorded else None
-        models = [_model(timestep, trial.radius, trial.probe_radius) for trial in trials]
+        models = [_model(timestep, trial.radius, trial.probe_radius, trial.density) for trial in trials]
         first = self.model = models[0]
         self.timestep, self.steps = float(first.opt.timestep) * MS, 0
         self.where, at = layout(first), plugin.state_indices(first)
         self._gaps = [at["electrostatic", name] for name in ("probe_gap", "plate_gap")]
+        self._last = [at[surface, "last"] for surface in SURFACES]
+        self._first, self._landing = at["adhesion_plate", "first"], at["adhesion_plate", "landing_speed"]
         keep_no_log()
         self._batch = Batch(first, len(trials), threads)
-        self._qvel, self._ctrl = self._batch.bind("qvel"), self._batch.bind("ctrl")
-        self._qpos, state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
-        self._touch = np.zeros(len(trials))
+        self._qvel, self._ctrl, self._time = (self._batch.bind(name) for name in ("qvel", "ctrl", "time"))
+        self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
+        self._touch = np.array([2 * trial.radius / UM for trial in trials])
         self._batch.set_models(models)
         for i, (model, trial) in enumerate(zip(models, trials, strict=True)):
-            self._qpos[i], self._touch[i] = start(model, trial, start_gap)
-            state[i, [at[names] for names in plugin_numbers(trial)]] = list(plugin_numbers(trial).values())
+            self._qpos[i] = start(model, trial, first_gaps(start_gap, hanging))
+            self._state[i, [at[names] for names in plugin_numbers(trial)]] = list(plugin_numbers(trial).values())
         self._ctrl[:, self.where.tip] = self._qpos[:, self.where.slide]
         self._ctrl[:, self.where.aside_servo] = self._qpos[:, self.where.aside]
 
     def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
         """See `Bench.move`."""
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
-        n_steps, ball = max(1, round(duration / self.timestep)), self.where.ball + 2
+        n_steps = max(1, round(duration / self.timestep))
         self.steps += n_steps * len(ids)
-        begin = self._ctrl[ids]
+        begin, began = self._ctrl[ids], self._time[ids].reshape(len(ids), 1)
         end = begin.copy()
         end[:, self.where.tip] = self._touch[ids] + tip / UM - self.where.tip_height
         end[:, self.where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
-        contacts, record = ContactLog(len(ids)), ("qvel", "plugin_state", *(() if self.recorded is None else (STATE,)))
-        for first in range(0, n_steps, BLOCK):
-            count = min(BLOCK, n_steps - first)
-            control = self._way(begin, end, shares(n_steps)[first : first + count]) if (begin != end).any() else None
-            speed, before = -self._qvel[ids, None, ball], self._batch.state[:1].copy()
-            with without_timers():
-                block = self._batch.rollout(count, control, record=record, ids=None if active is None else ids)
-            if self.recorded is not None:
-                self.recorded.append(Recorded([phase] * count, np.concatenate([before, block[STATE][0]])))
-            speed = np.concatenate([speed, -block["qvel"][:, :-1, ball]], axis=1)
-            contacts.add(block["plugin_state"][:, :, self._gaps], speed, first)
-        return self._watch(contacts, ids)
+        control = self._way(begin, end, shares(n_steps)) if (begin != end).any() else None
+        self._state[ids, self._first] = -1.0
+        before, record = self._batch.state[:1].copy(), () if self.recorded is None else (STATE,)
+        with without_timers():
+            found = self._batch.rollout(n_steps, control, record=record, ids=None if active is None else ids)
+        if self.recorded is not None:
+            self.recorded.append(Recorded([phase] * n_steps, np.concatenate([before, found[STATE][0]])))
+        return self._watch(ids, began)
 
     def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
@@ -140,24 +107,18 @@ class MujocoBench:
         self._qpos[:, self.where.ball + 2] += height / UM
         self._qvel[:, self.where.ball + 2] = -speed * MS / UM
 
-    def _watch(self, contacts: ContactLog, ids: np.ndarray) -> Watch:
-        ball = slice(self.where.ball, self.where.ball + 3)
-        speed = np.sqrt((self._qvel[ids, ball] ** 2).sum(axis=1))
+    def _watch(self, ids: np.ndarray, began: np.ndarray) -> Watch:
+        """What happened on these benches since they `began` (n, 1) [ms]; the others are calm."""
+        state, velocity = self._state[ids], self._qvel[ids, self.where.ball : self.where.ball + 3]
+        last, first = state[:, self._last] - began, state[:, [self._first]] - began
+        last, first = np.where(last >= 0, last * MS, -np.inf), np.where(first >= 0, first * MS, np.inf)
         warned = self._batch.warning[ids].any(axis=(1, 2))
         finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
-        watch = Watch(
-            last_tool=contacts.last[:, 0] * self.timestep,
-            last_plate=contacts.last[:, 1] * self.timestep,
-            first_plate=contacts.first * self.timestep,
-            landing_speed=contacts.landing_speed * UM / MS,
-            gap_tool=contacts.gaps[:, 0] * UM,
-            gap_plate=contacts.gaps[:, 1] * UM,
-            speed=speed * UM / MS,
-            finite=finite,
-        )
-        if len(ids) == len(self._touch):
-            return watch
-        full = [np.full(len(self._touch), True if values.dtype == bool else np.nan) for values in watch]
+        speeds = state[:, self._landing] * UM / MS, np.sqrt((velocity**2).sum(axis=1)) * UM / MS
+        gaps = state[:, self._gaps] * UM
+        watch = Watch(last[:, 0], last[:, 1], first[:, 0], speeds[0], gaps[:, 0], gaps[:, 1], speeds[1], finite)
+        calm = Watch(-np.inf, -np.inf, np.inf, 0.0, np.nan, np.nan, np.nan, True)
+        full = [np.full(len(self._touch), value) for value in calm]
         for own, values in zip(full, watch, strict=True):
             own[ids] = values
         return Watch(*full)
@@ -172,6 +133,6 @@ class MujocoBench:
 
 
 @lru_cache(maxsize=4096)
-def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
-    """The bench with these sizes [m] and a time step [s], by default its own."""
-    return resized(usual_model(timestep, probe_radius), radius)
+def _model(timestep: float | None, radius: float, probe_radius: float, density: float) -> mujoco.MjModel:
+    """The bench with these sizes [m], a density [kg/m^3] and a time step [s], by default its own."""
+    return resized(usual_model(timestep, probe_radius, density), radius)

@@ -8,11 +8,14 @@ from typing import NamedTuple
 
 from jaxtyping import Bool
 
-from iswarm_mj.gripper.laws.numbers import where
+from iswarm_mj.gripper.laws.numbers import clip, where, whole
+from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Array, Quantity
 
 MARGIN = 0.03
 """Part of the tool's adhesion by which a ball must be held while a leap lasts: with less it is about to leave."""
+SLACK = 1.1
+"""Factor by which it must be held by more than that before a leap."""
 REST = 0.2
 """Speed up to which a ball that touches the tool counts as resting [um/ms]."""
 
@@ -39,6 +42,63 @@ class Hanging(NamedTuple):
     """Of the tool."""
     hold: Quantity
     """Adhesion of the tool, less that of the plate, less the weight."""
+
+
+class Leap(NamedTuple):
+    """Where a ball is after a leap over time; without a leap both times are 0."""
+
+    hung: Quantity
+    """Time for which it hung."""
+    flown: Quantity
+    """Time for which it flew."""
+    lift: Quantity
+    """Change of its height."""
+    rise: Quantity
+    """Its upward speed."""
+    charge: Quantity
+
+
+def leap(
+    ball: Hanging,
+    gaps: tuple[Quantity, Quantity],
+    velocity: tuple[Quantity, Quantity, Quantity],
+    gravity: Quantity,
+    limits: tuple[Quantity, Quantity],
+    period: Quantity,
+) -> Leap:
+    """Let charge flow while a ball hangs at rest, or an uncharged one fly on its parabola until it is near a surface.
+
+    The depth of a contact follows the force that holds the ball. Nearer than `CLEARANCE` the surfaces pull a ball that
+    flies; farther off they change less than a thousandth of its energy at 1 mm/s.
+
+    Args:
+        ball: after a physics step.
+        gaps: to the face of the tool and to the plate.
+        velocity: of the ball along x, y, z.
+        gravity: acceleration.
+        limits: longest times of hanging and of flying; 0: no such leap.
+        period: of which a leap takes a whole multiple.
+    """
+    (above, below), (x, y, rise) = gaps, velocity
+    rests = (above <= 0) & (below > CLEARANCE) & (x * x + y * y + rise * rise < REST**2)
+    hung = where(rests, _multiple(hanging_time(ball, limits[0], SLACK), period), 0.0)
+    charge, share = after_hanging(ball, hung)
+    flies = (ball.voltage == 0) & (ball.charge == 0) & (above > CLEARANCE) & (below > CLEARANCE)
+    high, low = where(flies, above - CLEARANCE, 1.0), where(flies, below - CLEARANCE, 1.0)
+    flown = clip(flight_time(rise, high, low, gravity), 0.0, limits[1])
+    flown = where(flies, _multiple(flown, period), 0.0)
+    return Leap(
+        hung,
+        flown,
+        where(hung > 0, above * (1 - share), rise * flown - gravity * flown**2 / 2),
+        where(hung > 0, 0.0, rise - gravity * flown),
+        where(hung > 0, charge, ball.charge),
+    )
+
+
+def _multiple(time: Quantity, period: Quantity) -> Quantity:
+    """The multiple of a period that fits into a time."""
+    return whole(time / period + 1e-3) * period
 
 
 def _start(ball: Hanging) -> Quantity:

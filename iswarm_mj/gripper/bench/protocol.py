@@ -17,56 +17,56 @@ Voltage = Annotated[float, Within(0.1, 200.0, "V")]
 
 @dataclass(frozen=True)
 class Protocol:
-    """Speeds and limits of a trial. SI units. Beyond the allowed values a trial never ends or shows nothing."""
+    """Speeds and limits of a trial, in SI units."""
 
     start_gap: Annotated[float, Within(0.1e-6, 40e-6, "m")] = 5e-6
-    """Between tool and ball before the approach [m]."""
+    """Gap between tool and ball before the approach [m]."""
     approach_time: Duration = 0.3e-3
-    """[s]"""
+    """Duration of the approach [s]."""
     press: Annotated[float, Within(1e-9, 1e-6, "m")] = 25e-9
-    """Depth below first touch to which the tool is driven; the ball sinks by less, so that the tool touches it [m]."""
+    """Depth below first touch to which the tool presses [m]."""
     dwell: Duration = 0.05e-3
-    """At rest after the approach [s]."""
+    """Pause after the approach [s]."""
     rise_time: Duration = 0.05e-3
-    """Time in which the voltage of a rung rises, with the tool in contact [s]."""
+    """Rise time of the voltage, with the tool in contact [s]."""
     peel: Annotated[float, Within(1e-9, 5e-6, "m")] = 10e-9
-    """Height above first touch up to which the tool retracts slowly, since one of the contacts opens there [m]."""
+    """Height above first touch up to which the tool retracts slowly, while a contact opens [m]."""
     peel_time: Duration = 0.3e-3
-    """[s]"""
+    """Duration of the slow retraction up to `peel` [s]."""
     lift: Annotated[float, Within(10e-9, 5e-6, "m")] = 0.3e-6
-    """Height above first touch at which the trial checks whether the ball came along [m]."""
+    """Height above first touch at which the trial checks whether the ball was lifted [m]."""
     acceleration: Annotated[float, Within(0.01, 1e4, "m/s^2")] = 40.0
-    """Greatest acceleration of a tool that carries a ball, which only adhesion holds [m/s^2]."""
+    """Largest acceleration of a tool that carries a ball by adhesion only [m/s^2]."""
     off_time: Duration = 0.05e-3
-    """Time in which the voltage falls to zero with the ball lifted [s]."""
+    """Fall time of the voltage with the ball lifted [s]."""
     away: Annotated[float, Within(1e-9, 0.4e-6, "m")] = 0.2e-6
     """Distance from plate or tool beyond which a ball counts as lifted or released [m]."""
     hold_time: Duration = 3e-3
     """Time for which a lifted ball hangs before the release ramp, so that its charge relaxes [s]."""
     step_voltage: Annotated[float, Within(2e-3, 200.0, "V")] = 0.25
-    """Between two rungs of the staircase [V]."""
+    """Voltage between two rungs of the staircase [V]."""
     grasp_limit: Voltage = 80.0
     """Highest rung [V]."""
     ramp_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 2.5e3
-    """Rate of the voltage in the release ramp, which the ball's follows after a relaxation time [V/s]."""
+    """Rate of the release ramp; the ball's voltage lags by the relaxation time [V/s]."""
     no_contact_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 40e3
     """Rate of the voltage in attempts without contact [V/s]."""
     release_limit: Voltage = 120.0
     """End of the release ramp [V]."""
     after_release: Literal["cut", "held"] = "cut"
-    """What the voltage does once a ball has left the tool: it is cut, or held. The paper does not say."""
+    """Whether the voltage is cut or held once a ball has left the tool. The paper does not say."""
     cut_delay: Annotated[float, Within(0, 0.1, "s")] = 0.0
-    """Time from the moment when the ball is seen to have left, beyond `away`, until the voltage begins to fall [s]."""
+    """Delay from detecting that the ball left (beyond `away`) to the start of the cut [s]."""
     cut_time: Duration = 0.05e-3
-    """Time in which it falls to zero [s]."""
+    """Fall time of the voltage at the cut [s]."""
     no_contact_limit: Voltage = 50.0
     """End of the ramp without contact [V]."""
     watch_time: Annotated[float, Within(1e-6, 1e-3, "s")] = 0.01e-3
-    """Interval at which a ramp is checked, hence its longest overrun after the ball left [s]."""
+    """Interval between checks of a ramp [s]."""
     flight_limit: Duration = 20e-3
     """Time after which a ball that does not come to rest counts as lost [s]."""
     rest_time: Duration = 0.2e-3
-    """Time for which a ball must rest where it landed [s]."""
+    """Time that a landed ball must rest [s]."""
 
     def __post_init__(self):
         validate(self, "protocol")

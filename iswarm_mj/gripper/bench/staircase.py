@@ -7,13 +7,17 @@ with a ball that bounces. Hence the rungs are tried upwards, in steps of `STRIDE
 lifted ball is bisected. A ball that only a range narrower than `STRIDE` lifts can be missed.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.gripper.bench.base import Bench, Mask, Move, Voltages, Watch
+from iswarm_mj.gripper.bench.base import Bench, Mask, Voltages, Watch
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.script import hangs, is_lifted, lifting, touching
+
+STRIDE = 1.0
+"""Step in which the voltage rises until a ball is lifted [V]."""
 
 
 class Grasp(NamedTuple):
@@ -25,24 +29,6 @@ class Grasp(NamedTuple):
     """Whether the state became infinite or nan."""
 
 
-def touching(protocol: Protocol) -> list[Move]:
-    """Moves that bring the tool into contact, without voltage."""
-    return [
-        Move("approach", protocol.approach_time, -protocol.press, 0.0),
-        Move("contact", protocol.dwell, -protocol.press, 0.0),
-    ]
-
-
-def lifting(protocol: Protocol, voltage: Voltages) -> list[Move]:
-    """Moves that raise the voltage on a touching tool, retract it and switch the voltage off."""
-    return [
-        Move("voltage", protocol.rise_time, -protocol.press, voltage),
-        Move("retract", protocol.peel_time, protocol.peel, voltage),
-        Move("lift", protocol.carry_time(protocol.lift - protocol.peel), protocol.lift, voltage),
-        Move("off", protocol.off_time, protocol.lift, 0.0),
-    ]
-
-
 def touch(bench: Bench, protocol: Protocol) -> None:
     """Bring the tool into contact, without voltage."""
     for move in touching(protocol):
@@ -50,7 +36,7 @@ def touch(bench: Bench, protocol: Protocol) -> None:
 
 
 def rung(bench: Bench, protocol: Protocol, voltage: Voltages, active: Mask | None = None) -> Watch:
-    """Try to lift a ball that the tool touches; what happened in the last of the moves."""
+    """Try to lift a ball that the tool touches; what happened in the last of the moves, see `script.is_lifted`."""
     *first, last = lifting(protocol, voltage)
     for move in first:
         bench.move(*move, active)
@@ -69,7 +55,7 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
         nonlocal low, high, faulty
         bench.restore(start)
         watch = rung(bench, protocol, number * protocol.step_voltage, is_open)
-        lifted = stays_up(watch, protocol)
+        lifted = is_lifted(protocol, watch)
         faulty |= is_open & ~watch.finite
         high, low = np.where(is_open & lifted, number, high), np.where(is_open & ~lifted, number, low)
 
@@ -82,22 +68,6 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
     voltage = np.minimum(high, top) * protocol.step_voltage
     rung(bench, protocol, voltage)
     return Grasp(np.where(high <= top, voltage, np.nan), faulty)
-
-
-def hangs(gap_tool: Any, gap_plate: Any, protocol: Protocol) -> Any:
-    """Whether a ball with these gaps to tool and plate [m] hangs at the tool, off the plate."""
-    return (gap_plate > protocol.away) & (gap_tool < TOUCH)
-
-
-def stays_up(watch: Watch, protocol: Protocol) -> Mask:
-    """(B,) whether the ball hangs at the end and was off the plate all the time; one that flies to and fro was not."""
-    return hangs(watch.gap_tool, watch.gap_plate, protocol) & np.isnan(watch.first_plate)
-
-
-STRIDE = 1.0
-"""Step in which the voltage rises until a ball is lifted [V]."""
-TOUCH = 5e-9
-"""Gap up to which a ball counts as hanging; it hangs at a depth of less than a nanometre [m]."""
 
 
 def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:

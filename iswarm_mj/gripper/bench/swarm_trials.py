@@ -1,35 +1,47 @@
 """Trials of attempts that robots of a swarm make: each at one voltage, in MuJoCo's C engine."""
 
-import math
 from functools import cache
 from threading import Lock
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 
+from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
-from iswarm_mj.gripper.bench.base import Move, speed_at_zero
+from iswarm_mj.gripper.bench import script
+from iswarm_mj.gripper.bench.base import Each
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.script import START, Ramp, hangs
 from iswarm_mj.gripper.bench.single import SingleBench
-from iswarm_mj.gripper.bench.staircase import hangs, lifting, touching
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.detachment import GRAVITY
+from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.utils.arrays import Array
 
-PROTOCOL = Protocol(start_gap=0.2e-6, approach_time=0.06e-3, flight_limit=10e-3, watch_time=0.02e-3)
-"""Of attempts in the swarm: the tool starts near the ball, since nothing happens before."""
 TIMESTEP = 2e-6
 """Twice that of the bench: voltages change by less than 1 %, the speed of a landing by less than 4 %
 (`tests/gripper/test_landing.py`) [s]."""
+PROTOCOL = Protocol(start_gap=0.2e-6, approach_time=0.06e-3, flight_limit=10e-3, watch_time=0.02e-3)
+"""Of attempts in the swarm: the tool starts near the ball, since nothing happens before."""
 RELEASE_LIMIT = 6e-3
 """Time at the release voltage after which a ball that still hangs counts as not released: ten relaxation times of its
 charge [s]."""
+LIFT = (*script.touching(PROTOCOL), *script.lifting(PROTOCOL, 1.0))
+"""Moves of a lift, with shares of its voltage."""
+LIFT_TIME = sum(move.duration for move in LIFT)
+"""[s]"""
 PRESSED = PROTOCOL.approach_time + PROTOCOL.dwell + PROTOCOL.rise_time + 0.1 * PROTOCOL.peel_time
 """Time that a lift leaps over, a tenth of the retraction, too; with a fifth, the first balls leave the plate before
 servo and contacts have come to rest [s]."""
-_LOOK = 0.08e-3
-"""Interval at which a ball that falls is looked at [s]."""
-_LEAVES, _FALLS, _HITS = 0.08e-3, 0.08e-3, 0.03e-3
-"""Physics between two leaps: of a ball about to leave, one that falls, one about to touch plate or tool [s]."""
+PRESSED_GAP = script.setpoint(LIFT, PROTOCOL.start_gap, PRESSED)[0] / 2
+"""Gaps of the ball to tool and plate then [m]."""
+
+
+def ramp_to(voltage: Each) -> Ramp:
+    """Voltage [V] of a release."""
+    return Ramp(voltage / PROTOCOL.rise_time, voltage, RELEASE_LIMIT)
 
 
 _IN_USE = Lock()
@@ -61,101 +73,38 @@ def attempt(bench: SingleBench, trial: Trial, voltage: float, gap: float | None)
         Whether it hangs, or stays on the plate; how long that took [s]; and the speed of its landing [m/s], 0 if there
         is none.
     """
-    bench.place(trial, PROTOCOL.start_gap, gap)
     with without_timers():
-        return _lift(bench, voltage) if gap is None else _drop(bench, voltage, gap)
+        return _lift(bench, trial, voltage) if gap is None else _drop(bench, trial, voltage, gap)
 
 
-def _lift(bench: SingleBench, voltage: float) -> tuple[bool, float, float]:
+def _lift(bench: SingleBench, trial: Trial, voltage: float) -> tuple[bool, float, float]:
     """Touch, raise the voltage, retract, switch off."""
-    way = bench.way([*touching(PROTOCOL), *lifting(PROTOCOL, voltage)])
-    skip = 0
-    if bench.is_below:
-        skip = round(PRESSED / bench.timestep)
-        for sample in way[:skip] if bench.recorded is not None else ():
-            bench.step(*sample)
-        bench.press(way[skip - 1][1])
-    for sample in way[skip:]:
-        bench.step(*sample)
-    return bool(hangs(bench.gap_tool, bench.gap_plate, PROTOCOL)) and bench.is_finite, len(way) * bench.timestep, 0.0
+    is_below = trial.misalignment < trial.probe_radius
+    gaps = (PRESSED_GAP, PRESSED_GAP) if is_below else script.first_gaps(PROTOCOL.start_gap)
+    bench.place(trial, gaps)
+    n_steps, skip = (round(time / bench.timestep) for time in (LIFT_TIME, PRESSED if is_below else 0.0))
+    times = bench.timestep * np.arange(skip + 1, n_steps + 1)
+    tips, shares = in_arrays(script, np).setpoint(LIFT, PROTOCOL.start_gap, times)
+    for tip, volts in zip(tips.tolist(), (voltage * shares).tolist(), strict=True):
+        bench.step(tip, volts)
+    watch = bench.watch()
+    return hangs(watch.gap_tool, watch.gap_plate, PROTOCOL) and bench.is_finite, n_steps * bench.timestep, 0.0
 
 
-def _drop(bench: SingleBench, voltage: float, gap: float) -> tuple[bool, float, float]:
+def _drop(bench: SingleBench, trial: Trial, voltage: float, gap: float) -> tuple[bool, float, float]:
     """Raise the voltage on a hanging, uncharged ball and cut it when it has left."""
-    p, dt = PROTOCOL, bench.timestep
-    for sample in bench.way([Move("rise", p.rise_time, gap, voltage)]):
-        bench.step(*sample)
-    time = p.rise_time + bench.hang("wait", voltage, RELEASE_LIMIT - p.rise_time)
-    seen = _seen_to_leave(bench, RELEASE_LIMIT - time)
-    if seen is None:
-        return False, RELEASE_LIMIT, 0.0
-    steps, impact = seen
-    landing = _Landing()
-    for sample in bench.way([Move("cut", p.cut_time, gap, 0.0)]):
-        bench.step(*sample)
-        landing.look(bench)
-    impact = landing.speed if np.isnan(impact) else impact
-    time = since = start = time + steps * dt + p.cut_time
-    end = start + p.flight_limit - p.cut_time
-    stays = not np.isnan(impact) and _reach(bench) < gap / 2
-    while not stays and time < end and bench.is_finite:
-        time = since = time + bench.fly("fall", end - time)
-        count, landing = round((_FALLS if np.isnan(impact) else _HITS) / dt), _Landing()
-        for step in range(count):
-            bench.step("fall")
-            landing.look(bench)
-            since = time + (step + 1) * dt if _reach(bench) >= gap / 2 else since
-        impact = landing.speed if np.isnan(impact) else impact
-        time += count * dt
-        stays = not np.isnan(impact) and since < time
-    until = start + math.ceil((since - start) / _LOOK - 1e-6) * _LOOK
-    more = round((until - time) / dt)
-    bench.forget(-more)
-    bench.elapse("fall", more)
-    return stays, until, float(np.nan_to_num(impact))
-
-
-def _reach(bench: SingleBench) -> float:
-    """Height above the plate [m] up to which the ball can fly."""
-    return bench.speed**2 / (2 * GRAVITY) + max(bench.gap_plate, 0.0)
-
-
-class _Landing:
-    """Downward speed at the first contact with the plate, nan: there was none [m/s]."""
-
-    def __init__(self):
-        self.speed, self._before = math.nan, np.full(2, np.nan)
-
-    def look(self, bench: SingleBench) -> None:
-        """Look at a step that was taken."""
-        if math.isnan(self.speed):
-            now = np.array([bench.gap_plate, bench.fall])
-            self.speed = float(speed_at_zero(self._before, now)) if now[0] <= 0 else math.nan
-            self._before = now
-
-
-def _seen_to_leave(bench: SingleBench, limit: float) -> tuple[int, float] | None:
-    """Steps until a ball, looked at since it last touched the tool, is seen to have left it; its landing speed [m/s].
-
-    None: the ball still hangs after a time [s].
-    """
-    again, most = (round(duration / bench.timestep) for duration in (PROTOCOL.watch_time, limit))
-    if most < 1:
-        return None
-    count = round(_LEAVES / bench.timestep)
-    count += max(0, (most - count) // again + 1) * again
-    landing, last, was_away = _Landing(), 0, False
-    for step in range(count):
-        bench.step("wait")
-        landing.look(bench)
-        is_away = bench.gap_tool > PROTOCOL.away
-        was_away |= is_away
-        if not was_away and bench.gap_tool <= 0:
-            last = max(0, step - 1)
-        if is_away and (step - last) % again == 0:
-            return step + 1, landing.speed
-    bench.forget(count - most)
-    return None
+    bench.place(trial, script.first_gaps(PROTOCOL.start_gap, gap))
+    ramp, at, time = ramp_to(voltage), START, 0.0
+    n_steps = round(PROTOCOL.watch_time / bench.timestep)
+    while not at.is_over:
+        began = time
+        for _ in range(n_steps):
+            time += bench.timestep
+            bench.step(gap, script.ramp_voltage(PROTOCOL, ramp, at.freed, time))
+        at = script.released(PROTOCOL, ramp, gap / 2, at, bench.watch(), began, time)
+        limits = script.leap_limits(PROTOCOL, ramp, at, time)
+        time += bench.leap(limits, PROTOCOL.watch_time) if max(limits) > 0 else 0.0
+    return bool(at.succeeds) and bench.is_finite, time, float(at.speed)
 
 
 def outcomes(gap: float, attempts: Attempts) -> Outcomes:
@@ -179,3 +128,36 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
         succeeded, found.duration[place], found.impact[place] = known[row]
         (found.lifted if is_lift else found.released)[place] = succeeded
     return found
+
+
+def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+    """Outcomes of trials in MuJoCo's C engine, by a callback from a program of JAX.
+
+    The callback is skipped in steps in which no world makes an attempt. All numbers go as one array and come back as
+    one, since each array costs time.
+    """
+
+    def call(numbers: jax.Array) -> np.ndarray:
+        lifts, releases, *others = np.asarray(numbers)
+        found = outcomes(gripper.release_gap, Attempts(lifts > 0, releases > 0, *others))
+        return np.stack(found).astype(np.float32)
+
+    def on_host(numbers: Array) -> Array:
+        return jax.pure_callback(call, _places(numbers), numbers)
+
+    @custom_vmap
+    def decide(numbers: Array) -> Array:
+        return jax.lax.cond(numbers[:2].any(), on_host, lambda a: jnp.zeros_like(a, shape=_places(a).shape), numbers)
+
+    @decide.def_vmap
+    def _(count: int, is_batched: list[bool], numbers: Array) -> tuple[Array, bool]:
+        del count, is_batched
+        return jnp.moveaxis(decide(jnp.moveaxis(numbers, 0, 1)), 1, 0), True
+
+    lifted, released, postponed, *others = decide(jnp.stack([jnp.asarray(a, jnp.float32) for a in attempts]))
+    return Outcomes(lifted > 0, released > 0, postponed > 0, *others)
+
+
+def _places(numbers: Array) -> jax.ShapeDtypeStruct:
+    """Shape (5, ..., K) of the outcomes of attempts (7, ..., K)."""
+    return jax.ShapeDtypeStruct((len(Outcomes._fields), *numbers.shape[1:]), jnp.float32)

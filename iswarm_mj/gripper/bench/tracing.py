@@ -9,8 +9,8 @@ from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import STATE, layout
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.single import SingleBench
-from iswarm_mj.gripper.bench.staircase import hang, rung, stays_up, touch
+from iswarm_mj.gripper.bench.script import is_lifted
+from iswarm_mj.gripper.bench.staircase import hang, rung, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.units import MS, NN, UM
@@ -34,13 +34,13 @@ def trace_trial(
     highest = protocol.highest_rung * protocol.step_voltage
     touch(bench, protocol)
     watch = rung(bench, protocol, highest if voltage is None else voltage)
-    if stays_up(watch, protocol)[0]:
+    if is_lifted(protocol, watch)[0]:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap, to_the_end=True)
     return trace_of(bench)
 
 
-def trace_of(bench: MujocoBench | SingleBench) -> Trace:
+def trace_of(bench: MujocoBench) -> Trace:
     """Trace of all physics steps of a recorded bench: each sample is a state, with the forces that act from it on."""
     recorded, model, where = bench.recorded or [], bench.model, layout(bench.model)
     before, after = (np.concatenate([part.states[cut] for part in recorded]) for cut in (np.s_[:-1], np.s_[1:]))

@@ -18,17 +18,17 @@ class Surface(NamedTuple):
     """What a contact is like, beyond its work of adhesion. SI units; the defaults change nothing."""
 
     roughness: Annotated[float, Within(0, 1e-6, "m")] = 0.0
-    """Root mean square of the height [m]."""
+    """Root-mean-square height [m]."""
     spacing: Annotated[float, Above(0, 1e-3, "m")] = 1e-6
     """Distance of the asperities from peak to peak [m]; a choice."""
     preload: Annotated[float, Within(0, 1e-3, "N")] = 0.0
-    """Force that pressed the contact together before [N]."""
+    """Force that pressed the contact [N]."""
     hardness: Annotated[float, Above(0, 1e12, "Pa")] = 110e6
-    """Of the softer body, about 2.8 times the yield stress of solder [Pa]; a choice."""
+    """Hardness of the softer body, about 2.8 times the yield stress of solder [Pa]; a choice."""
     modulus: Annotated[float, Above(0, 1e13, "Pa")] = 45.5e9
     """Reduced modulus E* [Pa]."""
     hysteresis: Annotated[float, Within(0, 100)] = 0.0
-    """Relative excess of the work when surfaces separate over that when they approach."""
+    """Relative excess of the work of separation over that of approach."""
 
 
 def roughness_factor(radius: Quantity, surface: Surface) -> Quantity:

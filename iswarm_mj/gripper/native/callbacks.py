@@ -31,7 +31,11 @@ _asymptotic = compiled(electrostatics.asymptotic_force)
 _contact = numbers_of(contact, {}, compiled)
 # Callbacks are cached on disk if each global that they call is a function by itself.
 _adhesion_force, _rebound_ratio, _rebounds_on = _contact.adhesion_force, _contact.rebound_ratio, _contact.rebounds_on
-_ball_voltage, _relaxed_charge = _contact.ball_voltage, _contact.relaxed_charge
+_ball_voltage, _relaxed_charge, _speed_at_contact = (
+    _contact.ball_voltage,
+    _contact.relaxed_charge,
+    _contact.speed_at_contact,
+)
 _shape_of = numbers_of(spline, {}, compiled).shape_of
 _is_broken, _next_potential = _contact.is_broken, _contact.next_potential
 
@@ -116,6 +120,12 @@ def adhesion_callbacks() -> dict[str, Any]:
         radius, mass = f.geom_size[3 * ball] * UM, f.body_mass[f.geom_bodyid[ball]]
         force = _adhesion_force(work, state[s + at.hamaker] * NN * UM, radius, gap * UM) / NN
         before, push = state[s + at.before], 0.0
+        if gap <= 0:
+            state[s + at.last] = f.time
+            if state[s + at.first] < 0:
+                state[s + at.first] = f.time
+                speeds = state[s + at.closing], (before - gap) / f.timestep
+                state[s + at.landing_speed] = _speed_at_contact(before, gap, speeds[0], speeds[1])
         if gap <= 0 and before > 0:
             speed, density = (before - gap) / f.timestep, mass * 1e-9 / (4 / 3 * math.pi * radius**3)
             pressure, modulus = state[s + at.yield_pressure] * PRESSURE, state[s + at.modulus] * PRESSURE
@@ -138,7 +148,7 @@ def adhesion_callbacks() -> dict[str, Any]:
         state, s = f.plugin_state, f.plugin_stateadr[instance]
         gap, rebound = state[s + at.gap], state[s + at.rebound]
         state[s + at.rebound] = _rebounds_on(rebound > 1, rebound, gap, state[s + at.before])
-        state[s + at.before] = gap
+        state[s + at.closing], state[s + at.before] = (state[s + at.before] - gap) / f.timestep, gap
 
     return {"compute": compute, "advance": advance}
 

@@ -45,15 +45,18 @@ class Fields(NamedTuple):
     body_mass: Any
     timestep: Any
     """[ms], a number."""
+    time: Any
+    """[ms], a number."""
 
 
 def pointer_offsets() -> np.ndarray:
-    """Offsets (18,) of the `Fields` from the start of mjModel or mjData, counted in pointers."""
+    """Offsets (19,) of the `Fields` from the start of mjModel or mjData, counted in pointers."""
     return np.concatenate(
         [
             pointer_indices("mjModel", Fields._fields[:9]),
             pointer_indices("mjData", Fields._fields[9:16]),
             pointer_indices("mjModel", ["body_mass", "opt"]),  # the options begin with the time step
+            pointer_indices("mjData", ["time"]),
         ]
     )
 
@@ -105,4 +108,5 @@ def read_fields(m, d, offsets):
         doubles(d[offsets[15]]),
         doubles(m[offsets[16]]),
         _as_double(m[offsets[17]]),  # pyright: ignore[reportCallIssue]
+        _as_double(d[offsets[18]]),  # pyright: ignore[reportCallIssue]
     )

@@ -59,7 +59,10 @@ ATTRIBUTES = {
 """Attributes of each plugin, in the order of its state."""
 
 COMPUTED = {
-    ADHESION: {"gap": 0.0, "force": 0.0, "before": 0.0, "rebound": 0.0, "impact_speed": 0.0, "impulse": 0.0},
+    ADHESION: {
+        **{"gap": 0.0, "force": 0.0, "before": 0.0, "rebound": 0.0, "impact_speed": 0.0, "impulse": 0.0},
+        **{"closing": 0.0, "last": -1.0, "first": -1.0, "landing_speed": 0.0},
+    },
     ELECTROSTATIC: {
         **{"potential": 1.0, "probe_gap": 0.0, "plate_gap": 0.0, "force": 0.0},
         **{"charge": 0.0, "ball_voltage": 0.0, "broken": 0.0, "to_probe": 0.0, "to_plate": 0.0},
@@ -72,8 +75,10 @@ gap, probe_gap, plate_gap [um]; force [nN], positive towards the surface, or tow
 plate; potential 0 for the plate's and 1 for the probe's, or the nearer of the two in a circuit; charge [fC] and voltage
 of the ball against the plate [V] in a circuit; broken: 1 if the oxide of the present contact broke down; to_probe,
 to_plate: the ball's capacitances [fF]; up, down: the two pulls of which `force` is the difference [nN]. Of impacts:
-before, the gap one step earlier [um]; rebound, 0 no, 1 going on, 2 begins in this step; speed [um/ms] and impulse
-[nN ms] of the last one.
+before, the gap one step earlier [um]; closing, the speed with which it closed then [um/ms]; rebound, 0 no, 1 going on,
+2 begins in this step; speed [um/ms] and impulse [nN ms] of the last one. Of contacts: last and first, times of the last
+and of the first step in contact [ms], -1 for none, and the speed with which the first began [um/ms]. A new first
+one is noted while `first` is below 0.
 """
 
 

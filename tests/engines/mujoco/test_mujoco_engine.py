@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers_crowds import crowd
 from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
+from helpers_touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
@@ -111,7 +112,7 @@ class TestCollisions:
             assert min(abs(g) for g in gap.values()) > 1e-6
             expected = sorted(pair for pair, g in gap.items() if g < 0)
             assert len(expected) > 20
-            assert [tuple(pair) for pair in np.argwhere(touching[world])] == expected
+            assert [tuple(pair) for pair in np.argwhere(pairs_of(touching[world]))] == expected
 
     def test_contacts_of_all_phases_count(self, small):
         """A robot comes, and another one goes."""
@@ -119,7 +120,7 @@ class TestCollisions:
         come, go = np.zeros((2, 1, 3, 3))
         come[0, 0, 0], go[0, 0, 0] = 1.0, -2.0
         motion = engine.engine.move(engine.bodies, [Phase(2, lambda _: come), Phase(4, lambda _: go)], np.ones(1, bool))
-        assert np.argwhere(motion.touching[0]).tolist() == [[0, 1], [0, 2]]
+        assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [0, 2]]
 
     def test_walls_are_no_robots(self, small):
         assert not Worlds(small, [[(EDGE - 0.9, 0, 0), (0, 0, 0)]]).move(np.zeros((1, 2, 3)), 1).touching.any()

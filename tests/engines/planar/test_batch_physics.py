@@ -7,6 +7,7 @@ import pytest
 from helpers_crowds import crowd, partly_absent
 from helpers_planar import both_engines, moved, placed, rounded, same_bits
 from helpers_small import SMALL
+from helpers_touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -57,7 +58,7 @@ class TestCrowds:
         assert not plain.fault.any() and not np.any(batch.fault)
         np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 20)
         np.testing.assert_array_equal(batch.touching, plain.touching)
-        assert plain.touching.sum() > 10 and np.abs(plain.bodies.poses - start - velocity).max() > 0.1
+        assert pairs_of(plain.touching).sum() > 10 and np.abs(plain.bodies.poses - start - velocity).max() > 0.1
 
     def test_velocities_pass_from_step_to_step(self):
         rng = np.random.default_rng(2)
@@ -83,10 +84,10 @@ class TestCrowds:
             assert not np.any(batch.fault)
             if step >= 15:
                 off.append(np.abs(batch.bodies.poses - plain.bodies.poses)[..., :2].max(axis=-1))
-                assert np.not_equal(batch.touching, plain.touching).sum() <= 1
+                assert np.not_equal(pairs_of(batch.touching), pairs_of(plain.touching)).sum() <= 1
             poses = plain.bodies.poses
         assert np.mean(np.array(off) < CLOSE) >= 0.99
-        assert plain.touching.sum() > 90
+        assert pairs_of(plain.touching).sum() > 90
 
 
 class TestWhoMoves:
@@ -98,7 +99,7 @@ class TestWhoMoves:
         np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=1e-4)
         np.testing.assert_array_equal(batch.touching, plain.touching)
         np.testing.assert_array_equal(batch.bodies.poses[:, 25:], rounded(start[:, 25:]))
-        assert plain.touching.sum() > 5
+        assert pairs_of(plain.touching).sum() > 5
 
     def test_worlds_that_do_not_run_keep_their_bodies(self):
         rng, (_, engine) = np.random.default_rng(6), engines()
@@ -131,7 +132,7 @@ class TestPairsInContact:
         phases = [Phase(10, lambda _: together), Phase(10, lambda _: apart)]
         found = [engine.move(placed(engine, start), phases, np.ones(1, bool)) for engine in engines()]
         for motion in found:
-            assert np.argwhere(np.asarray(motion.touching[0])).tolist() == [[0, 1], [2, 3]]
+            assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [2, 3]]
 
     def test_in_whole_control_steps(self):
         rng = np.random.default_rng(8)  # a crowd in which rounding decides at no contact
@@ -146,7 +147,7 @@ class TestPairsInContact:
             )
             np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 10)
             np.testing.assert_array_equal(batch.touching, plain.touching)
-            total, poses = total + plain.touching.sum(), plain.bodies.poses
+            total, poses = total + pairs_of(plain.touching).sum(), plain.bodies.poses
         assert total > 30
 
 
@@ -178,5 +179,5 @@ class TestBits:
         new = rng.permutation(25)
         before, after = both_move(start, velocity)[1], both_move(start[:, new], velocity[:, new])[1]
         np.testing.assert_allclose(after.bodies.poses, before.bodies.poses[:, new], atol=1e-3)
-        either = np.asarray(before.touching | before.touching.transpose(0, 2, 1))[:, new][:, :, new]
-        np.testing.assert_array_equal(after.touching, np.triu(either))
+        either = (pairs_of(before.touching) | pairs_of(before.touching).transpose(0, 2, 1))[:, new][:, :, new]
+        np.testing.assert_array_equal(pairs_of(after.touching), np.triu(either))

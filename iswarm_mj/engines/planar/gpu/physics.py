@@ -38,7 +38,7 @@ def take_steps_in(n_shared: int) -> Callable:
         n_cells: int,
         room_near: int,
         room_contacts: int,
-        touching: wp.array3d(dtype=wp.bool),
+        touching: wp.array3d(dtype=int),
         new_poses: wp.array2d(dtype=wp.vec3),
         new_velocities: wp.array2d(dtype=wp.vec3),
         failure: wp.array(dtype=int),
@@ -58,7 +58,7 @@ def take_steps_in(n_shared: int) -> Callable:
             n_cells: cells along an edge of the arena.
             room_near: places for pairs of robots near each other.
             room_contacts: places for contacts.
-            touching: (B, N, N) in which the pairs in contact in the last step are set, in the upper triangle.
+            touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
             new_poses: (B, N) output.
             new_velocities: (B, N) output.
             failure: (B,) output, bits of `FaultKind`.
@@ -161,12 +161,16 @@ def _integrate(w: World, timestep: float, lane: int):
 
 
 @wp.func
-def _mark(w: World, touching: wp.array2d(dtype=wp.bool), lane: int):
-    """Set the pairs of robots in contact."""
-    for k in range(lane, n_contacts(w), wp.block_dim()):
-        bodies, numbers = bodies_of(w, k), numbers_of(w, k)
+def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
+    """Add the pairs of robots in contact, the same way in any order: the lesser of two partners moves on."""
+    for c in range(lane, n_contacts(w), wp.block_dim()):
+        bodies, numbers = bodies_of(w, c), numbers_of(w, c)
         if bodies[0] < w.place.shape[0] and numbers[N_ROWS] > 0.0:
-            touching[bodies[0], bodies[1]] = True
+            partner, k = int(bodies[1]), int(0)
+            while partner > 0 and k < touching.shape[0]:
+                found = wp.atomic_max(touching, k, bodies[0], partner)
+                partner = wp.where(found == partner, 0, wp.min(found, partner))
+                k += 1
 
 
 def rooms(n_robots: int, n_boxes: int) -> tuple[int, int]:
@@ -176,8 +180,9 @@ def rooms(n_robots: int, n_boxes: int) -> tuple[int, int]:
     return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed
 
 
-def places(n_worlds: int, n_robots: int, n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
-    """Sizes of the outputs of `take_steps`."""
+def places(touching: tuple[int, ...], n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
+    """Sizes of the outputs of `take_steps`, from that of the partners (B, K, N)."""
+    n_worlds, _, n_robots = touching
     n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots, n_boxes)), (n_worlds, n_robots)
-    sizes = {"touching": (n_worlds, n_robots, n_robots), "new_poses": robots, "new_velocities": robots}
+    sizes = {"touching": touching, "new_poses": robots, "new_velocities": robots}
     return sizes | {"failure": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}

@@ -38,8 +38,8 @@ def find_light(
         points: (5 S, 2) see `reception.points_of`.
         boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
         n_near: (B, N) of `surroundings.look_around`.
-        near: (B, N, N) likewise.
-        effective: (B, N, N) likewise.
+        near: (B, M, N) likewise.
+        effective: (B, M, N) likewise.
         sender: (B, N, S, K) output, of the K nearest in sight, as the next four: see `sensors.links.Links`.
         valid: likewise.
         led: likewise.

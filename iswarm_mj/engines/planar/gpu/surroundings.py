@@ -1,5 +1,6 @@
 """Robots near each robot, in many worlds on a GPU."""
 
+import math
 from typing import Any
 
 import warp as wp
@@ -8,6 +9,7 @@ from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import Cells, around, fill
 from iswarm_mj.engines.planar.gpu.functions import light_in, plane_in, view
 from iswarm_mj.engines.planar.gpu.world import heading
+from iswarm_mj.engines.planar.plane import Plane
 
 _hear = view.hear
 
@@ -73,8 +75,8 @@ def look_around(
         points: (5 S, 2) see `reception.points_of`.
         within: distance of the robots that are listed [mm].
         n_near: (B, N) output, length of the list of each place in `robot`.
-        near: (B, N, N) output, of each entry and place, see `in_sight.hear`.
-        effective: (B, N, N) output, effective distance, infinite without light [mm].
+        near: (B, M, N) output, of each entry and place, see `in_sight.hear`; those beyond M are left out.
+        effective: (B, M, N) output, effective distance, infinite without light [mm].
     """
     world, slot = wp.tid()
     i, n = robot[world, slot], int(0)  # threads side by side have robots side by side, with as much to do
@@ -91,7 +93,7 @@ def look_around(
                 q = place[world, j]
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
-                if j != i and squared <= within * within:
+                if j != i and squared <= within * within and n < near.shape[1]:
                     code, distance = _hear(p, q, j, squared, emits[world, j], light, points)
                     near[world, n, slot] = code
                     effective[world, n, slot] = distance
@@ -105,7 +107,8 @@ def cell_places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> d
     return {"place": robots, "end": (n_worlds, n_cells, n_cells), "robot": robots, "total": (n_worlds, n_threads + 1)}
 
 
-def near_places(n_worlds: int, n_robots: int) -> dict[str, Any]:
-    """Sizes of the outputs of `look_around`."""
-    pairs = n_worlds, max(1, n_robots - 1), n_robots
+def near_places(n_worlds: int, n_robots: int, within: float, plane: Plane) -> dict[str, Any]:
+    """Sizes of the outputs of `look_around`: for all robots, or for twice as many as find room `within` a distance."""
+    fitting = math.pi * (within + plane.radius) ** 2 / (4 * plane.half_x * plane.half_y)
+    pairs = n_worlds, max(1, min(n_robots - 1, math.ceil(2 * fitting))), n_robots
     return {"n_near": (n_worlds, n_robots), "near": pairs, "effective": pairs}

@@ -21,7 +21,7 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
 
 FEW = ["--generations=2", "--population=3", "--steps=5", "--workers=1", "--engine=planar", *FLAGS]
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 WRITING = {
     "clean": lambda out, _: ["clean", *SMALL, "--steps=70", "--engine=planar", f"--out={out}"],
@@ -48,8 +48,7 @@ LONG = {
     "clean planar": lambda out, _: [
         "clean", *ENDLESS, "--worlds=4", "--record-worlds", "1", "3", "--engine=planar", f"--out={out}",
     ],
-    "clean mjx": lambda out, _: ["clean", *FLAGS, "--robots=9", "--steps=10000", "--engine=mjx", f"--out={out}"],
-    "bench": lambda out, _: ["bench", *ENDLESS, "--engine=planar", "--record"],
+    "bench": lambda out, _: ["bench", *ENDLESS, "--engine=planar"],
     "evolve": lambda out, _: [
         "evolve", "--generations=100", "--population=4", "--steps=50", "--engine=planar", "--workers=2", *FLAGS,
         f"--out={out}",
@@ -61,11 +60,9 @@ LONG = {
     "experiment": lambda out, _: [
         "experiment", "hop-count", "--engine=planar", "--workers=2", *FLAGS, "--quick", f"--out={out}",
     ],
-    "infer": lambda out, _: ["infer", "--quick", "--engine=planar", "--workers=2", f"--out={out}"],
     "reproduce": lambda out, _: ["reproduce", "--quick", "--engine=planar", "--workers=2", f"--out={out}"],
     "grasp": lambda out, _: ["grasp", "--repeats=100", "--threads=1", f"--out={out}"],
     "report": lambda out, _: ["report", "--results", str(ROOT / "results"), f"--out={out}/a.html"],
-    "picture": lambda out, run: ["picture", str(run), "--width=4096", "--height=999", "--step=1", f"--out={out}/a.png"],
     "video": lambda out, run: ["video", str(run), "--frames-per-step=24", f"--out={out}/a.mp4"],
 }  # fmt: skip
 """Long commands, likewise."""

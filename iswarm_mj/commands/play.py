@@ -1,0 +1,50 @@
+"""`iswarm play`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from iswarm_mj.commands.swarm import WithTask
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.constraints import Within
+
+
+@dataclass(frozen=True)
+class Play(WithTask):
+    """Show a swarm in the browser while it runs, and change its rules, noise, robots and balls."""
+
+    MAIN: ClassVar = ("task_name", "controller", "robots", "genome", "seed", "engine", "port", "changes", "out")
+
+    worlds: Annotated[int, Within(1, 1)] = 1
+    """The page shows one world."""
+    port: Annotated[int, Within(1024, 65_535)] = 8080
+    """Where the page is, on this machine alone; the first port from there on that is free."""
+    open: bool = True
+    """Open the page in the browser, where there is one."""
+    changes: tuple[str, ...] = ()
+    """What changes after so many control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT, STEP:revive=ROBOT or
+    STEP:ball=X,Y [rd]."""
+    out: Path = Path("runs/play")
+    """Directory for recordings that are made on the page."""
+
+    def run(self) -> None:
+        """Run the command."""
+        config, genome, n_robots = self.checked()
+        from iswarm_mj.player.changes import Change
+        from iswarm_mj.player.scenario import Scenario
+        from iswarm_mj.player.serve import serve
+
+        is_genome = self.own is None or isinstance(self.own, Genome)
+        scenario = Scenario(
+            config,
+            genome,
+            None if is_genome else self.own,
+            self.task,
+            self.robots if self.density is None else n_robots,
+            self.seed,
+            self.engine_settings(1),
+            self.robot,
+            None if is_genome else self.controller,
+            self.task_name,
+        )
+        serve(scenario, [Change.parse(text) for text in self.changes], self.out, self.port, self.open)

@@ -1,0 +1,117 @@
+"""What is changed while a run goes on: settings, dead robots, balls. With it a run can be repeated bit by bit."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.state import SwarmState
+from iswarm_mj.tasks.protocol import balls_of
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import mm_from_rd
+
+EDITS = KILL, REVIVE, BALL = "kill", "revive", "ball"
+"""Changes that are no settings: of a robot by its number; a ball comes to lie at x,y [rd]."""
+
+
+class Change(NamedTuple):
+    """A change after so many control steps, as text `40:p_vector_forget=0.5`, `52:kill=17` or `60:ball=3.5,-2`."""
+
+    step: int
+    what: str
+    """Name of a setting, or one of `KILL`, `REVIVE` and `BALL`."""
+    value: str
+
+    def __str__(self) -> str:
+        return f"{self.step}:{self.what}={self.value}"
+
+    @classmethod
+    def parse(cls, text: str) -> "Change":
+        """Return the change that a text describes.
+
+        Raises:
+            UserError: it describes none.
+        """
+        step, _, rest = text.partition(":")
+        what, equals, value = rest.partition("=")
+        if not (step.isascii() and step.isdigit() and what and equals):
+            raise UserError(f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})")
+        return cls(int(step), what.replace("-", "_"), value)
+
+    def number(self) -> int:
+        """Return the robot that it is about.
+
+        Raises:
+            UserError: the value is no number.
+        """
+        if not self.value.isdigit():
+            raise UserError(f"the change {self} must name a robot by its number")
+        return int(self.value)
+
+    def place(self) -> tuple[float, float]:
+        """Return where the ball is to lie [rd].
+
+        Raises:
+            UserError: the value is no place.
+        """
+        try:
+            x, y = map(float, self.value.split(","))
+        except ValueError:
+            raise UserError(f"the change {self} must name a place, as 60:ball=3.5,-2") from None
+        return x, y
+
+
+def edit(run: Run, change: Change) -> None:
+    """Change the robots or the balls of a run's first world.
+
+    Raises:
+        UserError: there is no such robot, place or ball.
+    """
+    if change.what == BALL:
+        x, y = change.place()
+        half = run.config.arena.size / 2
+        if max(abs(x), abs(y)) > half:
+            raise UserError(f"a ball must lie within the walls, up to {half:g} rd from the centre (got {change})")
+        run.edit(partial(_with_ball, np.array(mm_from_rd(np.array([x, y])), np.float32), run))
+        return
+    robot = change.number()
+    if robot >= run.settings.n_robots:
+        raise UserError(f"there is no robot {robot}; they are numbered 0 to {run.settings.n_robots - 1}")
+    run.edit(partial(_with_life, robot, change.what == REVIVE))
+
+
+def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
+    alive = np.array(swarm.is_alive)
+    alive[0, robot] = is_alive
+    return swarm._replace(is_alive=alive)
+
+
+def _with_ball(place: np.ndarray, run: Run, swarm: SwarmState) -> SwarmState:
+    """The delivered ball that is farthest from a place, or else the farthest one on the floor, lies there."""
+    balls = balls_of(run.task, swarm.task)
+    if balls is None or not len(balls.radius[0]):
+        raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
+    delivered, held = np.asarray(balls.is_delivered[0]), np.asarray(balls.is_held[0])
+    free = delivered if delivered.any() else ~held
+    if not free.any():
+        raise UserError("robots hold all balls; wait until one is delivered")
+    distance = np.linalg.norm(np.asarray(balls.position[0]) - place, axis=-1)
+    ball = int(np.argmax(np.where(free, distance, -1.0)))
+    moved = _balls_changed(lambda b: _laid(b, ball, place), swarm.task)
+    return swarm._replace(task=moved)
+
+
+def _laid(balls: Balls, ball: int, place: np.ndarray) -> Balls:
+    position, delivered, wait = (np.array(a) for a in (balls.position, balls.is_delivered, balls.wait))
+    position[0, ball], delivered[0, ball], wait[0, ball] = place, False, 0
+    return balls._replace(position=position, is_delivered=delivered, wait=wait)
+
+
+def _balls_changed(change: Callable[[Balls], Balls], state: Any) -> Any:
+    """A task's state in which its balls are changed, wherever they are in it."""
+    is_balls = lambda part: isinstance(part, Balls)  # noqa: E731
+    return jax.tree.map(lambda part: change(part) if is_balls(part) else part, state, is_leaf=is_balls)

@@ -1,0 +1,150 @@
+"""The page: a server on this machine alone, a thread that simulates, and a loop that draws."""
+
+import io
+import math
+import threading
+import time
+from contextlib import redirect_stdout
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.output import shapes
+from iswarm_mj.player import view as look
+from iswarm_mj.player.bench import Bench
+from iswarm_mj.player.panel import GRIPPER, Panel
+from iswarm_mj.player.session import Session
+from iswarm_mj.player.view import SwarmView
+
+HOST, PORT = "127.0.0.1", 8080
+"""Where the page is; the first port from there on that is free."""
+FRAME_S, PANEL_S = 1 / 25, 0.3
+"""Between two drawings of the swarm, and of the panel [s]."""
+
+
+def open_server(port: int = PORT) -> Any:
+    """Return a viser server that listens to this machine alone, and that nobody can ask to be reached from outside."""
+    import viser
+
+    class Server(viser.ViserServer):
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            """Refuse, as viser would offer the page to the internet."""
+            return None
+
+    with redirect_stdout(io.StringIO()):  # it prints its address in a frame
+        return Server(host=HOST, port=port, label="iswarm play", verbose=False)
+
+
+def close_server(server: Any) -> None:
+    """End a server."""
+    with redirect_stdout(io.StringIO()):  # it prints that it stopped
+        server.stop()
+
+
+class Page:
+    """A session in the browser; `close` ends it.
+
+    Attributes:
+        session: that is shown.
+        url: of the page.
+    """
+
+    def __init__(self, session: Session, port: int = PORT):
+        """Open the page."""
+        self.session, self._server = session, open_server(port)
+        self.url = f"http://{HOST}:{self._server.get_port()}"
+        session.shown = 0.0
+        server = self._server
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(380)
+        look.light(server.scene)
+        self._view = SwarmView(server.scene, session.scene)
+        look.aim(server.initial_camera, session.scene)
+        size = session.scene.arena_size * shapes.MILLIMETRES
+        self._panel = Panel(server.gui, session, lambda: self._view, lambda: Bench(server, size / 6))
+        self._panel.looks.on_update(lambda _: self._turn_to(self._panel.looks.value))
+        self._panel.rebuild()
+        self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
+        server.scene.on_click()(self._clicked)
+        self._error: BaseException | None = None
+        self._stop = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._loop, args=(work,), daemon=True) for work in (session.work, self._tick)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _loop(self, work: Any) -> None:
+        try:
+            while not self._stop.is_set():
+                if not work():
+                    time.sleep(0.005)
+        except BaseException as error:
+            self._error = error
+            self._stop.set()
+
+    def wait(self) -> None:
+        """Serve until an exception, such as that of Ctrl-C; raise what ended the simulation."""
+        while not self._stop.wait(0.2):
+            pass
+        if self._error is not None:
+            raise self._error
+
+    def close(self) -> None:
+        """End the session, complete its recording, and close the page."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+        self.session.stop_recording()
+        close_server(self._server)
+
+    def _tick(self) -> bool:
+        """Draw what is due; return whether the next drawing is due, too."""
+        now = time.monotonic()
+        if now - self._time < FRAME_S:
+            return False
+        elapsed, self._time = now - self._time, now
+        session = self.session
+        if session.version != self._version:
+            self._version = session.version
+            by, shows = self._view.by, self._view.shows
+            self._view = SwarmView(self._server.scene, session.scene)
+            self._view.by, self._view.shows, self._view.visible = by, shows, not self._panel.bench.visible
+            session.shown = 0.0
+            self._panel.rebuild()
+        past = list(session.snapshots)
+        latest = past[-1].step
+        speed = min(self._panel.speed, session.rate) if session.is_playing else self._panel.speed
+        session.shown = min(latest, max(session.shown + elapsed * speed, latest - 3))
+        past = [one for one in past if one.step < session.shown + 1]
+        share = session.shown - past[-1].step + 1
+        with self._server.atomic():
+            self._view.show([one.frames for one in past], share, session.is_alive, past[-1].energy)
+        while not session.messages.empty():
+            text = session.messages.get()
+            for client in self._server.get_clients().values():
+                client.add_notification("Not possible", text, color="red", auto_close_seconds=10)
+            self._panel.synchronise()
+        if self._panel.bench.visible:
+            self._panel.bench.show()
+        if now - self._panel_at > PANEL_S:
+            self._panel_at = now
+            self._panel.update()
+        return False
+
+    def _turn_to(self, shown: str) -> None:
+        """Show the swarm or the bench, and let all browsers look at it."""
+        is_bench = shown == GRIPPER
+        self._panel.bench.visible, self._view.visible = is_bench, not is_bench
+        for client in self._server.get_clients().values():
+            look.aim(client.camera, self.session.scene, is_bench)
+        look.aim(self._server.initial_camera, self.session.scene, is_bench)
+
+    def _clicked(self, event: Any) -> None:
+        """Find the place on the robots' tops that was clicked on."""
+        origin, way = np.array(event.ray_origin), np.array(event.ray_direction)
+        length, _, height = np.asarray(self.session.scene.robot_size) * shapes.MILLIMETRES
+        if way[2] < 0 and self._view.visible:
+            x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
+            self._panel.clicked(float(x), float(y), 0.8 * float(length))

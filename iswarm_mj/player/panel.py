@@ -1,0 +1,227 @@
+"""The panel beside the swarm: buttons, controls made from declared settings, plots, and a robot's memory."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from iswarm_mj.output.palette import BLUE
+from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.changes import BALL, KILL, REVIVE
+from iswarm_mj.player.controls import Control, controls
+from iswarm_mj.player.inspection import described
+from iswarm_mj.player.session import Session
+from iswarm_mj.player.view import SwarmView
+from iswarm_mj.player.widgets import copied, show, spots, widget
+from iswarm_mj.utils.units import RD
+
+SELECT, DROP, LIFE = "select a robot", "drop a ball", "kill or revive a robot"
+"""What a click on the arena does."""
+SWARM, GRIPPER = "the swarm", "the gripper's bench"
+"""What the scene shows."""
+FASTEST = 60
+"""Control steps a second at most."""
+_OPEN = ("Rules of", "World", "Task")
+
+
+class Panel:
+    """Controls of a session; each is the same in all browsers.
+
+    Attributes:
+        looks: choice of what the scene shows.
+        bench: of the gripper.
+        speed: control steps a second that are wanted.
+        click: what a click on the arena does.
+    """
+
+    def __init__(self, gui: Any, session: Session, view: Callable[[], SwarmView], make_bench: Callable[[], Any]):
+        """Make the controls.
+
+        Args:
+            gui: of a viser server.
+            session: that they act on.
+            view: returns the present view of the swarm.
+            make_bench: makes the gripper's bench, whose controls are a part of the panel.
+        """
+        self._gui, self._session, self._present = gui, session, view
+        self.looks = gui.add_dropdown("show", (SWARM, GRIPPER))
+        self._play = gui.add_button("Play", icon="player-play", color="green")
+        self._play.on_click(lambda _: session.post(self._toggled))
+        more = gui.add_button_group("run", ("Step", "Reset"))
+        more.on_click(lambda _: session.post({"Step": self._stepped, "Reset": session.reset}[more.value]))
+        speed = gui.add_slider("speed [steps/s]", 1, FASTEST, 1, 10)
+        self.speed = float(speed.value)
+        speed.on_update(lambda _: setattr(self, "speed", float(speed.value)))
+        self._status = gui.add_markdown("")
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Watch"):
+            self._watch()
+        self._rules, self._world = tabs.add_tab("Rules"), tabs.add_tab("World")
+        with tabs.add_tab("Robot"):
+            self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
+        with tabs.add_tab("Gripper"):
+            self.bench = make_bench()
+        with tabs.add_tab("Share"):
+            self._share()
+        self._handles: dict[str, Any] = {}
+        self._layout: list[str] = []
+        self._shown: tuple[Any, ...] = ()
+        self._plots: dict[str, Any] = {}
+        self.click = SELECT
+
+    @property
+    def view(self) -> SwarmView:
+        """The present view of the swarm."""
+        return self._present()
+
+    @property
+    def described(self) -> str:
+        """What is shown of the selected robot."""
+        return self._robot.content
+
+    def _toggled(self) -> None:
+        self._session.is_playing = not self._session.is_playing
+
+    def _stepped(self) -> None:
+        self._session.is_playing = False
+        self._session.advance()
+
+    def _watch(self) -> None:
+        """What is drawn, its legend, and the plots."""
+        gui = self._gui
+        self._by = gui.add_dropdown("colour by", (arrays.STATE,))
+        self._by.on_update(lambda _: setattr(self.view, "by", self._by.value))
+        self._draws = gui.add_button_group("draw", ("links", "trails"))
+        self._draws.on_click(lambda _: self.view.toggle(self._draws.value))
+        click = gui.add_dropdown("a click can", (SELECT, DROP, LIFE))
+        click.on_update(lambda _: setattr(self, "click", click.value))
+        self._legend = gui.add_html("")
+        self._graphs = gui.add_folder("Plots over control steps")
+
+    def _share(self) -> None:
+        gui, session = self._gui, self._session
+        gui.add_markdown("This command repeats the run so far, bit by bit.")
+        self._command = gui.add_html("")
+        gui.add_button("Save as TOML", icon="download").on_click(
+            lambda event: event.client and event.client.send_file_download("play.toml", session.toml().encode())
+        )
+        record = gui.add_checkbox("record for Rerun", False)
+        place = gui.add_markdown("")
+
+        def recorded() -> None:
+            if record.value:
+                place.content = f"Recording to `{session.start_recording()}`."
+            else:
+                session.stop_recording()
+                place.content += " Saved; open it with `rerun`."
+
+        record.on_update(lambda _: session.post(recorded))
+
+    def rebuild(self) -> None:
+        """Show the controls, the ways to colour and the plots of the present run."""
+        session, view = self._session, self.view
+        wanted = controls(session.wanted)
+        layout = [control.name for control in wanted]
+        if layout != self._layout:
+            for handle in self._handles.values():
+                handle.remove()
+            self._layout, self._handles, folders = layout, {}, {}
+            for control in wanted:
+                is_rule = control.is_live
+                key = (is_rule, control.group)
+                if key not in folders:
+                    with self._rules if is_rule else self._world:
+                        is_open = control.group.startswith(_OPEN)
+                        folders[key] = self._gui.add_folder(control.group, expand_by_default=is_open)
+                        self._handles[f"/{key}"] = folders[key]
+                with folders[key]:
+                    self._handles[control.name] = widget(self._gui, control, partial(self._moved, control))
+        self.synchronise()
+        energy = session.snapshots[-1].record.swarm.energy
+        ways = arrays.ways_to_colour(session.scene, session.snapshots[-1].frames, energy is not None)
+        self._by.options = tuple(ways)
+        view.by = self._by.value
+        self._draws.options = ("links", "trails", *view.vectors)
+        for plot in self._plots.values():
+            plot.remove()
+        self._plots = {}
+
+    def synchronise(self) -> None:
+        """Show the values of the present settings."""
+        for control in controls(self._session.wanted):
+            handle = self._handles.get(control.name)
+            if handle is not None and handle.value != control.value:
+                handle.value = control.value
+
+    def _moved(self, control: Control, value: Any) -> None:
+        text = str(value).lower() if isinstance(control.value, bool) else str(type(control.value)(value))
+        self._session.post(lambda: self._session.set(control.name, text))
+
+    def clicked(self, x: float, y: float, radius: float) -> None:
+        """Act on a click on the floor at a place [mm]; robots nearer than a radius are meant."""
+        session, view = self._session, self.view
+        pose = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
+        distance = np.linalg.norm(pose - np.array([x, y]), axis=-1)
+        robot = int(distance.argmin())
+        is_hit = distance[robot] <= radius
+        if self.click == DROP:
+            session.post(lambda: session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}"))
+        elif self.click == LIFE and is_hit:
+            what = KILL if session.is_alive[robot] else REVIVE
+            session.post(lambda: session.change(what, str(robot)))
+        else:
+            view.selected = robot if is_hit else None
+
+    def update(self) -> None:
+        """Show the state of the session; a few times a second."""
+        session, view = self._session, self.view
+        snapshot = session.snapshots[-1]
+        label, icon, colour = (
+            ("Pause", "player-pause", "orange") if session.is_playing else ("Play", "player-play", "green")
+        )
+        if self._play.label != label:
+            self._play.label, self._play.icon, self._play.color = label, icon, colour
+        pending = [
+            c.label for c, d in zip(controls(session.wanted), controls(session.now), strict=False) if c.value != d.value
+        ]
+        lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots"]
+        if session.is_busy and math.isinf(session.rate):
+            lines.append("Compiling the first control step; it is kept for the next run of this size.")
+        elif math.isfinite(session.rate):
+            lines[0] += f" · up to {session.rate:.0f} steps/s"
+        if session.is_over:
+            lines.append("Nothing is left to do.")
+        if pending:
+            lines.append(f"**Reset** applies: {', '.join(pending)}.")
+        show(self._status, "content", "\n\n".join(lines))
+        show(self._legend, "content", spots(arrays.legend(session.scene, view.by, session.is_alive)))
+        show(self._command, "content", copied(session.command()))
+        if view.selected is not None:
+            show(
+                self._robot,
+                "content",
+                described(session.scene, snapshot.frames, snapshot.record.swarm.memory, view.selected),
+            )
+        if (key := (session.version, session.step)) != self._shown:
+            self._shown = key
+            self._draw_plots()
+
+    def _draw_plots(self) -> None:
+        lines = dict(self._session.lines)
+        steps = np.array(lines.pop("step"))
+        for name, values in lines.items():
+            data = (steps[: len(values)], np.array(values[: len(steps)]))
+            if name in self._plots:
+                self._plots[name].data = data
+            elif len(values) > 1:
+                with self._graphs:
+                    self._plots[name] = self._gui.add_uplot(
+                        data,
+                        ({"label": "step"}, {"label": name, "stroke": BLUE, "width": 2, "points": {"show": False}}),
+                        title=name.replace("_", " "),
+                        scales={"x": {"time": False}},
+                        legend={"show": False},
+                        height=130,
+                    )

@@ -1,0 +1,114 @@
+"""A recorded run as one HTML file, which opens without a server and without this package."""
+
+import html
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from iswarm_mj.output.palette import Rgb
+from iswarm_mj.output.saved import SavedRun
+from iswarm_mj.output.schema import ARRAYS, Frames
+from iswarm_mj.output.shapes import TRAIL_FRAMES
+from iswarm_mj.output.trajectory import AREA, METRIC
+from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.page import close_server, open_server
+from iswarm_mj.player.view import SwarmView, aim, light
+from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.files import atomic_write
+
+Draw = Callable[[Any], Iterator[float]]
+"""Draws what changes on a server, and yields how long each picture is shown [s]."""
+
+
+class Film(NamedTuple):
+    """Which part of a run a replay shows, and how."""
+
+    first: int = 0
+    """Control step."""
+    last: int | None = None
+    """Control step; None for the last one."""
+    speed: float = 8.0
+    """Control steps a second."""
+    frames_per_step: int = 2
+    """Pictures for each control step."""
+    by: str = arrays.STATE
+    """What colours robots, see `scene.ways_to_colour`."""
+    draws: tuple[str, ...] = ("links",)
+    """Of links, trails and the names of vectors."""
+    title: str = ""
+    dark: bool = False
+
+
+def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
+    """Return what draws the first recorded world of a run, and its legend.
+
+    Raises:
+        ConfigError: the run has no such steps, or no such colours.
+    """
+    scene, known = run.scene, {*ARRAYS, *run.scene.memory_names}
+    frames = Frames.of({k: v for k, v in run.arrays.items() if k in known or k.startswith((AREA, METRIC))})
+    end = int(frames.step[-1])
+    last = end if film.last is None else film.last
+    check("last", last, f"a control step after the first one, up to {end}", film.first < last <= end)
+    ways = arrays.ways_to_colour(scene, frames[:1], False)
+    check("colour_by", film.by, f"one of {', '.join(ways)}", film.by in ways)
+
+    def draw(server: Any) -> Iterator[float]:
+        aim(server.initial_camera, scene)
+        view = SwarmView(server.scene, scene)
+        view.by, view.shows, view.is_coarse = film.by, set(film.draws), True
+        each = film.frames_per_step
+        for picture in range(film.first * each, last * each + 1):
+            step, part = divmod(picture, each)
+            past = range(max(0, step + bool(part) - TRAIL_FRAMES), step + bool(part) + 1)
+            shown = [frames[k : k + 1] for k in past]
+            view.show(shown, part / each if part else 1.0, np.asarray(scene.is_alive))
+            yield 1 / (film.speed * each)
+
+    return draw, arrays.legend(scene, film.by, np.asarray(scene.is_alive))
+
+
+def serialized(draw: Draw) -> Any:
+    """Return viser's serializer of all that is drawn, whose `as_html` is a page and `serialize` the data alone."""
+    server = open_server()
+    try:
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        light(server.scene)
+        found = server.get_scene_serializer()
+        for seconds in draw(server):
+            found.insert_sleep(seconds)
+        return found
+    finally:
+        close_server(server)
+
+
+def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = False) -> str:
+    """Return the HTML of a replay."""
+    spots = " ".join(
+        f'<span><i style="background:rgb{colour}"></i>{html.escape(label)}</span>' for label, colour in legend if label
+    )
+    ink, paper = ("#eee", "rgba(30,30,30,.75)") if dark else ("#222", "rgba(255,255,255,.8)")
+    about = f"""<style>
+#about {{ position: fixed; top: 0; left: 0; right: 0; z-index: 10; pointer-events: none; padding: .5rem .8rem;
+  font: 13px/1.5 system-ui, sans-serif; color: {ink}; background: {paper}; }}
+#about span {{ white-space: nowrap; margin-right: .7em; }}
+#about i {{ display: inline-block; width: .75em; height: .75em; border-radius: 2px; margin-right: .3em; }}
+</style><div id="about"><b>{html.escape(title)}</b> {spots}</div>"""
+    text = serialized(draw).as_html(dark_mode=dark)
+    text = re.sub("<title>.*?</title>", lambda _: f"<title>{html.escape(title)}</title>", text, count=1)
+    return text.replace("<body>", f"<body>{about}", 1)
+
+
+def write_replay(run: SavedRun, film: Film, out: Path) -> None:
+    """Write the replay of a run, whole or not at all.
+
+    Raises:
+        UserError: the run has no such steps, or the file cannot be written.
+    """
+    draw, legend = swarm_film(run, film)
+    text = page(draw, legend, film.title or f"{len(run.scene.is_alive)} robots, {run.path.name}", film.dark)
+    with atomic_write(out) as part:
+        part.write_text(text, encoding="utf-8")

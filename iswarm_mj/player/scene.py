@@ -1,0 +1,133 @@
+"""What the page draws of a swarm, as arrays in millimetres: robots, balls, lines and arrows between two steps."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from iswarm_mj.output import shapes
+from iswarm_mj.output.memory import hop_colours, hop_counts, numbers, vectors
+from iswarm_mj.output.message_columns import shown_fields
+from iswarm_mj.output.palette import Rgb
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.swarm_classes import BALL_CLASSES, ROBOT_CLASSES, robot_classes
+from iswarm_mj.output.trajectory import AREA, Scene
+
+STATE, ENERGY = "state", "energy"
+"""Ways to colour robots; others are `hops to NAME`, `remembers NAME` and `says NAME`."""
+DEAD: Rgb = (70, 70, 70)
+_TOP = 15
+"""Hop count whose colour is the brightest."""
+
+
+class Moment(NamedTuple):
+    """What is shown at a time between two control steps."""
+
+    centre: Float[np.ndarray, "N 3"]
+    """Of the robots."""
+    yaw: Float[np.ndarray, "N"]
+    ball: Float[np.ndarray, "K 3"]
+    ball_colour: UInt8[np.ndarray, "K 3"]
+    areas: dict[str, Float[np.ndarray, "A 3"]]
+    """x, y and half the width, or the radius, of the task's areas by their names."""
+
+
+def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
+    """Return what is shown after a share of a control step; poses in between are interpolated."""
+    pose = before.pose + np.float32(share) * (after.pose - before.pose)
+    centre = shapes.centres(scene, pose)[0]
+    balls = [shapes.ball_centres(scene, frames)[0][0] for frames in (before, after)]
+    is_there = np.linalg.norm(balls[1] - balls[0], axis=-1, keepdims=True) < 5 * scene.robot_size[0] * 1e3
+    ball = np.where(is_there, balls[0] + share * (balls[1] - balls[0]), balls[1])
+    held = after.ball_state[0] == 1
+    ball[held, 2] += 1.2 * scene.robot_size[2] * shapes.MILLIMETRES
+    colours = np.array([colour for *_, colour in BALL_CLASSES], np.uint8)
+    areas = {name: after.task[AREA + name][0] * shapes.MILLIMETRES for name in scene.area_names}
+    return Moment(centre, pose[0, :, 2], ball.astype(np.float32), colours[after.ball_state[0]], areas)
+
+
+def links(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> tuple[np.ndarray, Bool[np.ndarray, "L"]]:
+    """Return the ends of links (L, 2, 3), and whether each message was heard."""
+    return shapes.link_ends(frames, centre[None]), frames.link_heard[frames.link_valid]
+
+
+def arrows(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> dict[str, Float[np.ndarray, "M 2 3"]]:
+    """Return the ends of the arrows of what robots remember, by the names of the vectors."""
+    found = {}
+    for vector in vectors(scene.memory):
+        origins, ways, _ = shapes.arrows(scene, frames, vector, centre[None])
+        found[vector.stem] = np.stack([origins, origins + ways], axis=1)
+    return found
+
+
+def trails(scene: Scene, past: Sequence[Frames]) -> Float[np.ndarray, "S 2 3"]:
+    """Return the segments of the trails of robots that are loaded in the last of some frames."""
+    history = shapes.centres(scene, np.concatenate([frames.pose for frames in past]))
+    points, lengths = shapes.trails(past[-1].is_loaded, history, len(past) - 1)
+    is_last = np.zeros(len(points), bool)
+    is_last[np.cumsum(lengths) - 1] = True
+    starts = np.flatnonzero(~is_last)
+    return np.stack([points[starts], points[starts + 1]], axis=1)
+
+
+def ways_to_colour(scene: Scene, frames: Frames, has_energy: bool) -> list[str]:
+    """Return the ways in which the robots of a scene can be coloured."""
+    hops = [f"hops to {v.stem}" for v in vectors(scene.memory) if v.hop in scene.memory_names]
+    said = [f"says {name.removeprefix('said_')}" for name in shown_fields(scene, frames.message)]
+    remembered = [f"remembers {name}" for name in numbers(scene)]
+    return [STATE, *hops, *said, *remembered, *[ENERGY] * has_energy]
+
+
+def colours(
+    scene: Scene, frames: Frames, is_alive: Bool[np.ndarray, "N"], by: str, energy: np.ndarray | None = None
+) -> UInt8[np.ndarray, "N 3"]:
+    """Return the colours of the robots.
+
+    Args:
+        scene: of the world.
+        frames: one frame.
+        is_alive: the dead are dark grey.
+        by: one of `ways_to_colour`.
+        energy: in the capacitors (N,) [J], where there are some.
+    """
+    found = _by_state(scene, frames) if by == STATE else _by_number(_numbers(scene, frames, by, energy))
+    return np.where(is_alive[:, None], found, np.array(DEAD, np.uint8))
+
+
+def _by_state(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "N 3"]:
+    classes = robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)[0]
+    return np.array([colour for *_, colour in ROBOT_CLASSES], np.uint8)[classes]
+
+
+def _numbers(scene: Scene, frames: Frames, by: str, energy: np.ndarray | None) -> Float[np.ndarray, "N"]:
+    """Numbers of robots from 0 to 15, -1 for none."""
+    for vector in vectors(scene.memory):
+        if by == f"hops to {vector.stem}":
+            return hop_counts(frames, vector)[0]
+    said = {f"says {name.removeprefix('said_')}": v for name, v in shown_fields(scene, frames.message).items()}
+    remembered = {f"remembers {name}": frames.memory[name] for name in numbers(scene)}
+    values = {ENERGY: energy} if energy is not None else {}
+    found = np.asarray((said | remembered)[by][0] if by not in values else values[by], float)
+    found = found.reshape(len(scene.is_alive), -1)[:, 0]
+    low, high = found.min(), found.max()
+    return _TOP * (found - low) / (high - low) if high > low else 0 * found
+
+
+def _by_number(values: Float[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
+    words = hop_colours(np.rint(values).astype(np.int8))
+    return np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
+
+
+def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "N"]) -> list[tuple[str, Rgb]]:
+    """Return what the colours mean: labels and colours of robots and balls."""
+    if by == STATE:
+        there = {0, 1, *((2, 3) if np.any(scene.is_scout) else ()), *((4, 5) if len(scene.ball_radius) else ())}
+        robots = [(label, colour) for place, label, colour in ROBOT_CLASSES if place in there]
+    else:
+        words = hop_colours(np.array([-1, 0, 5, 10, 15], np.int8))
+        names = ("none", "0 or least", "", "", "15 or most")
+        robots = [(n, (int(w) >> 24, int(w) >> 16 & 255, int(w) >> 8 & 255)) for n, w in zip(names, words, strict=True)]
+    robots += [] if np.all(is_alive) else [("dead", DEAD)]
+    balls = [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES] if len(scene.ball_radius) else []
+    return robots + balls

@@ -1,0 +1,244 @@
+"""A run that can be played with: a plain object that one thread works on, and that others post to."""
+
+import copy
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.schema import ARRAYS, Frames
+from iswarm_mj.output.shapes import TRAIL_FRAMES
+from iswarm_mj.output.trajectory import METRIC
+from iswarm_mj.player.changes import EDITS, Change, edit
+from iswarm_mj.player.controls import is_live, parsed
+from iswarm_mj.player.scenario import Scenario, command_line, toml
+from iswarm_mj.simulation.state import StepRecord
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.recorder import Recorder
+
+AHEAD = 2
+"""Control steps that are computed ahead of what is shown, so that motion stays smooth."""
+LONGEST = 4000
+"""Points of a plotted line; beyond, every second one is left out."""
+
+
+class Snapshot(NamedTuple):
+    """A world after a control step."""
+
+    frames: Frames
+    """One frame."""
+    record: StepRecord
+    """(1, 1, ...)."""
+
+    @property
+    def step(self) -> int:
+        """Control steps taken."""
+        return int(self.frames.step[0])
+
+    @property
+    def energy(self) -> np.ndarray | None:
+        """In the robots' capacitors (N,) [J]; None where they have none."""
+        energy = self.record.swarm.energy
+        return None if energy is None else np.asarray(energy)[0, 0]
+
+
+class Session:
+    """A run, what was changed in it, and what its latest control steps looked like.
+
+    Attributes:
+        start: scenario with which the run began.
+        now: with the settings that were changed since.
+        wanted: also with those that wait for a reset.
+        made: changes of this run, in their order.
+        waiting: changes that are still to be made.
+        is_playing: control steps are taken one after the other.
+        is_busy: something is computed at present.
+        shown: control step that is shown at present; infinite where nobody watches.
+        snapshots: the latest ones.
+        lines: numbers after each step by the names of metrics, and `step`.
+        version: counts resets.
+        messages: one-line errors for whoever plays.
+        rate: control steps a second that could be computed.
+    """
+
+    def __init__(self, scenario: Scenario, changes: Sequence[Change] = (), out: Path = Path("runs/play")):
+        """Begin a run.
+
+        Args:
+            scenario: of the run.
+            changes: to be made in it.
+            out: directory for recordings.
+
+        Raises:
+            UserError: settings that do not fit each other.
+        """
+        self.wanted, self.waiting, self._out = scenario, sorted(changes, key=lambda change: change.step), out
+        self.version, self.is_playing, self.is_busy, self.shown, self.rate = 0, False, False, math.inf, math.inf
+        self.messages: SimpleQueue[str] = SimpleQueue()
+        self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._recorder: Recorder | None = None
+        self._begin(scenario)
+
+    def _begin(self, scenario: Scenario) -> None:
+        run = scenario.run()
+        self.start = self.now = self.wanted = scenario
+        self.made: list[Change] = []
+        self.run, self.world = run, RecordedWorld(run, 0)
+        self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
+        self.lines: dict[str, list[float]] = {}
+        self._every = 1
+        self.version += 1
+        self._alive = np.asarray(run.start.swarm.is_alive)[0, 0]
+        self._seen(run.start, None)
+
+    @property
+    def scene(self) -> Any:
+        """Constants of the world, see `Scene`."""
+        return self.world.scene
+
+    @property
+    def step(self) -> int:
+        """Control steps taken."""
+        return self.snapshots[-1].step
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.run.is_over
+
+    @property
+    def is_alive(self) -> np.ndarray:
+        """Which robots are alive (N,), those just killed left out."""
+        return self._alive
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Have something done between two control steps, by the thread that works on this session."""
+        self._posted.put(call)
+
+    def work(self) -> bool:
+        """Do what was posted, then take a control step if one is due; return whether there was anything to do."""
+        worked = False
+        while True:
+            try:
+                call = self._posted.get_nowait()
+            except Empty:
+                break
+            self._guarded(call)
+            worked = True
+        if not self.step and self.wanted != self.start:  # nothing has happened yet
+            self._guarded(self.reset)
+        self.is_playing &= not self.is_over
+        if self.is_playing and self.step - self.shown < AHEAD:
+            self._guarded(self.advance)
+            worked = True
+        return worked
+
+    def _guarded(self, call: Callable[[], None]) -> None:
+        self.is_busy = True
+        try:
+            call()
+        except UserError as error:
+            self.messages.put(str(error))
+        finally:
+            self.is_busy = False
+
+    def advance(self) -> None:
+        """Take a control step, unless nothing is left to do."""
+        if self.is_over:
+            return
+        while self.waiting and self.waiting[0].step <= self.step:
+            self.change(*self.waiting.pop(0)[1:])
+        began = time.perf_counter()
+        record, before = self.run.advance(), self.snapshots[-1].record
+        took = time.perf_counter() - began
+        if self.step:  # the first step compiles
+            self.rate = 1 / took if math.isinf(self.rate) else 1 / (0.9 / self.rate + 0.1 * took)
+        assert record is not None  # world 0 is recorded
+        self._seen(record, before)
+        if self._recorder is not None:
+            self._recorder.add(record)
+        for fault in self.run.faults:
+            self.messages.put(str(fault))
+
+    def reset(self) -> None:
+        """Begin again with the wanted settings.
+
+        Raises:
+            UserError: they do not fit each other; the present run goes on, with its settings.
+        """
+        self.stop_recording()
+        wanted, self.wanted = self.wanted, self.now
+        self._begin(wanted)
+        self.waiting = []
+
+    def set(self, name: str, text: str) -> None:
+        """Change a setting, at once where that is possible, else from the next reset on.
+
+        Raises:
+            UserError: it is out of range, or contradicts another one.
+        """
+        self.wanted = self.wanted.set(name, parsed(self.wanted, name, text))
+        if self.step and is_live(self.now, name):
+            self.change(name, text)
+
+    def change(self, what: str, value: str) -> None:
+        """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
+        change = Change(self.step, what, value)
+        if what in EDITS:
+            edit(self.run, change)
+            self._alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
+        else:
+            now = self.now.set(what, parsed(self.now, what, value))
+            self.run.change(now.config, now.genome, now.strategy)
+            self.now, self.wanted = now, self.wanted.set(what, now.get(what))
+            self.made = [one for one in self.made if one[:2] != change[:2]]
+        self.made.append(change)
+
+    def _seen(self, record: StepRecord, before: StepRecord | None) -> None:
+        """Take in what a control step looks like."""
+        frames = self.world.frames([record], before)
+        measured = [name for name in (*getattr(self.run.task, "measured", {}), "collisions", "mean_speed")]
+        arrays = frames.arrays()
+        self.snapshots.append(Snapshot(frames, record))
+        if self.step % self._every == 0:
+            found = {name: arrays[name if name in ARRAYS else METRIC + name] for name in measured}
+            for name, values in {"step": frames.step, **found}.items():
+                self.lines.setdefault(name, []).append(float(values[0]))
+        if len(self.lines["step"]) > LONGEST:
+            self._every *= 2
+            self.lines = {name: values[::2] for name, values in self.lines.items()}
+
+    def values(self) -> dict[str, Any]:
+        """Return the settings and changes that reproduce the run so far, by the names of flags."""
+        own = self.start.values()
+        return own | ({"changes": tuple(map(str, self.made))} if self.made else {"steps": max(1, self.step)})
+
+    def command(self) -> str:
+        """Return a command that reproduces the run so far: `iswarm run`, or `iswarm play` where something changed."""
+        return command_line("play" if self.made else "run", self.values())
+
+    def toml(self) -> str:
+        """Return a file for --config of that command."""
+        return f"# iswarm {'play' if self.made else 'run'} --config FILE\n{toml(self.values())}"
+
+    def start_recording(self) -> Path:
+        """Record to a new file for Rerun, from the present state on; return its name."""
+        self._out.mkdir(parents=True, exist_ok=True)
+        number = next(k for k in range(1, 10**6) if not (self._out / f"play-{k}.rrd").exists())
+        run = copy.copy(self.run)
+        run.start = self.snapshots[-1].record
+        path = self._out / f"play-{number}.rrd"
+        self._recorder = Recorder(run, path)
+        return path
+
+    def stop_recording(self) -> None:
+        """Complete the file."""
+        if self._recorder is not None:
+            self._recorder.save()
+        self._recorder = None

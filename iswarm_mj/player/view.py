@@ -1,0 +1,215 @@
+"""A swarm in a scene of viser: nodes for what `scene` returns, of a page or of a replay."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+
+from iswarm_mj.output import shapes
+from iswarm_mj.output.memory import vectors
+from iswarm_mj.output.palette import GREEN, PINK, SKY, YELLOW, rgb
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import Scene
+from iswarm_mj.player import scene as arrays
+
+_ROOT = "/swarm"
+_HEARD = (95, 95, 105)
+_FLAT = np.zeros((1, 2, 3), np.float32)
+"""A line of no length, since a node cannot have none."""
+_GRAIN = 64
+"""Parts of a millimetre, and of 1, that replays tell apart."""
+
+
+class SwarmView:
+    """Nodes of one world.
+
+    Attributes:
+        by: what colours robots, one of `scene.ways_to_colour`.
+        shows: which of `links`, `trails` and the names of vectors are drawn.
+        nodes: of the robots, hulls and fronts.
+        selected: robot with a ring; None for none.
+        is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays are small.
+    """
+
+    def __init__(self, drawn: Any, scene: Scene):
+        """Draw what stands still.
+
+        Args:
+            drawn: scene of a viser server.
+            scene: constants of the world.
+        """
+        self.scene, self.by, self.shows, self.selected = scene, arrays.STATE, {"links"}, None
+        self.is_coarse = False
+        self._drawn, self._step = drawn, None
+        drawn.remove_by_name(_ROOT)
+        self._root = drawn.add_frame(_ROOT, show_axes=False)
+        for boxes in shapes.arena_boxes(scene):
+            for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
+                drawn.add_box(
+                    f"{_ROOT}/{boxes.name}/{k}",
+                    color=rgb(boxes.colour),
+                    dimensions=(2 * half_x, 2 * half_y, boxes.high - boxes.low),
+                    position=(x, y, (boxes.high + boxes.low) / 2),
+                    wxyz=(np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
+                    cast_shadow=False,
+                )
+        length, width, height = np.asarray(scene.robot_size) * shapes.MILLIMETRES
+        self._length, n, k = length, len(scene.is_alive), len(scene.ball_radius)
+        front = trimesh.creation.box((0.2 * length, 0.5 * width, 0.1 * height))
+        front.apply_translation((0.36 * length, 0, height / 2))
+        self.nodes = {
+            "robots": self._batch("robots", trimesh.creation.box((length, width, height)), n, (0, 0, 0)),
+            "fronts": self._batch("fronts", front, n, (255, 255, 255)),
+        }
+        self._balls = self._batch("balls", trimesh.creation.icosphere(1, 0.25 * length), k, (0, 0, 0)) if k else None
+        self._areas = {
+            name: self._batch(f"areas/{name}", _flat(shape), 0, colour)
+            for name, shape, colour in zip(scene.area_names, scene.area_shapes, scene.area_colours, strict=True)
+        }
+        lines = {"heard": _HEARD, "damaged": rgb(PINK), "trails": rgb(SKY)}
+        self._lines = {
+            name: drawn.add_line_segments(f"{_ROOT}/{name}", _FLAT, colour, thickness=1.5, thickness_units="screen")
+            for name, colour in lines.items()
+        }
+        hues = (SKY, YELLOW, GREEN, PINK)
+        self._arrows = {
+            vector.stem: drawn.add_arrows(
+                f"{_ROOT}/{vector.stem}",
+                _FLAT,
+                rgb(hues[k % len(hues)]),
+                shaft_radius=0.04 * length,
+                head_radius=0.12 * length,
+                head_length=0.25 * length,
+            )
+            for k, vector in enumerate(vectors(scene.memory))
+        }
+        ring = trimesh.creation.annulus(0.85 * length, 1.0 * length, 0.1)
+        self._ring = drawn.add_mesh_simple(
+            f"{_ROOT}/ring", ring.vertices, ring.faces, color=(20, 20, 20), visible=False
+        )
+
+    @property
+    def visible(self) -> bool:
+        """Whether the swarm is in the scene."""
+        return self._root.visible
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._root.visible = value
+
+    @property
+    def vectors(self) -> list[str]:
+        """Names of the vectors that can be drawn."""
+        return list(self._arrows)
+
+    def toggle(self, name: str) -> None:
+        """Draw what was not drawn, or no longer what was."""
+        self.shows = self.shows ^ {name}
+
+    def _batch(self, name: str, mesh: trimesh.Trimesh, n: int, colour: tuple[int, int, int]) -> Any:
+        turns, places = _upright(n), np.zeros((n, 3), np.float32)
+        colours = np.tile(_linear(np.array(colour, np.uint8)), (n, 1))
+        return self._drawn.add_batched_meshes_simple(
+            f"{_ROOT}/{name}", mesh.vertices, mesh.faces, turns, places, batched_colors=colours, lod="off",
+            cast_shadow=False, receive_shadow=False, flat_shading=True,
+        )  # fmt: skip
+
+    def show(
+        self,
+        past: Sequence[Frames],
+        share: float,
+        is_alive: Bool[np.ndarray, "N"],
+        energy: Float[np.ndarray, "N"] | None = None,
+    ) -> None:
+        """Draw a time between two control steps.
+
+        Args:
+            past: frames of one step each, of which the last two are those before and after.
+            share: of the step that has passed.
+            is_alive: which robots are.
+            energy: in the robots' capacitors [J], where there are some.
+        """
+        scene, after = self.scene, past[-1]
+        now = arrays.moment(scene, past[-2] if len(past) > 1 else after, after, share)
+        half, zero = now.yaw / 2, np.zeros_like(now.yaw)
+        turns = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+        for node in self.nodes.values():
+            node.batched_positions, node.batched_wxyzs = self._rounded(now.centre), self._rounded(turns)
+        if self._balls is not None:
+            self._balls.batched_positions = self._rounded(now.ball)
+        if not self.is_coarse or share in (0, 1):
+            self._draw_lines(past, now)
+        if self._ring.visible != (self.selected is not None):
+            self._ring.visible = self.selected is not None
+        if self.selected is not None:
+            self._ring.position = (*now.centre[self.selected, :2], 0.1)
+        key = (int(after.step[0]), self.by, frozenset(self.shows), is_alive.tobytes())
+        if key == self._step:
+            return
+        self._step = key
+        self.nodes["robots"].batched_colors = _linear(arrays.colours(scene, after, is_alive, self.by, energy))
+        if self._balls is not None:
+            self._balls.batched_colors = _linear(now.ball_colour)
+        ends = arrays.arrows(scene, after, now.centre)
+        for stem, node in self._arrows.items():
+            is_shown = stem in self.shows and len(ends[stem]) > 0
+            _set(node, "points", ends[stem] if is_shown else _FLAT)
+        for name, node in self._areas.items():
+            places = now.areas[name]
+            node.batched_positions = np.column_stack([places[:, :2], np.full(len(places), 1.5 * shapes.SHEET)])
+            node.batched_wxyzs = _upright(len(places))
+            node.batched_scales = np.column_stack([places[:, 2], places[:, 2], np.ones(len(places))])
+
+    def _draw_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
+        """Links and trails."""
+        lines = {name: _FLAT for name in self._lines}
+        if "links" in self.shows:
+            ends, heard = arrays.links(self.scene, past[-1], now.centre)
+            lines |= {"heard": ends[heard], "damaged": ends[~heard]}
+        if "trails" in self.shows:
+            lines["trails"] = arrays.trails(self.scene, past)
+        for name, node in self._lines.items():
+            _set(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
+
+    def _rounded(self, values: np.ndarray) -> np.ndarray:
+        return np.round(values * _GRAIN) / np.float32(_GRAIN) if self.is_coarse else values
+
+
+def _flat(shape: str) -> trimesh.Trimesh:
+    """An area of half width or radius 1."""
+    if shape == "disc":
+        return trimesh.creation.cylinder(1.0, shapes.SHEET, sections=48)
+    return trimesh.creation.box((2.0, 2.0, shapes.SHEET))
+
+
+def _upright(n: int) -> np.ndarray:
+    """Quaternions that turn nothing."""
+    return np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1))
+
+
+def _linear(colours: np.ndarray) -> np.ndarray:
+    """Colours of instances, which viser 1.1 takes for linear ones and not for those of a screen."""
+    return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)
+
+
+def _set(node: Any, name: str, value: np.ndarray) -> None:
+    """Change what a node shows, unless it shows that."""
+    if not np.array_equal(getattr(node, name), value):
+        setattr(node, name, value)
+
+
+def light(drawn: Any) -> None:
+    """Set lights by which colours look as in the palette, and no more."""
+    drawn.configure_default_lights(enabled=False)
+    drawn.configure_environment_map(hdri=None)
+    drawn.add_light_ambient("/lights/ambient", intensity=2.2)
+    drawn.add_light_directional("/lights/sun", intensity=1.3, position=(-1.0, -2.0, 4.0))
+
+
+def aim(camera: Any, scene: Scene, is_low: bool = False) -> None:
+    """Point a camera at the whole arena, or from the side at what stands in its middle."""
+    size = scene.arena_size * shapes.MILLIMETRES
+    camera.look_at = (0.0, 0.0, 0.12 * size) if is_low else (0.0, -0.07 * size, 0.0)
+    camera.position = (0.0, -0.55 * size, 0.22 * size) if is_low else (0.0, -0.56 * size, 0.7 * size)

@@ -1,0 +1,222 @@
+"""Pictures and videos of runs: any number of robots, in the colours of their states, and clear errors."""
+
+import subprocess
+import sys
+from unittest.mock import MagicMock
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from helpers_files import full_disk
+from helpers_opengl import needs_opengl, of_colour
+from helpers_recorded import write_run
+from PIL import Image
+
+from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
+from iswarm_mj.output.render import render
+from iswarm_mj.output.saved import load
+from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.video import RATE, Film, encode, interpolated, write_video
+from iswarm_mj.utils.errors import UserError
+
+N = 330
+"""More than 280: MuJoCo's memory for collisions must not limit a picture."""
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory):
+    """A run's directory with one frame: robots on a grid, the first third loaded, the second scouts."""
+    out = tmp_path_factory.mktemp("run")
+    grid = np.stack(np.meshgrid(np.arange(22), np.arange(15)), axis=-1).reshape(-1, 2)[:N]
+    pose = np.column_stack([(grid - [10.5, 7]) * 5e-3, np.zeros(N)])
+    pose[:, 1] += 1e-3 * np.sign(pose[:, 1])
+    kind = np.arange(N) * 3 // N
+    return write_run(
+        out,
+        step=np.array([0]),
+        pose=pose[None].astype(np.float32),
+        is_loaded=(kind == 0)[None],
+        scene_is_scout=kind == 1,
+        scene_ball_radius=np.full(2, 2e-5),
+        ball_position=np.full((1, 2, 3), 2e-5),
+        delivered=np.array([0]),
+    )
+
+
+OBLIQUE, SIZE, FILM = [(240, 400), (640, 200)], 600, (640, 480)
+
+
+@pytest.fixture(scope="module")
+def drawn(directory, small, tmp_path_factory):
+    """Directory of pictures of the run and of an emptier one, and of a film, drawn in a process of their own."""
+    out, few = tmp_path_factory.mktemp("drawn"), write_run(tmp_path_factory.mktemp("few"))
+    pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
+    write_run(
+        out,
+        small,
+        pose=pose,
+        is_loaded=np.array([[False], [False], [True]]),
+        scene_is_scout=np.array([False]),
+        scene_ball_radius=np.array([2e-5]),
+        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
+    )
+    lines = [f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"]
+    lines += [
+        f"picture {few} --step 0 --camera oblique --width {w} --height {h} --out {out}/{w}x{h}.png" for w, h in OBLIQUE
+    ]
+    lines += [f"video {out} --camera above --width {FILM[0]} --height {FILM[1]} --title robot --out {out}/a.mp4"]
+    code = "import sys; from iswarm_mj.commands.main import main; [main(line.split()) for line in sys.argv[1:]]"
+    done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@needs_opengl
+@pytest.mark.parametrize(("width", "height"), OBLIQUE)
+def test_the_oblique_camera_shows_the_whole_arena(drawn, width, height):
+    """Between arena and edge of the picture there is the plain surface around, which is bright; walls are dark."""
+    with Image.open(drawn / f"{width}x{height}.png") as image:
+        grey = np.asarray(image.convert("L")).astype(int)
+    edges = np.concatenate([grey[0], grey[-1], grey[:, 0], grey[:, -1]])
+    assert edges.min() > 150 > 120 > grey.min()
+    dark = np.argwhere(grey < 120)
+    assert max(np.ptp(dark[:, 0]) / height, np.ptp(dark[:, 1]) / width) > 0.8  # and it fills the picture
+
+
+@needs_opengl
+def test_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
+    with Image.open(drawn / "above.png") as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    assert pixels.shape == (SIZE, SIZE, 3)
+    high, low = int(SIZE * (0.5 - 12.5 / 148)), int(SIZE * (0.5 + 12.5 / 148))  # between the three kinds of robots
+    for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, SIZE))):
+        found = of_colour(pixels, colour)
+        assert found[rows].sum() > 0.7 * found.sum() > 500
+
+
+@needs_opengl
+def test_a_run_is_filmed(drawn):
+    """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
+    frames = decoded(drawn / "a.mp4", FILM)[0].astype(int)
+    assert len(frames) == 5
+    upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
+
+    def columns(frame, colour):
+        return np.nonzero(of_colour(frame, colour))[1]
+
+    empty = [columns(frame, EMPTY) for frame in upper[:4]]
+    assert all(len(found) > 4 for found in empty)
+    assert np.diff([found.mean() for found in empty]) == pytest.approx([empty[1].mean() - empty[0].mean()] * 3, abs=2)
+    assert empty[2].mean() == pytest.approx(320, abs=3)
+    assert len(columns(upper[4], LOADED)) > 4 and len(columns(upper[4], EMPTY)) <= 2
+
+
+@needs_opengl
+def test_the_floor_has_the_colours_of_recordings(tmp_path, monkeypatch):
+    """Above all, dust areas are not blue as loaded robots are. Without OpenGL, which other tests use in processes."""
+    monkeypatch.setattr("mujoco.Renderer", MagicMock())
+    run = load(write_run(tmp_path))
+    with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
+        for material, colour in (("dump", DUMP), ("dust", DUST)):
+            shown = stage._arena.model.material(material).rgba[:3]
+            np.testing.assert_allclose(255 * shown, rgb(colour), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shot", "step", "says"), [("side", 0, "camera must be above or oblique"), ("above", 3, "0 to 2")]
+)
+def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, says):
+    with pytest.raises(UserError, match=says):
+        render(write_run(tmp_path), step, Shot(shot, size=(64, 64)), tmp_path / "a.png")
+
+
+def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0
+
+
+class Blank:
+    """In place of a stage: a picture that does not compress."""
+
+    def __init__(self, config, frames, shot, *_):
+        self.rng, self.shape = np.random.default_rng(0), (shot.size[1], shot.size[0], 3)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def show(self, *_):
+        return self.rng.integers(0, 255, self.shape, np.uint8)
+
+
+def test_a_full_disk_leaves_the_old_picture(directory, tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    (tmp_path / "a.png").write_bytes(b"old")
+    with pytest.raises(UserError, match=r"a\.png cannot be written \(File too large\); make room"), full_disk(1000):
+        render(directory, 0, Shot(size=(64, 64)), tmp_path / "a.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"] and (tmp_path / "a.png").read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("out", ["a", "a.mp5"])
+def test_names_that_are_no_picture(directory, tmp_path, out):
+    with pytest.raises(UserError, match=r"a name ending in \.png"):
+        render(directory, 0, Shot(size=(64, 64)), tmp_path / out)
+
+
+def decoded(path, size):
+    """Frames (T, height, width, 3) and the description of a video."""
+    reader = imageio_ffmpeg.read_frames(str(path))
+    about = next(reader)
+    frames = [np.frombuffer(frame, np.uint8).reshape(size[1], size[0], 3) for frame in reader]
+    return np.array(frames), about
+
+
+def test_pictures_come_back(tmp_path):
+    """A bright square that moves by 20 pixels a frame is found where it was, in H.264 that all players know."""
+    size, out = (160, 96), tmp_path / "a.mp4"
+
+    def pictures():
+        for k in range(6):
+            picture = np.full((size[1], size[0], 3), 40, np.uint8)
+            picture[30:60, 10 + 20 * k : 40 + 20 * k] = (230, 60, 50)
+            yield picture
+
+    encode(pictures(), out, size)
+    frames, about = decoded(out, size)
+    assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE
+    assert len(frames) == 6
+    for k, frame in enumerate(frames.astype(float)):
+        bright = frame[..., 0] > 150
+        rows, columns = np.nonzero(bright)
+        assert abs(rows.mean() - 44.5) < 1 and abs(columns.mean() - (24.5 + 20 * k)) < 1
+        assert frame[bright].mean(axis=0) == pytest.approx((230, 60, 50), abs=15)
+    data = out.read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat"), "the index comes first, so that it plays while it loads"
+
+
+def test_robots_go_straight_between_two_steps():
+    values = np.array([[[0.0, 2.0]], [[1.0, 4.0]], [[5.0, 4.0]]])
+    assert interpolated(values, 0, 0.0).tolist() == [[0, 2]]
+    assert interpolated(values, 0, 0.25).tolist() == [[0.25, 2.5]]
+    assert interpolated(values, 2, 0.0).tolist() == [[5, 4]]
+
+
+def test_what_ffmpeg_said_is_told(tmp_path):
+    with pytest.raises(UserError, match=r"^ffmpeg could not write the video \(.*No such file or directory\); make"):
+        encode([np.zeros((96, 160, 3), np.uint8)], tmp_path / "nowhere" / "a.mp4", (160, 96))
+
+
+def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monkeypatch):
+    """Whatever the reason, and without a temporary file."""
+    run, out = write_run(tmp_path_factory.mktemp("run")), tmp_path / "a.mp4"
+    out.write_bytes(b"old")
+
+    monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
+    film = Film(frames_per_step=24, shot=Shot(size=(320, 240)))
+    with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
+        write_video(run, out, film)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
+    write_video(run, out, film)
+    assert len(decoded(out, (320, 240))[0]) == 49

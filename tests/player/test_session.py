@@ -1,0 +1,186 @@
+"""What is done on the page is a run: bit by bit that of `Run`, and of the command that is copied."""
+
+import shlex
+
+import jax
+import numpy as np
+import pytest
+
+from iswarm_mj.commands.main import parse
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.player.changes import Change
+from iswarm_mj.player.controls import controls, is_live
+from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.session import Session
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.utils.errors import UserError
+
+CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
+SCENARIO = Scenario(CONFIG, robots=20, seed=3, engine=PlanarSettings())
+
+
+def state(run: Run) -> list[np.ndarray]:
+    params, state = run.arrays()
+    return [np.asarray(leaf) for leaf in jax.tree.leaves((params.conditions, params.strategy, state))]
+
+
+def assert_same(one: Run, other: Run) -> None:
+    for a, b in zip(state(one), state(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def steps(session: Session, n: int) -> Session:
+    for _ in range(n):
+        session.advance()
+    return session
+
+
+def copied(session: Session) -> Session:
+    """The session of the command that is copied, after the same number of steps."""
+    command = parse(shlex.split(session.command())[1:])
+    scenario = Scenario(*command.checked()[:2], robots=command.robots, seed=command.seed, task=command.task)
+    scenario = Scenario(**vars(scenario) | {"engine": command.engine_settings(1, True), "strategy": command.own})
+    changes = [Change.parse(text) for text in getattr(command, "changes", ())]
+    return steps(Session(scenario, changes), session.step)
+
+
+def test_a_session_is_a_run():
+    run = Run(CONFIG, settings=RunSettings(20, 1000, 3), engine=PlanarSettings())
+    for _ in range(6):
+        run.advance()
+    assert_same(steps(Session(SCENARIO), 6).run, run)
+
+
+def test_play_pause_step_and_reset():
+    session = Session(SCENARIO)
+    assert not session.work() and session.step == 0
+    session.is_playing = True
+    session.work()
+    session.work()
+    assert session.step == 2
+    session.shown = 0.0
+    session.work()
+    assert session.step == 2  # not farther ahead of what is shown
+    session.is_playing = False
+    session.advance()
+    first = state(session.run)
+    session.reset()
+    assert session.step == 0 and session.version == 2
+    for a, b in zip(first, state(steps(session, 3).run), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
+    session = steps(Session(SCENARIO), 2)
+    session.set("p_vector_forget", "0.75")
+    session.set("optics.error_in_communication", "0.5")
+    session.set("use_hop_count", "false")
+    params, _ = session.run.arrays()
+    np.testing.assert_array_equal(params.strategy.rules.p_vector_forget, np.float32([0.75]))
+    np.testing.assert_array_equal(params.conditions.error_in_communication, np.float32([0.5]))
+    steps(session, 3)
+    session.change("kill", "4")
+    session.change("ball", "2.5,-1.5")
+    steps(session, 3)
+    assert [str(change) for change in session.made] == [
+        "2:p_vector_forget=0.75",
+        "2:optics.error_in_communication=0.5",
+        "2:use_hop_count=false",
+        "5:kill=4",
+        "5:ball=2.5,-1.5",
+    ]
+    assert_same(copied(session).run, session.run)
+    unchanged = steps(Session(SCENARIO), 8)
+    assert not np.array_equal(unchanged.snapshots[-1].frames.pose, session.snapshots[-1].frames.pose)
+
+
+def test_the_command_of_another_task_and_strategy_repeats_it():
+    arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
+    task = Aggregation(spot_radius=4.0, spot_offset=7.0)
+    own = {"strategy": Beeclust(longest_wait=20.0), "task": task, "robots": 12, "engine": PlanarSettings()}
+    scenario = Scenario(SwarmConfig(arena), **own)
+    session = steps(Session(scenario), 4)
+    assert session.command().startswith("iswarm run ")
+    assert_same(copied(session).run, session.run)
+
+
+def test_settings_without_effect_until_reset():
+    session = steps(Session(SCENARIO), 1)
+    session.set("robots", "15")
+    assert session.run.settings.n_robots == 20 and session.now.n_robots == 20
+    session.reset()
+    assert session.run.settings.n_robots == 15
+    session.set("arena.size", "30")  # before the first step: at once
+    session.work()
+    assert session.run.config.arena.size == 30
+
+
+def test_a_dead_robot_stays_where_it_is():
+    session = steps(Session(SCENARIO), 1)
+    session.change("kill", "1")
+    places = [session.snapshots[-1].frames.pose[0, 1]]
+    for _ in range(3):
+        session.advance()
+        places.append(session.snapshots[-1].frames.pose[0, 1])
+    assert not session.is_alive[1] and session.is_alive.sum() == 19
+    np.testing.assert_allclose(np.ptp(places, axis=0)[:2], 0, atol=2e-4)  # others may push it
+    session.change("revive", "1")
+    assert session.is_alive.all()
+
+
+def test_a_ball_lies_where_it_was_dropped():
+    session = steps(Session(SCENARIO), 1)
+    session.change("ball", "9.0,9.0")
+    balls = session.run.task_state
+    distance = np.linalg.norm(balls.position[0] - np.array([9.0, 9.0]) * 2 * np.sqrt(2), axis=-1)
+    assert distance.min() < 1e-4 and balls.is_lying[0, distance.argmin()]
+
+
+IMPOSSIBLE = [
+    ("kill", "99"),
+    ("kill", "x"),
+    ("ball", "99,0"),
+    ("ball", "a"),
+    ("nothing", "1"),
+    ("p_vector_forget", "2"),
+]
+
+
+@pytest.mark.parametrize(("what", "value"), IMPOSSIBLE)
+def test_impossible_changes_change_nothing(what, value):
+    session = steps(Session(SCENARIO), 1)
+    before = state(session.run)
+    with pytest.raises(UserError):
+        session.change(what, value)
+    for a, b in zip(before, state(session.run), strict=True):
+        np.testing.assert_array_equal(a, b)
+    session.post(lambda: session.change(what, value))
+    session.work()
+    assert session.messages.get_nowait()
+
+
+@pytest.mark.parametrize("text", ["", "5", "x:kill=1", "5:kill", "-1:kill=2"])
+def test_texts_that_are_no_changes(text):
+    with pytest.raises(UserError, match="STEP:SETTING=VALUE"):
+        Change.parse(text)
+    change = Change(5, "kill", "1")
+    assert Change.parse(str(change)) == change
+
+
+def test_controls_have_the_ranges_that_settings_declare():
+    found = {control.name: control for control in controls(SCENARIO)}
+    forget = found["p_vector_forget"]
+    assert (forget.low, forget.high, forget.value, forget.is_live) == (0, 1, 0.29, True)
+    assert found["strategy.blocked"].choices == ("pushes", "waits")
+    assert found["robots"].value == 20 and not found["robots"].is_live
+    own = {c.name: c for c in controls(Scenario(strategy=Beeclust(), task=Aggregation()))}
+    assert own["longest_wait"].is_live and "p_vector_forget" not in own and "gripper.drop_rate" not in own
+    assert not is_live(SCENARIO, "fraction_scouts") and not is_live(SCENARIO, "arena.size")
+
+
+def test_each_control_takes_its_own_value():
+    for control in controls(SCENARIO):
+        assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
