@@ -2,24 +2,13 @@
 
 import json
 import re
-from dataclasses import fields
-from typing import get_type_hints
 
 from helpers_small import FLAGS
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.config import SwarmConfig
-from iswarm_mj.strategy.genome import Genome
 
 ARENA_FLAGS = ["--threads=1", *FLAGS]
 SMALL = [*ARENA_FLAGS, "--robots=30"]
-CONFIG_FLOATS = [
-    f"{group.name}.{name}"
-    for group in fields(SwarmConfig)
-    for name, kind in get_type_hints(group.default_factory).items()
-    if kind is float
-]
-GENOME_FLOATS = [name for name, kind in get_type_hints(Genome).items() if kind is float]
 WALK = """
 from dataclasses import dataclass
 import jax.numpy as jnp

@@ -88,8 +88,8 @@ def cut(frames, start, stop):
     return frames[start:stop]
 
 
-def write(path, scene, frames, cuts=(1, 6, 23), config=None, lanes=()):
-    with Recording(path, scene, config or {}, {}, lanes=lanes) as recording:
+def write(path, scene, frames, cuts=(1, 6, 23), config=None):
+    with Recording(path, scene, config or {}, {}) as recording:
         for start, stop in zip((0, *cuts), (*cuts, len(frames)), strict=True):
             recording.append(cut(frames, start, stop))
 

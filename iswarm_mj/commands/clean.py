@@ -33,8 +33,6 @@ class Clean(Swarm):
     record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
     """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many;
     with --gripper.resolution dynamic."""
-    lanes: Annotated[tuple[int, ...], Within(0), _RECORDED] = ()
-    """Robots whose states the recording shows as lanes; by default eight, from the first to the last."""
 
     @property
     def has_trials(self) -> bool:
@@ -52,15 +50,13 @@ class Clean(Swarm):
         """Run the command."""
         config, genome, n_robots = self.checked()
         from iswarm_mj.workflows.clean import clean
-        from iswarm_mj.workflows.recorder import Shown
 
-        check("lanes", self.lanes, f"robots from 0 to {n_robots - 1}", all(lane < n_robots for lane in self.lanes))
         stop_at = self.goal(config)
         recorded = self.record_worlds if self.record else ()
         settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
         with locked(self.out):  # refused before anything is compiled
             pass
-        clean(self.run_of(config, genome, settings), self.out, Shown(self.lanes, self.record_grasps))
+        clean(self.run_of(config, genome, settings), self.out, self.record_grasps)
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,6 @@ class RenderOptions:
     """The --out of a run of `iswarm clean`."""
     camera: Literal["above", "oblique"] = "above"
     """Camera position."""
-    ball_scale: Annotated[float, Within(1, 1000)] = 15.0
-    """Magnification of the balls."""
 
     def __post_init__(self):
         validate(self)
@@ -60,7 +58,7 @@ class Picture(RenderOptions):
         from iswarm_mj.output.render import render
         from iswarm_mj.output.stage import Shot
 
-        shot = Shot(self.camera, (self.width, self.height), self.ball_scale)
+        shot = Shot(self.camera, (self.width, self.height))
         step = render(self.directory, self.step, shot, self.out)
         print(f"step {step} of {self.directory}, {self.camera}: {self.out}")
 
@@ -94,7 +92,7 @@ class Video(RenderOptions):
         from iswarm_mj.output.stage import Shot
         from iswarm_mj.output.video import Film, write_video
 
-        shot = Shot(self.camera, (self.width, self.height), self.ball_scale, fine=False)
+        shot = Shot(self.camera, (self.width, self.height), fine=False)
         write_video(self.directory, self.out, Film(self.title, self.steps, self.frames_per_step, shot))
         print(f"video of {self.directory}: {self.out}")
 

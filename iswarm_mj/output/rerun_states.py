@@ -14,7 +14,7 @@ from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 
 MOST = 8
-"""Lanes that are shown if none are asked for."""
+"""Lanes at most."""
 
 
 class State(NamedTuple):
@@ -71,11 +71,11 @@ def lane(robot: int) -> str:
     return f"states/robot_{robot}"
 
 
-def shown_lanes(scene: Scene, wanted: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the robots that get a lane: those asked for, or some that are alive, from the first to the last."""
+def shown_lanes(scene: Scene) -> tuple[int, ...]:
+    """Return the robots that get a lane: some that are alive, from the first to the last."""
     alive = np.flatnonzero(scene.is_alive)
     places = np.linspace(0, len(alive) - 1, min(MOST, len(alive)), dtype=int)
-    return tuple(wanted) or tuple(alive[places].tolist())
+    return tuple(alive[places].tolist())
 
 
 def static_lanes(scene: Scene, robots: tuple[int, ...]) -> Iterator[tuple[str, rr.AsComponents]]:

@@ -49,7 +49,6 @@ class Recording:
         scene: Scene,
         config: Mapping[str, Any],
         properties: Mapping[str, Any],
-        lanes: tuple[int, ...] = (),
     ):
         """Open the file and write everything static.
 
@@ -59,7 +58,6 @@ class Recording:
             config: shown as a table beside the arena, and stored as property `settings`; may be nested.
             properties: everything else that identifies the run (seed, version, ...), stored as property `run` with the
                 number of the world.
-            lanes: robots whose states are shown as lanes; a few by default.
 
         Raises:
             UserError: the file cannot be written, or the environment disables recordings.
@@ -74,7 +72,7 @@ class Recording:
         self.stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
         send_properties(self.stream, "settings", config)
         send_properties(self.stream, "run", {**properties, "world": scene.world})
-        self._lanes = rerun_states.shown_lanes(scene, lanes)
+        self._lanes = rerun_states.shown_lanes(scene)
         for entity, archetype in [*look.static_entities(scene), *rerun_states.static_lanes(scene, self._lanes)]:
             self.stream.log(entity, archetype, static=True, strict=True)
         document = settings_document(look.legend(scene), "Parameter", config)

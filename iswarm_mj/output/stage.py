@@ -16,6 +16,9 @@ from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
+BALL_SCALE = 15.0
+"""Magnification of the balls, since 20 um are invisible beside 139 mm."""
+
 
 class Shot(NamedTuple):
     """What the camera shows, and how."""
@@ -24,8 +27,6 @@ class Shot(NamedTuple):
     """Name of a camera in `models/arena.xml`."""
     size: tuple[int, int] = (1280, 1280)
     """Width and height [pixels]."""
-    ball_scale: float = 15.0
-    """Magnification of the balls, since 20 um are invisible beside 139 mm."""
     fine: bool = True
     """With shadows and round shapes; without them a frame takes a tenth of the time on a CPU."""
 
@@ -81,7 +82,7 @@ class Stage:
         cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]
         check("camera", shot.camera, " or ".join(cameras), shot.camera in cameras)
         for ball in range(len(arena.mocap)):
-            model.geom(f"ball{ball}/ball").size[0] *= shot.ball_scale
+            model.geom(f"ball{ball}/ball").size[0] *= BALL_SCALE
         for material, colour in (("dump", DUMP), ("dust", DUST)):  # as in recordings
             model.material(material).rgba[:3] = np.array(rgb(colour)) / 255
         for name, geoms in (("dump", ("dump",)), ("dust_areas", ("dust_west", "dust_east"))):

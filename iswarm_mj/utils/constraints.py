@@ -32,10 +32,6 @@ class Within:
         except OverflowError:
             return False
 
-    def told(self, value: Any) -> str:
-        """The limits as they are told of a value that lies beyond."""
-        return str(self)
-
     def __str__(self) -> str:
         limits = f"at least {_text(self.low)}"
         if math.isfinite(self.high):
@@ -62,10 +58,6 @@ class Above(Within):
     def allows(self, value: Any) -> bool:
         """Return whether the value lies within."""
         return value >= self.least and super().allows(value)
-
-    def told(self, value: Any) -> str:
-        """The limits, or what is least for a value that lies between it and the limit."""
-        return f"at least {self.least:g} {self.unit}".rstrip() if self.low < value < self.least else str(self)
 
     def _limits(self) -> str:
         return f"above {_text(self.low)} and at most {_text(self.high)}"
@@ -144,8 +136,7 @@ def validate(settings: Any, group: str = "") -> None:
 def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
     whole = "a whole number " if {*(get_args(kind) or [kind])} <= {int, type(None)} else ""
     is_number = is_whole(value) or (not whole and isinstance(value, numbers.Real) and not isinstance(value, bool))
-    text = constraint.told(value) if is_number else str(constraint)
-    check(name, value, f"{whole}{text}", is_number and constraint.allows(value))
+    check(name, value, f"{whole}{constraint}", is_number and constraint.allows(value))
 
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:

@@ -18,13 +18,13 @@ from iswarm_mj.utils.files import make_output_directory
 from iswarm_mj.utils.interruption import postponed, saved
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
-from iswarm_mj.workflows.recorder import AS_USUAL, Recorder, Shown, advanced
+from iswarm_mj.workflows.recorder import Recorder, advanced
 
 MAX_LISTED = 10
 """Worlds whose numbers the summary lists; of more it states averages and ranges."""
 
 
-def clean(run: Run, out: Path, shown: Shown = AS_USUAL) -> dict[str, Any]:
+def clean(run: Run, out: Path, grasps: int = 0) -> dict[str, Any]:
     """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
 
     From the start on, result.json is that of this run: until it has ended, it says "interrupted": true, and if an
@@ -33,7 +33,7 @@ def clean(run: Run, out: Path, shown: Shown = AS_USUAL) -> dict[str, Any]:
     Args:
         run: at its start.
         out: result.json and the first recorded world go here, each further one into world-N.
-        shown: what the recording of the first recorded world shows.
+        grasps: attempts at most whose trials are recorded beside the arena.
 
     Raises:
         UserError: `out` cannot be written to, or is in use.
@@ -43,7 +43,7 @@ def clean(run: Run, out: Path, shown: Shown = AS_USUAL) -> dict[str, Any]:
         with ExitStack() as stack:
             mark = {"interrupted": True}
             save = partial(_save, run, out, time.perf_counter(), mark)
-            _advance(run, _begin(run, out, shown, save, stack))
+            _advance(run, _begin(run, out, grasps, save, stack))
             mark.clear()
         content = json.loads((out / RESULT).read_bytes())
     print(summary(content, out))
@@ -61,7 +61,7 @@ def _save(run: Run, out: Path, started: float, mark: dict[str, bool]) -> None:
     results.write_result(out, content | mark)
 
 
-def _begin(run: Run, out: Path, shown: Shown, save: Callable[[], None], stack: ExitStack) -> list[Recorder]:
+def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: ExitStack) -> list[Recorder]:
     """Remove what an earlier run left, announce this one and record its start; `stack` saves it at its end."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
     places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
@@ -79,7 +79,7 @@ def _begin(run: Run, out: Path, shown: Shown, save: Callable[[], None], stack: E
         name = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING
         recorders = []
         for index in range(len(recorded)):
-            recorders.append(Recorder(run, places[index] / name, index, places[index], shown))
+            recorders.append(Recorder(run, places[index] / name, index, places[index], grasps))
             stack.enter_context(saved(recorders[-1].save))
     return recorders
 

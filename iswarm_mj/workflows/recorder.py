@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -28,18 +28,6 @@ LARGE_BYTES = 4_000_000
 """Bytes of a block's frames from which on that is given back to the system afterwards."""
 
 
-class Shown(NamedTuple):
-    """What a recording shows."""
-
-    lanes: tuple[int, ...] = ()
-    """Robots whose states are lanes; a few by default."""
-    grasps: int = 0
-    """Attempts at most whose trials are recorded beside the arena; of a run of one world on CPUs."""
-
-
-AS_USUAL = Shown()
-
-
 class Recorder:
     """Records one world of a run; what it has so far can be saved at any time, once."""
 
@@ -49,7 +37,7 @@ class Recorder:
         recording: Path,
         index: int = 0,
         trajectory: Path | None = None,
-        shown: Shown = AS_USUAL,
+        grasps: int = 0,
     ):
         """Begin with the start.
 
@@ -58,7 +46,7 @@ class Recorder:
             recording: file for Rerun.
             index: which of the recorded worlds.
             trajectory: directory for trajectory.npz; none is written if not given.
-            shown: what the recording shows.
+            grasps: attempts at most whose trials are recorded beside the arena; of a run of one world on CPUs.
         """
         from iswarm_mj.output.rerun_swarm import Recording
 
@@ -78,13 +66,13 @@ class Recorder:
             "n_robots": run.settings.n_robots,
             **run.identity,
         }
-        self._recording = Recording(recording, self._scene, metadata, identity, lanes=shown.lanes)
+        self._recording = Recording(recording, self._scene, metadata, identity)
         self._attempts = None
-        if shown.grasps and isinstance(run.task, BallTask):
+        if grasps and isinstance(run.task, BallTask):
             from iswarm_mj.output.rerun_attempts import AttemptView
 
             gap = self._world.config.gripper.release_gap
-            self._attempts = AttemptView(self._recording.stream, self._scene, gap, shown.grasps)
+            self._attempts = AttemptView(self._recording.stream, self._scene, gap, grasps)
             self._state, self._balls_of = self._of_step(run.start, 0), run.task.balls
 
     def save(self) -> None:

@@ -48,8 +48,8 @@ OBLIQUE, SIZE, FILM = [(240, 400), (640, 200)], 600, (640, 480)
 
 @pytest.fixture(scope="module")
 def drawn(directory, small, tmp_path_factory):
-    """Directory of pictures of the run and of a film of another one, drawn in a process of their own."""
-    out = tmp_path_factory.mktemp("drawn")
+    """Directory of pictures of the run and of an emptier one, and of a film, drawn in a process of their own."""
+    out, few = tmp_path_factory.mktemp("drawn"), write_run(tmp_path_factory.mktemp("few"))
     pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
     write_run(
         out,
@@ -62,7 +62,7 @@ def drawn(directory, small, tmp_path_factory):
     )
     lines = [f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"]
     lines += [
-        f"picture {out} --step 0 --camera oblique --width {w} --height {h} --out {out}/{w}x{h}.png" for w, h in OBLIQUE
+        f"picture {few} --step 0 --camera oblique --width {w} --height {h} --out {out}/{w}x{h}.png" for w, h in OBLIQUE
     ]
     lines += [f"video {out} --camera above --width {FILM[0]} --height {FILM[1]} --title robot --out {out}/a.mp4"]
     code = "import sys; from iswarm_mj.commands.main import main; [main(line.split()) for line in sys.argv[1:]]"

@@ -10,8 +10,6 @@ from helpers_swarm_recording import make_frames, make_scene, write
 
 from iswarm_mj.output.rerun_states import shown_lanes, states, states_of
 
-LANES = tuple(range(0, 40, 2))
-
 
 def names(scene):
     return [state.name for state in states(scene)]
@@ -22,7 +20,7 @@ def run(tmp_path_factory):
     """A scene, its frames, and what was read back from their recording in uneven blocks."""
     scene, path = make_scene(), tmp_path_factory.mktemp("states") / "run.rrd"
     frames = make_frames(scene)
-    write(path, scene, frames, lanes=LANES)
+    write(path, scene, frames)
     return scene, frames, read(path)
 
 
@@ -56,7 +54,7 @@ def test_states_that_cannot_be_are_left_out():
 def test_lanes_hold_every_change_and_nothing_else(run):
     scene, frames, recorded = run
     found, changes = states_of(scene, frames), 0
-    for robot in LANES:
+    for robot in shown_lanes(scene):
         lane = recorded[f"/states/robot_{robot}"]
         steps, given = np.array(lane["step"]), [state for (state,) in lane["StateChange:state"]]
         assert steps[0] == 0 and all(a != b for a, b in pairwise(given))
@@ -64,15 +62,17 @@ def test_lanes_hold_every_change_and_nothing_else(run):
         assert held == [names(scene)[place] for place in found[:, robot]]
         changes += len(given) - 1
     assert changes > 0
-    assert {entity for entity in recorded if entity.startswith("/states/")} == {f"/states/robot_{n}" for n in LANES}
+    assert {entity for entity in recorded if entity.startswith("/states/")} == {
+        f"/states/robot_{n}" for n in shown_lanes(scene)
+    }
 
 
 def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
     scene = make_scene(40)._replace(is_alive=np.arange(40) > 9)
-    chosen = shown_lanes(scene, ())
+    chosen = shown_lanes(scene)
     assert len(chosen) == 8 and (chosen[0], chosen[-1]) == (10, 39)
-    assert shown_lanes(make_scene(3), ()) == (0, 1, 2)
-    assert shown_lanes(make_scene(3)._replace(is_alive=np.zeros(3, bool)), ()) == ()
+    assert shown_lanes(make_scene(3)) == (0, 1, 2)
+    assert shown_lanes(make_scene(3)._replace(is_alive=np.zeros(3, bool))) == ()
 
 
 def test_every_robot_is_counted_once(run):

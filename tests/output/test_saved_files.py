@@ -43,6 +43,16 @@ def test_the_dead_and_worlds_that_have_ended_say_and_do_nothing(small_run):
         assert running == [step <= last for step in range(len(running))]
 
 
+def test_each_recorded_world_has_its_own_folder(small_run):
+    content = json.loads((small_run / RESULT).read_text())
+    assert {path.name for path in small_run.iterdir()} == {RECORDING, RESULT, TRAJECTORY, "world-0"}
+    for name in ("delivered", "picked", "collisions", "mean_carriage_steps", "finished_at", "fitness"):
+        assert len(content[name]) == content["n_worlds"] == 3
+    for place, world in ((small_run, 1), (small_run / "world-0", 0)):
+        with np.load(place / TRAJECTORY) as file:
+            assert file["scene_world"] == world and file["collisions"][-1] == content["collisions"][world]
+
+
 def test_any_file_of_a_run_will_do(small_run):
     whole, by_result = iswarm_mj.load(small_run), iswarm_mj.load(str(small_run / RESULT))
     assert by_result.robots.equals(whole.robots) and by_result.measures == whole.measures

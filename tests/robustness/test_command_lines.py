@@ -17,7 +17,7 @@ from helpers_recorded import write_run
 from helpers_signals import SMALL
 from helpers_small import FLAGS
 
-from iswarm_mj.commands.flags import flag, names, settings
+from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.utils.constraints import choices
@@ -121,14 +121,6 @@ def test_each_is_done_or_refused(attack, place, monkeypatch):
         with attack.case(line) as outcome:
             outcome.append(answer(line))
             assert outcome != ["fault"]
-
-
-def test_there_are_lines_with_every_flag():
-    for name, cls in COMMANDS.items():
-        flags = {flag(name) for name, *_ in settings(cls())}
-        lines = [command_line(np.random.default_rng([1, n]), name) for n in range(6 * len(flags))]
-        words = names(word for line in lines for word in line)
-        assert set(names(flags)) <= set(words)
 
 
 @pytest.mark.attack(2)

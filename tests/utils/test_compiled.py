@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import iswarm_mj
 
 CODE = """
@@ -18,6 +20,7 @@ print(iswarm_mj.__file__, found.other.tolist(), found.distance.tolist())
 """
 
 
+@pytest.mark.slow
 def test_they_are_compiled_all_the_same(tmp_path):
     package = Path(iswarm_mj.__file__).parent
     copy = shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from iswarm_mj.utils.constraints import Above, Within, check, validate
+from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 
 
@@ -71,11 +71,3 @@ def test_refused(values, message):
     with pytest.raises(ConfigError) as caught:
         Settings(**values)
     assert str(caught.value) == message
-
-
-def test_a_check_by_hand():
-    check("size", 3.0, "odd", True)
-    with pytest.raises(ConfigError, match=r"^size must be odd \(got 4\)$"):
-        check("size", 4, "odd", False)
-    with pytest.raises(ConfigError, match=r"got nan"):
-        check("size", math.nan, "odd", True)

@@ -51,7 +51,3 @@ def test_a_world_that_cannot_go_on(fields, message):
     assert str(fault) == message
     again = pickle.loads(pickle.dumps(fault))
     assert vars(again) == vars(fault) and str(again) == message
-
-
-def test_every_kind_has_a_text():
-    assert len({str(SimulationFault(kind=kind)) for kind in FaultKind}) == len(FaultKind) == 6

@@ -146,6 +146,7 @@ def test_workers_end_with_their_parent(tmp_path, number):
     with subprocess.Popen([sys.executable, script], **pipes, text=True, start_new_session=True) as process:
         assert [process.stdout.readline() for _ in range(2)] == ["one more\n"] * 2
         workers = children_of(process.pid)
+        assert len(workers) == 2
         if number == signal.SIGINT:  # as a terminal does, to the workers too
             os.killpg(process.pid, number)
             out, error = process.communicate(timeout=LIMIT)
