@@ -40,7 +40,7 @@ def draws(n, **numbers):
     """Draws of n robots that are zero but for these numbers."""
     numbers = {name: jnp.broadcast_to(jnp.asarray(number, jnp.float32), n) for name, number in numbers.items()}
     zero, ties = jnp.zeros(n), jnp.zeros((n, 4))
-    return Draws(zero, zero, zero, zero, ties, ties)._replace(**numbers)
+    return Draws(zero, zero, zero, zero, ties, ties, jnp.zeros((n, 2)))._replace(**numbers)
 
 
 def genes(**values):

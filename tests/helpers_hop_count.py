@@ -20,4 +20,3 @@ def write_hop_count(directory, plan):
     rows = [row_of(entry, outcome(entry.job)) for entry in plans.hop_count(plan)]
     settings = {"experiment": "hop-count", "engine": "mujoco", **asdict(plan)}
     write_table(directory / "hop_count.parquet", rows, settings)
-    write_table(directory / "findings.parquet", [{"claim": "x"}], settings)

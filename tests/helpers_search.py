@@ -1,6 +1,7 @@
 """A search whose runs are pretended: their fitness is how near a genome is to a goal."""
 
 import sqlite3
+from dataclasses import fields
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.evolution import to_vector
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.search_settings import Search
-from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
 
 GOAL = to_vector(PRESETS["type2"])
@@ -18,6 +19,11 @@ SEARCH = Search(generations=6, population=5, seed=3, evaluations=2)
 def worth(genome):
     """Fitness without noise, 1000 at most: how near a genome is to that of type 2."""
     return float(1000 - 80 * np.abs(to_vector(genome) - GOAL).sum())
+
+
+def genome_of(row):
+    """Genome of a row."""
+    return Genome(*(row[field.name] for field in fields(Genome)))
 
 
 def pretend(monkeypatch, breaks_after=None):

@@ -64,7 +64,12 @@ def wheel(sdist, tmp_path_factory):
 
 @pytest.mark.slow
 def test_both_archives_hold_the_data_unchanged(sdist, wheel):
-    data = ["gripper/laws/probe_table.csv", "py.typed", "experiments/report/templates/report.md"]
+    data = [
+        "gripper/laws/probe_table.csv",
+        "py.typed",
+        "experiments/report/topics.csv",
+        "experiments/report/templates/report.html",
+    ]
     assert {"models/arena.xml", "models/robot.xml", "models/ball.xml", "models/meshes/leg.obj"} <= set(MODELS)
     for name in (*MODELS, *(f"iswarm_mj/{name}" for name in data)):
         original = (ROOT / name).read_bytes()

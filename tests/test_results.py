@@ -1,11 +1,13 @@
 """What is said of the checked-in results, in findings and on pages, is what the code says of their tables."""
 
+import csv
 from pathlib import Path
 
 import pytest
 
-from iswarm_mj.experiments.report.results import FINDINGS, collect, findings_files, topics_of
+from iswarm_mj.experiments.report.results import findings_files
 from iswarm_mj.experiments.report.tables import Tables, filled
+from iswarm_mj.experiments.runner.experiment import FINDINGS
 from iswarm_mj.utils.tables import read_table, write_csv
 
 ROOT = Path(__file__).parents[1]
@@ -20,8 +22,8 @@ def tables():
 
 
 @pytest.mark.parametrize("results", ["results", "results-initial", "results-mujoco"])
-def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results):
-    files = findings_files(topics_of(collect([ROOT / results])))
+def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables):
+    files = findings_files(tables.topics(results).values())
     assert files and set(files) == set((ROOT / results).rglob(FINDINGS))
     for path, findings in files.items():
         write_csv(tmp_path / FINDINGS, [finding._asdict() for finding in findings])
@@ -31,8 +33,7 @@ def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results):
 @pytest.mark.parametrize("part", ["hop-count", "density"])
 def test_both_engines_give_each_statement_the_same_verdict(part):
     planar, mujoco = (
-        {finding.claim: finding.verdict for finding in found}
-        for found in (findings_files(topics_of(collect([ROOT / at])))[ROOT / at / part / FINDINGS] for at in ENGINES)
+        {row["claim"]: row["verdict"] for row in csv.DictReader((ROOT / at / part / FINDINGS).open())} for at in ENGINES
     )
     assert planar == mujoco and len(planar) >= 4
 
@@ -50,4 +51,4 @@ def test_evolutions_begin_as_random_search_does(results):
 @pytest.mark.parametrize("page", PAGES)
 def test_numbers_on_pages_are_those_of_the_results(page, tables):
     text = (ROOT / page).read_text()
-    assert filled(text, page, tables.content) == text, REMEDY
+    assert filled(text, tables.content) == text, REMEDY

@@ -96,6 +96,7 @@ QUICK = {
     "experiment": "--quick",
     "reproduce": "--quick",
     "infer": "--quick",
+    "replay": "--last 3",
 }
 """What makes a command short, where it is not."""
 
@@ -121,10 +122,10 @@ def test_commands_run(page, example):
     """One after the other, as a reader types them, with fewer steps and runs."""
     run(["clean", "--steps", "101"])  # what pages look at
     for words in commands(page):
-        if "--help" in words or any(part in shlex.join(words) for part in INSTALLED):
-            continue
+        if "--help" in words or words[1] == "play" or any(part in shlex.join(words) for part in INSTALLED):
+            continue  # a page is there until it is interrupted
         more = QUICK.get(words[1], "").split() if "--force-curve" not in words else []
-        if "--worlds" in words:
+        if "--worlds" in words and "--worlds" not in more:
             more += ["--worlds", "3"]
         if "--replicates" in words:
             more += ["--replicates", "2"]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iswarm_mj
-from iswarm_mj.experiments.report.markdown import code, text
+from iswarm_mj.experiments.report.markdown import text
 
 ROOT = Path(iswarm_mj.__file__).parent
 FORBIDDEN_MODULES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "yaml"}
@@ -51,15 +51,6 @@ def test_text_is_no_markup(words):
     assert "|" not in shown.replace("\\|", "")
 
 
-@given(st.text(alphabet="`ab |<"))
-def test_code_ends_where_it_ends(words):
-    shown = code(words)
-    fence = shown[: len(shown) - len(shown.lstrip("`"))]
-    inner = shown[len(fence) : -len(fence)]
-    assert shown.endswith(fence) and fence not in inner and inner.strip() == " ".join(words.split())
-
-
 def test_words_by_hand():
     assert text("p < 0.001 | a") == "p < 0.001 \\| a"
     assert text("<script>x</script> ![i](http://a)") == "&lt;script>x&lt;/script> ![i]\\(http://a)"
-    assert code("a`b") == "``a`b``" and code("`") == "`` ` ``"

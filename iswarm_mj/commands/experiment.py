@@ -8,7 +8,7 @@ import tyro
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.limits import Combinations, Repeats
+from iswarm_mj.experiments.runner.limits import Combinations
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import Needs, validate
 from iswarm_mj.utils.errors import UserError
@@ -60,12 +60,10 @@ class Experiment(ManyRunsOptions):
 class Infer(ManyRunsOptions):
     """Run combinations of interpretations on the paper's figures and report which agree with its numbers."""
 
-    MAIN: ClassVar = ("combinations", "repeats", "quick", "seed", "engine", "workers", "again", "out")
+    MAIN: ClassVar = ("combinations", "quick", "seed", "engine", "workers", "again", "out")
 
     combinations: Annotated[Combinations, Needs("quick", (False,))] = 512
     """Number of combinations, drawn evenly over all choices."""
-    repeats: Annotated[Repeats, Needs("quick", (False,))] = 1
-    """Runs of each setting for each combination."""
     quick: bool = False
     """A version of about a minute, with 8 combinations and short runs."""
     again: bool = False
@@ -82,4 +80,4 @@ class Infer(ManyRunsOptions):
         from iswarm_mj.experiments.studies.infer import experiment_of
 
         plan = Plan(self.config, Genome(), self.seed, self.quick)
-        run_experiment(experiment_of(self.combinations, self.repeats), plan, self.out, self.execution, self.again)
+        run_experiment(experiment_of(self.combinations), plan, self.out, self.execution, self.again)

@@ -13,23 +13,20 @@ from iswarm_mj.utils.constraints import Needs, Within, check, validate
 
 @dataclass(frozen=True)
 class Report:
-    """Put all results beside the paper's statements: one HTML page, and Markdown beside it."""
+    """Put all results beside the paper's statements, on one HTML page."""
 
     results: tuple[Path, ...] = (Path("runs"),)
     """Directories with results of `iswarm experiment`, `iswarm evolve` and `iswarm grasp`, at any depth."""
-    beside: Path | None = None
-    """Directory of other results, such as those with another --reading, whose verdicts stand beside the first ones."""
     out: Path = Path("report.html")
-    """The page; the Markdown file and a folder of its figures and of videos get names from it."""
+    """The page, which embeds its figures."""
 
     def run(self) -> None:
         """Run the command."""
         check("results", "nothing", "at least one directory", bool(self.results))
         check("out", self.out, "a name that ends in .html", self.out.suffix == ".html")
-        check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
         from iswarm_mj.experiments.report.writer import report
 
-        report(self.results, self.out, self.beside)
+        report(self.results, self.out)
 
 
 @dataclass(frozen=True)
@@ -69,8 +66,6 @@ class Reproduce(ManyRunsOptions):
     """Grasps at each radius and humidity."""
     results: Path | None = None
     """Directory of the results: results by default, and runs/reproduce-quick/results with --quick."""
-    beside: Path | None = None
-    """Directory of other results, such as those with another --reading, beside which the report puts these."""
     out: Path | None = None
     """Directory in which they are made, with all that is not kept, and of report.html; runs/reproduce by default."""
     pages: tuple[Path, ...] | None = None
@@ -81,17 +76,16 @@ class Reproduce(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        allowed = {"tables": {"results", "beside", "out", "pages"}, "figures": {"results"}}
+        allowed = {"tables": {"results", "out", "pages"}, "figures": {"results"}}
         for mode in [mode for mode in allowed if getattr(self, mode)]:
             others = [name for name in changed(self) if name not in allowed[mode] | {mode}]
             refuse(self, others, f"with `{mode}`, which makes no runs")
-        refuse(self, ["again", "beside"] if self.list else [], "with `list`")
-        check("beside", self.beside, "an existing directory", self.beside is None or self.beside.is_dir())
+        refuse(self, ["again"] if self.list else [], "with `list`")
         from iswarm_mj.experiments.report.reproduce import Places, listing, parts_of, redraw, reproduce, rewrite
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
-        places = Places(results, out, self._pages, self.beside)
+        places = Places(results, out, self._pages)
         if self.figures:
             print("\n".join(map(str, redraw(results))))
             return

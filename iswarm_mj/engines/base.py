@@ -37,7 +37,8 @@ class Motion(NamedTuple):
 
     bodies: Any
     touching: Int[Array, "*B K N"]
-    """int32, the robots of higher index in contact with each robot at the end of any phase, highest first, then 0."""
+    """int32, the robots of higher index in contact with each robot at the end of any phase, highest first, then 0; in
+    a heap the highest `Robot.most_partners`."""
     fault: Int[Array, "*B"]
     """Bits of `FaultKind`; 0 if nothing went wrong."""
     robot: Int[Array, "*B"]

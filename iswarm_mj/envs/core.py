@@ -23,7 +23,7 @@ from iswarm_mj.simulation.perceive import StepInputs, perceive
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
-from iswarm_mj.simulation.streams import Stream, step_keys
+from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
@@ -96,7 +96,7 @@ class Core:
         """Return what robots do; those of an episode that begins do nothing."""
         decoded = actions.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
-        swarm, key = data.world.swarm, step_keys(data.key, data.step).stream(Stream.ACTUATORS)
+        swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
         conditions, charge = self.params.conditions, data.tool_voltage_squared
         done = actuate(self.config, conditions, command, swarm, data.waits, charge, key)
         is_refused = (done.is_refused | is_bad) & ~is_new

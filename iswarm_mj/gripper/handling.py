@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
@@ -13,6 +12,7 @@ from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.draws import draw
 
 
 class Balls(NamedTuple):
@@ -182,15 +182,15 @@ def _attempts(
     """
     releases = ends & balls.is_held
     asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
-    draws = jax.random.normal(key, (4, len(balls.radius)))
-    miss = gripper.tool_error * jnp.linalg.norm(draws[2:], axis=0)
+    works, places = draw(key, balls.radius.shape, n_normal=2).normal
+    miss = gripper.tool_error * jnp.hypot(*places)
     return Attempts(
         ends & balls.is_lying,
         releases,
         asked if voltage is None else jnp.minimum(asked, voltage[worker]),
         balls.radius,
-        jnp.asarray(scattered_work(balls.work_tool_object, conditions.spread_tool_object, draws[0])),
-        jnp.asarray(scattered_work(balls.work_object_substrate, conditions.spread_object_substrate, draws[1])),
+        jnp.asarray(scattered_work(balls.work_tool_object, conditions.spread_tool_object, works[0])),
+        jnp.asarray(scattered_work(balls.work_object_substrate, conditions.spread_object_substrate, works[1])),
         jnp.where(releases, 0.0, miss),
     )
 

@@ -29,7 +29,13 @@ def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return spec.compile()
 
 
-def resize(forces: GripperForces, model: mjx.Model, radius: Array, probe_radius: Array | None = None) -> mjx.Model:
+def resize(
+    forces: GripperForces,
+    model: mjx.Model,
+    radius: Array,
+    probe_radius: Array | None = None,
+    density: Array | float = 1.0,
+) -> mjx.Model:
     """MJX model whose ball, the only geom of a body with a free joint, has another radius, mass and inertia.
 
     Args:
@@ -37,10 +43,11 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array, probe_radius:
         model: of `mjx_compatible`.
         radius: [um]; for a batch use `vmap`.
         probe_radius: another one of the probe [um].
+        density: of the ball over that of the model.
     """
     joint = forces.joints[forces.ball][0]
     ratio = radius / model.geom_size[forces.ball, 0]
-    mass, inertia = ratio**3, ratio**5
+    mass, inertia = density * ratio**3, density * ratio**5
     loose = jnp.repeat(jnp.stack([1 / mass, 1 / inertia]), 3)
     sizes = model.geom_size.at[forces.ball, 0].set(radius)
     return model.replace(

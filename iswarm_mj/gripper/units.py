@@ -14,5 +14,7 @@ CLEARANCE = 0.02
 
 VACUUM_PERMITTIVITY = 8.8541878188e-12
 """Electric constant eps0, CODATA 2022 [F/m]."""
+DENSITY = 1e-9
+"""Density of the bench, in ug/um^3, over that in SI [m^3/kg]."""
 PRESSURE = NN / UM**2
 """Unit of pressure of the bench [Pa]."""

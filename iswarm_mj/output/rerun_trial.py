@@ -21,14 +21,13 @@ from iswarm_mj.output.rerun_format import (
     send_properties,
     written,
 )
-from iswarm_mj.output.trace_lines import LINES, UM
+from iswarm_mj.output.trace_lines import LINES
+from iswarm_mj.output.trial_shapes import trial_shapes
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import atomic_write
 
 SAMPLES = 4000
 """Longer traces are thinned to about this number of samples."""
-ARROW_FORCE = 4e-6
-"""Force whose arrow is one radius long; lengths go with the square root [N]."""
 _BLOCK = 1000
 """Samples per block, for quick seeking."""
 
@@ -100,19 +99,13 @@ def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str
 
 def _moving(trace: Trace) -> Iterator[tuple[str, Any, dict[str, np.ndarray]]]:
     """Entity, archetype and fields (T, instances, ...) of bodies, forces and time series."""
-    ball, radius = trace.ball * UM, trace.radius * UM
-    mark = ball + radius * rotated(trace.ball_quaternion, np.array([0.3, -0.8, 0.52]))
-    forces = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
-    arrows = np.zeros((*forces.shape, 3))
-    arrows[..., 2] = np.sign(forces) * np.sqrt(np.abs(forces) / ARROW_FORCE) * radius
-    origins = ball[:, None] + np.array([[1.3, 0, 0], [1.55, 0, 0], [1.8, 0, 0]]) * radius
-    centre = trace.probe * UM + np.array([0, 0, look.PROBE_LENGTH / 2])
+    shapes = trial_shapes(trace)
     classes = np.where(trace.on_plate_potential, 0, 1).astype(np.uint16)
-    yield look.PROBE, rr.Cylinders3D, {"centers": centre[:, None]}
-    yield look.BALL, rr.Points3D, {"positions": ball[:, None], "class_ids": classes[:, None]}
-    yield look.SHADOW, rr.Cylinders3D, {"centers": (ball * np.array([1, 1, 0]))[:, None]}
-    yield look.BALL_MARK, rr.Points3D, {"positions": mark[:, None]}
-    yield look.FORCES, rr.Arrows3D, {"origins": origins, "vectors": arrows}
+    yield look.PROBE, rr.Cylinders3D, {"centers": shapes.probe[:, None]}
+    yield look.BALL, rr.Points3D, {"positions": shapes.ball[:, None], "class_ids": classes[:, None]}
+    yield look.SHADOW, rr.Cylinders3D, {"centers": (shapes.ball * np.array([1, 1, 0]))[:, None]}
+    yield look.BALL_MARK, rr.Points3D, {"positions": shapes.mark[:, None]}
+    yield look.FORCES, rr.Arrows3D, {"origins": shapes.origins, "vectors": shapes.arrows}
     for line in LINES:
         values = np.broadcast_to(np.asarray(getattr(trace, line.field) * line.factor, float), len(trace.time))
         yield f"series/{line.name}", rr.Scalars, {"scalars": values[:, None]}
@@ -127,10 +120,3 @@ def states_of(trace: Trace) -> dict[str, np.ndarray]:
         look.PLACE: np.where(at_tool, np.where(at_plate, both, tool), np.where(at_plate, plate, free)),
         look.POTENTIAL: np.where(trace.on_plate_potential, *look.STATES[look.POTENTIAL]),
     }
-
-
-def rotated(quaternion: Float[np.ndarray, "T 4"], vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "T 3"]:
-    """Rotate a vector by unit quaternions, w first."""
-    w, axis = quaternion[:, :1], quaternion[:, 1:]
-    cross = np.cross(axis, vector)
-    return vector + 2 * (w * cross + np.cross(axis, cross))

@@ -11,14 +11,13 @@ from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE, PURPLE, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.rerun_format import blueprint, settings_document, space, time_series
 from iswarm_mj.output.trace_lines import LINES, NN, UM
+from iswarm_mj.output.trial_shapes import PROBE_LENGTH
 
 PLATE, PROBE = "world/plate", "world/probe"
 BALL, BALL_MARK, SHADOW, FORCES = "world/ball", "world/ball_mark", "world/shadow", "world/forces"
 PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
 SETTINGS, KEY = "settings", "legend"
 
-PROBE_LENGTH = 100.0
-"""Length of the probe in the view [um]."""
 STATES = {
     PLACE: {"on the plate": ORANGE, "between tool and plate": GREY, "at the tool": GREEN, "free": SKY},
     POTENTIAL: {"plate's": ORANGE, "probe's": GREEN},

@@ -87,16 +87,22 @@ def _offers(offer: Offer, scenario: Scenario) -> tuple[str, ...]:
     return tuple(dict.fromkeys([scenario.named(offer), *sorted(p.name for p in entry_points(group=offer.group))]))
 
 
-def _of(scenario: Scenario, given: Any, prefix: str, group: str = "") -> Iterator[Control]:
-    """Controls of the fields of a dataclass that are numbers, flags or words."""
+def _of(scenario: Scenario, given: Any, prefix: str, group: str) -> Iterator[Control]:
+    """Controls of a part of a scenario, whose names have a prefix."""
+    for control in declared(given):
+        name = prefix + control.name
+        yield control._replace(name=name, group=group, is_live=is_live(scenario, name))
+
+
+def declared(given: Any) -> Iterator[Control]:
+    """Yield the controls of the fields of a dataclass that are numbers, flags or words."""
     cls = type(given)
     for f in fields(given) if is_dataclass(given) else ():
         value, limits, words = getattr(given, f.name), constraint_of(cls, f.name), choices(cls, f.name)
         if f.name in _HIDDEN or not f.init or not (words or isinstance(value, bool | int | float)):
             continue
-        name, text = prefix + f.name, field_docs(cls).get(f.name, "")
         low, high, unit = (limits.low, limits.high, limits.unit) if limits else (-math.inf, math.inf, "")
-        yield Control(name, group, value, low, high, words, unit, text, is_live(scenario, name))
+        yield Control(f.name, "", value, low, high, words, unit, field_docs(cls).get(f.name, ""))
 
 
 def parsed(scenario: Scenario, name: str, text: str) -> Any:

@@ -11,7 +11,8 @@ import numpy as np
 
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
-from iswarm_mj.player.panel import Panel
+from iswarm_mj.player.bench import Bench
+from iswarm_mj.player.panel import GRIPPER, Panel
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 
@@ -59,8 +60,10 @@ class Page:
         server.gui.main_panel.set_width(380)
         look.light(server.scene)
         self._view = SwarmView(server.scene, session.scene)
-        look.aim(server, session.scene)
-        self._panel = Panel(server.gui, session, lambda: self._view)
+        look.aim(server.initial_camera, session.scene)
+        size = session.scene.arena_size * shapes.MILLIMETRES
+        self._panel = Panel(server.gui, session, lambda: self._view, lambda: Bench(server, size / 6))
+        self._panel.looks.on_update(lambda _: self._turn_to(self._panel.looks.value))
         self._panel.rebuild()
         self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
         server.scene.on_click()(self._clicked)
@@ -107,7 +110,7 @@ class Page:
             self._version = session.version
             by, shows = self._view.by, self._view.shows
             self._view = SwarmView(self._server.scene, session.scene)
-            self._view.by, self._view.shows = by, shows
+            self._view.by, self._view.shows, self._view.visible = by, shows, not self._panel.bench.visible
             session.shown = 0.0
             self._panel.rebuild()
         past = list(session.snapshots)
@@ -123,15 +126,25 @@ class Page:
             for client in self._server.get_clients().values():
                 client.add_notification("Not possible", text, color="red", auto_close_seconds=10)
             self._panel.synchronise()
+        if self._panel.bench.visible:
+            self._panel.bench.show()
         if now - self._panel_at > PANEL_S:
             self._panel_at = now
             self._panel.update()
         return False
 
+    def _turn_to(self, shown: str) -> None:
+        """Show the swarm or the bench, and let all browsers look at it."""
+        is_bench = shown == GRIPPER
+        self._panel.bench.visible, self._view.visible = is_bench, not is_bench
+        for client in self._server.get_clients().values():
+            look.aim(client.camera, self.session.scene, is_bench)
+        look.aim(self._server.initial_camera, self.session.scene, is_bench)
+
     def _clicked(self, event: Any) -> None:
         """Find the place on the robots' tops that was clicked on."""
         origin, way = np.array(event.ray_origin), np.array(event.ray_direction)
         length, _, height = np.asarray(self.session.scene.robot_size) * shapes.MILLIMETRES
-        if way[2] < 0:
+        if way[2] < 0 and self._view.visible:
             x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
             self._panel.clicked(float(x), float(y), 0.8 * float(length))

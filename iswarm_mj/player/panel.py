@@ -1,6 +1,5 @@
 """The panel beside the swarm: buttons, controls made from declared settings, plots, and a robot's memory."""
 
-import html
 import math
 from collections.abc import Callable
 from functools import partial
@@ -8,21 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.output.palette import BLUE, Rgb
+from iswarm_mj.output.palette import BLUE
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control, controls
 from iswarm_mj.player.inspection import described
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
+from iswarm_mj.player.widgets import copied, show, spots, widget
 from iswarm_mj.utils.units import RD
 
 SELECT, DROP, LIFE = "select a robot", "drop a ball", "kill or revive a robot"
 """What a click on the arena does."""
+SWARM, GRIPPER = "the swarm", "the gripper's bench"
+"""What the scene shows."""
 FASTEST = 60
 """Control steps a second at most."""
-_MOST = 400.0
-"""Width of a range that a slider can show."""
 _OPEN = ("Rules of", "World", "Task")
 
 
@@ -30,19 +30,23 @@ class Panel:
     """Controls of a session; each is the same in all browsers.
 
     Attributes:
+        looks: choice of what the scene shows.
+        bench: of the gripper.
         speed: control steps a second that are wanted.
         click: what a click on the arena does.
     """
 
-    def __init__(self, gui: Any, session: Session, view: Callable[[], SwarmView]):
+    def __init__(self, gui: Any, session: Session, view: Callable[[], SwarmView], make_bench: Callable[[], Any]):
         """Make the controls.
 
         Args:
             gui: of a viser server.
             session: that they act on.
             view: returns the present view of the swarm.
+            make_bench: makes the gripper's bench, whose controls are a part of the panel.
         """
-        self._gui, self._session, self._view = gui, session, view
+        self._gui, self._session, self._present = gui, session, view
+        self.looks = gui.add_dropdown("show", (SWARM, GRIPPER))
         self._play = gui.add_button("Play", icon="player-play", color="green")
         self._play.on_click(lambda _: session.post(self._toggled))
         more = gui.add_button_group("run", ("Step", "Reset"))
@@ -57,6 +61,8 @@ class Panel:
         self._rules, self._world = tabs.add_tab("Rules"), tabs.add_tab("World")
         with tabs.add_tab("Robot"):
             self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
+        with tabs.add_tab("Gripper"):
+            self.bench = make_bench()
         with tabs.add_tab("Share"):
             self._share()
         self._handles: dict[str, Any] = {}
@@ -64,6 +70,16 @@ class Panel:
         self._shown: tuple[Any, ...] = ()
         self._plots: dict[str, Any] = {}
         self.click = SELECT
+
+    @property
+    def view(self) -> SwarmView:
+        """The present view of the swarm."""
+        return self._present()
+
+    @property
+    def described(self) -> str:
+        """What is shown of the selected robot."""
+        return self._robot.content
 
     def _toggled(self) -> None:
         self._session.is_playing = not self._session.is_playing
@@ -76,9 +92,9 @@ class Panel:
         """What is drawn, its legend, and the plots."""
         gui = self._gui
         self._by = gui.add_dropdown("colour by", (arrays.STATE,))
-        self._by.on_update(lambda _: setattr(self._view(), "by", self._by.value))
+        self._by.on_update(lambda _: setattr(self.view, "by", self._by.value))
         self._draws = gui.add_button_group("draw", ("links", "trails"))
-        self._draws.on_click(lambda _: self._view().toggle(self._draws.value))
+        self._draws.on_click(lambda _: self.view.toggle(self._draws.value))
         click = gui.add_dropdown("a click can", (SELECT, DROP, LIFE))
         click.on_update(lambda _: setattr(self, "click", click.value))
         self._legend = gui.add_html("")
@@ -105,7 +121,7 @@ class Panel:
 
     def rebuild(self) -> None:
         """Show the controls, the ways to colour and the plots of the present run."""
-        session, view = self._session, self._view()
+        session, view = self._session, self.view
         wanted = controls(session.wanted)
         layout = [control.name for control in wanted]
         if layout != self._layout:
@@ -121,7 +137,7 @@ class Panel:
                         folders[key] = self._gui.add_folder(control.group, expand_by_default=is_open)
                         self._handles[f"/{key}"] = folders[key]
                 with folders[key]:
-                    self._handles[control.name] = self._control(control)
+                    self._handles[control.name] = widget(self._gui, control, partial(self._moved, control))
         self.synchronise()
         energy = session.snapshots[-1].record.swarm.energy
         ways = arrays.ways_to_colour(session.scene, session.snapshots[-1].frames, energy is not None)
@@ -139,33 +155,13 @@ class Panel:
             if handle is not None and handle.value != control.value:
                 handle.value = control.value
 
-    def _control(self, control: Control) -> Any:
-        gui, value, hint = self._gui, control.value, control.text or None
-        if control.choices:
-            handle = gui.add_dropdown(control.label, control.choices, initial_value=value, hint=hint)
-        elif isinstance(value, bool):
-            handle = gui.add_checkbox(control.label, value, hint=hint)
-        elif control.high - control.low <= _MOST:
-            is_whole = isinstance(value, int)
-            step = 1 if is_whole else (control.high - control.low) / 200
-            handle = gui.add_slider(control.label, control.low, control.high, step, value, hint=hint)
-        else:
-            low, high = (None if math.isinf(end) else end for end in (control.low, control.high))
-            step = 1 if isinstance(value, int) else 10.0 ** math.floor(math.log10(abs(value) or 1.0) - 1)
-            handle = gui.add_number(control.label, value, min=low, max=high, step=step, hint=hint)
-        handle.on_update(partial(self._moved, control, handle))
-        return handle
-
-    def _moved(self, control: Control, handle: Any, event: Any) -> None:
-        if event.client is None:  # moved by the program
-            return
-        value = handle.value
+    def _moved(self, control: Control, value: Any) -> None:
         text = str(value).lower() if isinstance(control.value, bool) else str(type(control.value)(value))
         self._session.post(lambda: self._session.set(control.name, text))
 
     def clicked(self, x: float, y: float, radius: float) -> None:
         """Act on a click on the floor at a place [mm]; robots nearer than a radius are meant."""
-        session, view = self._session, self._view()
+        session, view = self._session, self.view
         pose = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
         distance = np.linalg.norm(pose - np.array([x, y]), axis=-1)
         robot = int(distance.argmin())
@@ -180,7 +176,7 @@ class Panel:
 
     def update(self) -> None:
         """Show the state of the session; a few times a second."""
-        session, view = self._session, self._view()
+        session, view = self._session, self.view
         snapshot = session.snapshots[-1]
         label, icon, colour = (
             ("Pause", "player-pause", "orange") if session.is_playing else ("Play", "player-play", "green")
@@ -199,11 +195,11 @@ class Panel:
             lines.append("Nothing is left to do.")
         if pending:
             lines.append(f"**Reset** applies: {', '.join(pending)}.")
-        _show(self._status, "content", "\n\n".join(lines))
-        _show(self._legend, "content", _legend(arrays.legend(session.scene, view.by, session.is_alive)))
-        _show(self._command, "content", _copied(session.command()))
+        show(self._status, "content", "\n\n".join(lines))
+        show(self._legend, "content", spots(arrays.legend(session.scene, view.by, session.is_alive)))
+        show(self._command, "content", copied(session.command()))
         if view.selected is not None:
-            _show(
+            show(
                 self._robot,
                 "content",
                 described(session.scene, snapshot.frames, snapshot.record.swarm.memory, view.selected),
@@ -229,27 +225,3 @@ class Panel:
                         legend={"show": False},
                         height=130,
                     )
-
-
-def _show(handle: Any, name: str, value: Any) -> None:
-    """Send what has changed alone."""
-    if getattr(handle, name) != value:
-        setattr(handle, name, value)
-
-
-def _legend(entries: list[tuple[str, Rgb]]) -> str:
-    spots = "".join(
-        f'<span style="white-space:nowrap;margin-right:.8em"><span style="display:inline-block;width:.8em;height:.8em;'
-        f'border-radius:2px;margin-right:.3em;background:rgb{colour}"></span>{html.escape(label)}</span> '
-        for label, colour in entries
-    )
-    return f'<div style="font-size:.8em;line-height:1.6;padding:.3em .8em">{spots}</div>'
-
-
-def _copied(text: str) -> str:
-    """A command with a button that copies it."""
-    copy = "navigator.clipboard.writeText(this.previousElementSibling.textContent);this.textContent='Copied'"
-    style = "white-space:pre-wrap;word-break:break-word;font-size:.8em;margin:0 0 .4em;padding:.5em;border-radius:4px"
-    shown = f'<pre style="{style};background:rgba(128,128,128,.15)">{html.escape(text)}</pre>'
-    button = f'<button onclick="{copy}" style="cursor:pointer;padding:.2em .8em">Copy</button>'
-    return f'<div style="padding:.3em .8em">{shown}{button}</div>'

@@ -57,7 +57,7 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
     check("colour_by", film.by, f"one of {', '.join(ways)}", film.by in ways)
 
     def draw(server: Any) -> Iterator[float]:
-        aim(server, scene)
+        aim(server.initial_camera, scene)
         view = SwarmView(server.scene, scene)
         view.by, view.shows, view.is_coarse = film.by, set(film.draws), True
         each = film.frames_per_step

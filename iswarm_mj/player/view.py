@@ -28,6 +28,7 @@ class SwarmView:
     Attributes:
         by: what colours robots, one of `scene.ways_to_colour`.
         shows: which of `links`, `trails` and the names of vectors are drawn.
+        nodes: of the robots, hulls and fronts.
         selected: robot with a ring; None for none.
         is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays are small.
     """
@@ -43,6 +44,7 @@ class SwarmView:
         self.is_coarse = False
         self._drawn, self._step = drawn, None
         drawn.remove_by_name(_ROOT)
+        self._root = drawn.add_frame(_ROOT, show_axes=False)
         for boxes in shapes.arena_boxes(scene):
             for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
                 drawn.add_box(
@@ -57,10 +59,10 @@ class SwarmView:
         self._length, n, k = length, len(scene.is_alive), len(scene.ball_radius)
         front = trimesh.creation.box((0.2 * length, 0.5 * width, 0.1 * height))
         front.apply_translation((0.36 * length, 0, height / 2))
-        self._robots = [
-            self._batch("robots", trimesh.creation.box((length, width, height)), n, (0, 0, 0)),
-            self._batch("fronts", front, n, (255, 255, 255)),
-        ]
+        self.nodes = {
+            "robots": self._batch("robots", trimesh.creation.box((length, width, height)), n, (0, 0, 0)),
+            "fronts": self._batch("fronts", front, n, (255, 255, 255)),
+        }
         self._balls = self._batch("balls", trimesh.creation.icosphere(1, 0.25 * length), k, (0, 0, 0)) if k else None
         self._areas = {
             name: self._batch(f"areas/{name}", _flat(shape), 0, colour)
@@ -87,6 +89,15 @@ class SwarmView:
         self._ring = drawn.add_mesh_simple(
             f"{_ROOT}/ring", ring.vertices, ring.faces, color=(20, 20, 20), visible=False
         )
+
+    @property
+    def visible(self) -> bool:
+        """Whether the swarm is in the scene."""
+        return self._root.visible
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._root.visible = value
 
     @property
     def vectors(self) -> list[str]:
@@ -124,7 +135,7 @@ class SwarmView:
         now = arrays.moment(scene, past[-2] if len(past) > 1 else after, after, share)
         half, zero = now.yaw / 2, np.zeros_like(now.yaw)
         turns = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
-        for node in self._robots:
+        for node in self.nodes.values():
             node.batched_positions, node.batched_wxyzs = self._rounded(now.centre), self._rounded(turns)
         if self._balls is not None:
             self._balls.batched_positions = self._rounded(now.ball)
@@ -138,7 +149,7 @@ class SwarmView:
         if key == self._step:
             return
         self._step = key
-        self._robots[0].batched_colors = _linear(arrays.colours(scene, after, is_alive, self.by, energy))
+        self.nodes["robots"].batched_colors = _linear(arrays.colours(scene, after, is_alive, self.by, energy))
         if self._balls is not None:
             self._balls.batched_colors = _linear(now.ball_colour)
         ends = arrays.arrows(scene, after, now.centre)
@@ -197,8 +208,8 @@ def light(drawn: Any) -> None:
     drawn.add_light_directional("/lights/sun", intensity=1.3, position=(-1.0, -2.0, 4.0))
 
 
-def aim(server: Any, scene: Scene) -> None:
-    """Point the camera of new browsers at the whole arena."""
+def aim(camera: Any, scene: Scene, is_low: bool = False) -> None:
+    """Point a camera at the whole arena, or from the side at what stands in its middle."""
     size = scene.arena_size * shapes.MILLIMETRES
-    server.initial_camera.position = (0.0, -0.56 * size, 0.7 * size)
-    server.initial_camera.look_at = (0.0, -0.07 * size, 0.0)
+    camera.look_at = (0.0, 0.0, 0.12 * size) if is_low else (0.0, -0.07 * size, 0.0)
+    camera.position = (0.0, -0.55 * size, 0.22 * size) if is_low else (0.0, -0.56 * size, 0.7 * size)

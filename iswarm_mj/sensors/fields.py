@@ -180,12 +180,13 @@ class Vector:
         """Vectors of bits, of the sent ones within half a step."""
         xp = array_module(codes)
         codes, bearings, ranges = codes.astype(np.int32), 2**self.bearing_bits, 2**self.range_bits - 1
-        angle = (codes & (bearings - 1)) * (2 * jnp.pi / bearings)
-        distance = ((codes >> self.bearing_bits) & ranges) * (self.max_range / ranges)
+        distance = ((codes >> self.bearing_bits) & ranges) * np.float32(self.max_range / ranges)
         hop = (codes >> (self.bearing_bits + self.range_bits)) & (self.max_hop + 1)
         known = hop != self.max_hop + 1
-        vector = xp.stack([distance * xp.cos(angle), distance * xp.sin(angle)], axis=-1)
-        return VectorMemory(xp.where(known[..., None], vector, 0.0), xp.where(known, hop, 0), known)
+        angle = np.arange(bearings) * (2 * math.pi / bearings)
+        directions = xp.asarray(np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32))
+        vector = xp.where(known, distance, 0.0)[..., None] * directions[codes & (bearings - 1)]
+        return VectorMemory(vector, xp.where(known, hop, 0), known)
 
     def shapes(self, *shape: int) -> VectorMemory:
         """Shapes and types of vectors."""

@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
@@ -14,6 +13,7 @@ from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.draws import draw
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -50,10 +50,10 @@ def actuate(
     """
     acts = swarm.is_alive & ~waits
     turn, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
-    error = jax.random.normal(key, (len(command.turn), 2))
+    (turning,), (walking,) = draw(key, command.turn.shape, n_normal=1).normal
     moves = (command.turn != 0.0) | (command.forward != 0.0)
-    turned = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * error[:, 0], 0.0)
-    slip = conditions.error_step * error[:, 1] * jnp.clip(command.forward, -step, step)
+    turned = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * turning, 0.0)
+    slip = conditions.error_step * walking * jnp.clip(command.forward, -step, step)
     turned, walked = (jnp.where(acts, part, 0.0) for part in (turned, command.forward + slip))
     is_refused = ~(jnp.isfinite(turned) & jnp.isfinite(walked))
     done = Command(jnp.clip(turned, -turn, turn), jnp.clip(walked, -step, step))

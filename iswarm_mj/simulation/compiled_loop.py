@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -14,12 +14,12 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
-from iswarm_mj.simulation.loop import RunStatus
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.jax_setup import without_shardy
 
+Tree = TypeVar("Tree")
 _WORLDS = "worlds"  # the axis of the mesh of devices
 _OWN, _SHARED = PartitionSpec(_WORLDS), PartitionSpec()
 _REPEATS = 5  # of each stage that is timed
@@ -73,7 +73,6 @@ class CompiledLoop:
         world = np.arange(n_worlds)
         self._rows = world // self.worlds_per_device * rows + world % self.worlds_per_device
         self._n_rows = rows * len(devices)
-        self._is_full = self._n_rows == n_worlds
         self._params, self._state = self._placed(self._with_padding(params, state), _OWN)
         self._engine: CompiledEngine = self._placed(engine, _SHARED)
 
@@ -107,13 +106,9 @@ class CompiledLoop:
         device, index = rows // (self._n_rows // self.mesh.size), np.arange(len(rows))
         return taken, jax.tree.map(lambda a: np.moveaxis(np.asarray(a)[device, :, index], 0, 1)[:taken], records)
 
-    def status(self) -> RunStatus:
-        """See `Loop.status`."""
-        s = self._state
-        found = RunStatus(None, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)
-        task = s.swarm.task
-        task = task if self._is_full else jax.tree.map(lambda a: np.asarray(a)[self._rows], task)
-        return jax.tree.map(lambda a: np.asarray(a)[self._rows], found)._replace(task=task)
+    def read(self, part: Callable[[WorldState], Tree]) -> Tree:
+        """See `Loop.read`."""
+        return jax.tree.map(lambda a: np.asarray(a)[self._rows], part(self._state))
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""

@@ -14,7 +14,7 @@ from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive
 from iswarm_mj.simulation.state import SwarmState, WorldParams
-from iswarm_mj.simulation.streams import Stream, step_keys
+from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.declared import said
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
@@ -24,8 +24,6 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 
 Tree = TypeVar("Tree")
-TURNS_STREAM, SLOTS_STREAM, ACTUATORS_STREAM = 3, 4, 5
-"""Of the random numbers of a control step: the order of the robots, slots of messages, errors of the actuators."""
 
 
 class Decision(NamedTuple):
@@ -71,11 +69,11 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
             heard = relaying.listen(swarm.memory, observation, keys.policy)
             return seen.transmit(relaying.say(heard, observation.is_loaded)).message
 
-        turns = draw_turns(keys.stream(Stream.TURNS), n_robots)
+        turns = draw_turns(keys.turns, n_robots)
         observation = heard_in_turn(observation, turns, seen.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, keys.policy)
-    tool_voltage_squared, error_key = seen.sensed.tool_voltage_squared, keys.stream(Stream.ACTUATORS)
-    done = actuate(config, params.conditions, command, seen.swarm, observation.waits, tool_voltage_squared, error_key)
+    squared = seen.sensed.tool_voltage_squared
+    done = actuate(config, params.conditions, command, seen.swarm, observation.waits, squared, keys.actuators)
     decided = seen.swarm._replace(memory=memory, energy=done.energy)
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive

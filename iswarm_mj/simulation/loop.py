@@ -4,7 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -13,26 +13,10 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.share import Share, is_key, rows, shares_of
-from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.utils.arrays import Array
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
-
-
-class RunStatus(NamedTuple):
-    """What a run looks at after each call, as NumPy arrays of B worlds."""
-
-    task: Any
-    """State of the task; arrays of JAX where they need not leave a device until someone looks."""
-    progress: Array
-    """Of the task."""
-    collisions: Array
-    is_finished: Array
-    finished_at: Array
-    fault: Fault
-    starved: Any = None
-    """Control steps in which each robot waited for energy (B, N); None where they have no capacitors."""
 
 
 @runtime_checkable
@@ -55,8 +39,8 @@ class Loop(Protocol):
         """
         ...
 
-    def status(self) -> RunStatus:
-        """Return the status of all worlds."""
+    def read(self, part: Callable[[WorldState], Tree]) -> Tree:
+        """Return part of the state of all B worlds, as NumPy arrays."""
         ...
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
@@ -129,9 +113,9 @@ class HostLoop:
         record = _joined([record for record in found if record is not None])
         return 1, jax.tree.map(lambda a: a[places][None], record)
 
-    def status(self) -> RunStatus:
-        """See `Loop.status`."""
-        return _joined([_status(share.state) for share in self._shares])
+    def read(self, part: Callable[[WorldState], Tree]) -> Tree:
+        """See `Loop.read`."""
+        return _joined([part(share.state) for share in self._shares])
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """See `Loop.worlds`."""
@@ -180,7 +164,3 @@ def _joined(parts: Sequence[Tree]) -> Tree:
         return np.asarray(values[0]) if len(values) == 1 else np.concatenate(values)
 
     return jax.tree.map(join, *parts)
-
-
-def _status(s: WorldState) -> RunStatus:
-    return RunStatus(s.swarm.task, s.progress, s.collisions, s.is_finished, s.finished_at, s.fault, s.swarm.starved)

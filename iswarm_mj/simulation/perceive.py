@@ -14,7 +14,7 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
-from iswarm_mj.simulation.streams import StepKeys, Stream
+from iswarm_mj.simulation.streams import StepKeys
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
@@ -87,7 +87,7 @@ def perceive(
     """
     poses, sight, *_ = begin
     if config.optics.baud_rate:
-        first_slot = draw_first_slots(config.optics, keys.stream(Stream.SLOTS), len(poses))
+        first_slot = draw_first_slots(config.optics, keys.slots, len(poses))
         links = understood(config.optics, sight.links, first_slot, robot.sides)
         sight = Sight(links, sight.sees_wall & sides_on(config.optics, robot.sides))
     declared = payload_of(params.strategy)
@@ -139,6 +139,10 @@ def decider_of(config: SwarmConfig) -> Decider:
     if config.gripper.resolution == "quasi-static":
         return by_balance
     # Here, since the bench is a large part of the package that other runs need not load.
-    from iswarm_mj.gripper.bench.deciders import decider_for
+    if config.gripper.bench == "mjx":
+        from iswarm_mj.gripper.bench.batch_trials import by_batch
 
-    return decider_for(config.gripper)
+        return by_batch
+    from iswarm_mj.gripper.bench.swarm_trials import by_host
+
+    return by_host

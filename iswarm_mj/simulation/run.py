@@ -145,7 +145,7 @@ class Run:
             self._loop, self.start = start_loop(setup, own, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
-        self._status = self._loop.status()
+        self._has_ended, self._snapshot = np.zeros(n_worlds, bool), None
 
     def _strategies(self) -> Any:
         """The strategy with a first axis of B worlds."""
@@ -156,9 +156,10 @@ class Run:
     @property
     def step(self) -> int:
         """Last control step that any world took."""
-        status = self._status
-        ends = np.where(status.is_finished, status.finished_at, status.fault.step)
-        return int(ends.max()) if self._has_ended.all() else self._taken
+        if not self._has_ended.all():
+            return self._taken
+        state = self._state
+        return int(np.where(state.is_finished, state.finished_at, state.fault.step).max())
 
     @property
     def is_over(self) -> bool:
@@ -189,11 +190,16 @@ class Run:
     @property
     def fault_of_each(self) -> list[SimulationFault | None]:
         """The fault of each world, None for a world without one."""
-        return decode(self._status.fault, self.worlds)
+        return decode(self._state.fault, self.worlds)
 
     @property
-    def _has_ended(self) -> np.ndarray:
-        return np.asarray(self._status.is_finished) | np.asarray(self._status.fault.bits != 0)
+    def _state(self) -> WorldState:
+        """State of all worlds but for their bodies and memories, which leaves a device when it is asked for."""
+        if self._snapshot is None:
+            self._snapshot = self._loop.read(
+                lambda state: state._replace(bodies=None, touching=None, swarm=state.swarm._replace(memory=None))
+            )
+        return self._snapshot
 
     def advance(self) -> StepRecord | None:
         """Take the next control steps: one on the host, a chunk in compiled programs.
@@ -210,7 +216,8 @@ class Run:
         with self.watch("advance"):
             taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
         self._taken += taken
-        self._status = self._loop.status()
+        is_finished, fault = self._loop.read(lambda state: (state.is_finished, state.fault.bits))
+        self._has_ended, self._snapshot = is_finished | (fault != 0), None
         if first == 0:  # which compiles: of no stage
             self.first_call_s, self._first_steps = self.watch.laps["advance"][0], taken
             self.watch.laps.clear()
@@ -243,15 +250,12 @@ class Run:
         """
         params, state = self.arrays()
         self._loop.replace(params, edit(state.swarm))
-        self._status = self._loop.status()
+        self._snapshot = None
 
     @property
     def task_state(self) -> Any:
         """State of the task in all worlds, as NumPy arrays with a first axis of B worlds."""
-        leaves = jax.tree.leaves(self._status.task)
-        if not all(isinstance(leaf, np.ndarray) for leaf in leaves):  # they leave a device when they are asked for
-            self._status = self._status._replace(task=jax.tree.map(np.asarray, self._status.task))
-        return self._status.task
+        return self._state.swarm.task
 
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
@@ -265,7 +269,7 @@ class Run:
 
     def progress(self) -> np.ndarray:
         """Return the progress of the task in each world (B,)."""
-        return np.asarray(self._status.progress)
+        return self._state.progress
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""
@@ -279,10 +283,10 @@ class Run:
         """
         if not (is_whole(world) and 0 <= world < len(self.worlds)):
             raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
-        status = self._status
-        finished_at = int(status.finished_at[world]) if status.is_finished[world] else None
-        starved = 0 if status.starved is None else int(np.asarray(status.starved)[world].sum())
-        return measure(balls_of(self.task, self.task_state), world, int(status.collisions[world]), finished_at, starved)
+        state = self._state
+        finished_at = int(state.finished_at[world]) if state.is_finished[world] else None
+        starved = 0 if state.swarm.starved is None else int(state.swarm.starved[world].sum())
+        return measure(balls_of(self.task, self.task_state), world, int(state.collisions[world]), finished_at, starved)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

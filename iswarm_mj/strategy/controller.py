@@ -16,7 +16,8 @@ from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_sides, repulsion
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.strategy.vectors import adopt, arrived, heard
+from iswarm_mj.strategy.vectors import adopt, arrived, best_offer, heard
+from iswarm_mj.utils import draws
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.geometry import wrapped
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
@@ -49,6 +50,8 @@ class Draws(NamedTuple):
     """Which of several equally good vectors to dust it adopts."""
     dump_tie: Float[Array, "N S"]
     """The same for the dump."""
+    odometry: Float[Array, "N 2"]
+    """Errors of the turn and of the step that it believes it made, standard normal."""
 
 
 class Target(NamedTuple):
@@ -64,9 +67,8 @@ class Target(NamedTuple):
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
     """Draw the random numbers of a step."""
-    numbers = jax.random.uniform(key, (n_robots, 4 + 2 * n_sides))
-    ties = numbers[:, 4 : 4 + n_sides], numbers[:, 4 + n_sides :]
-    return Draws(*(numbers[:, k] for k in range(4)), dust_tie=ties[0], dump_tie=ties[1])
+    (one, other), (turn, step) = draws.draw(key, (n_robots,), n_uniform=2 + n_sides, n_normal=1)
+    return Draws(one[0], other[0], one[1], other[1], one[2:].T, other[2:].T, jnp.stack([turn[0], step[0]], axis=-1))
 
 
 def learn(
@@ -75,9 +77,12 @@ def learn(
     """Memories after forgetting, listening, and sensing the floor."""
     forgets = draws.forget < rules.p_vector_forget
 
-    def listen(own: VectorMemory, sent: VectorMemory, tie_break: Array) -> VectorMemory:
-        offers = heard(sent, observation.bearing, observation.distance, observation.led, sides)
-        return adopt(own.where(~forgets), offers.where(observation.is_heard), rules.use_hop_count, tie_break)
+    def listen(own: VectorMemory, sent: VectorMemory, tie: Array) -> VectorMemory:
+        sent = sent._replace(known=sent.known & observation.is_heard)
+        side = best_offer(sent.hop, sent.known, rules.use_hop_count, tie)
+        by = sent, observation.bearing, observation.distance, observation.led
+        offer = heard(*jax.tree.map(lambda a: a[jnp.arange(len(side)), side], by), sides)
+        return adopt(own.where(~forgets), offer, rules.use_hop_count)
 
     return memory._replace(
         dust=arrived(listen(memory.dust, observation.payload["dust"], draws.dust_tie), observation.at_dust),

@@ -1,7 +1,7 @@
 """The paper's strategy, with vectors and scouts, as a `Strategy`."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, ClassVar
 
 import jax
@@ -22,9 +22,6 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.fusion import fusion_barrier
 from iswarm_mj.utils.robot import PAPER_SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
-
-ODOMETRY_STREAM = 1
-"""Of random numbers of a strategy's step, those of the errors of odometry."""
 
 
 @lru_cache
@@ -99,19 +96,19 @@ class VectorStrategy:
         """Advance the memories of N robots by one control step, and decide what they do, see `Strategy.act`."""
         config, rules = self.config, self.rules
         draws = controller.draw(*observation.is_heard.shape, key=key)
-        known = fusion_barrier(lambda: self._remember(memory, observation, draws))
+        known = fusion_barrier(jax.jit(self._remember), memory, observation, draws)
         target = controller.choose(config, rules, known, observation, draws)
         push = controller.avoid(config, rules, observation, target.follows, self.sides)
         approaches = controller.approaching(self.picks(known), observation)
         target = controller.towards_ball(target, approaches & rules.avoids_at_dust, observation.ball_vector)
         wish, prefers_left = target.direction + push, draws.side < 0.5
-        steered = fusion_barrier(lambda: controller.steer(config, wish, target.limit, prefers_left))
+        steered = fusion_barrier(jax.jit(partial(controller.steer, config)), wish, target.limit, prefers_left)
         approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))
         command = controller.approach(config, self.probe_tip, approaches, observation.ball_vector, steered)
         waits = is_blocked(rules, observation.is_heard, observation.distance, self.sides)
         command = command._replace(forward=jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
         command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
-        believed = believed_motion(rules, *command, jax.random.fold_in(key, ODOMETRY_STREAM))
+        believed = believed_motion(rules, *command, draws.odometry)
         dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
         return known._replace(dust=dust, dump=dump), command
 

@@ -3,7 +3,6 @@
 All vectors are in the robot's own frame: x ahead, y to the left, lengths in arena units [mm].
 """
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
@@ -21,7 +20,7 @@ def after_motion(memory: VectorMemory, turn: Float[Array, "N"], forward: Float[A
 
 
 def believed_motion(
-    rules: Rules, turn: Float[Array, "N"], forward: Float[Array, "N"], key: Array
+    rules: Rules, turn: Float[Array, "N"], forward: Float[Array, "N"], error: Float[Array, "N 2"]
 ) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
     """Turns [rad] and steps [mm] that robots believe they made: those commanded, with the errors of their odometry.
 
@@ -29,9 +28,8 @@ def believed_motion(
         rules: errors of odometry.
         turn: commanded.
         forward: commanded.
-        key: random key.
+        error: of turns and of steps, standard normal.
     """
-    error = jax.random.normal(key, (len(turn), 2))
     moves = (turn != 0.0) | (forward != 0.0)
     turn = turn + jnp.where(moves, jnp.deg2rad(rules.odometry_error_turn) * error[:, 0], 0.0)
     return turn, forward * (1.0 + rules.odometry_error_step * error[:, 1])
@@ -84,24 +82,35 @@ def heard(
     return VectorMemory(vector, jnp.where(sent.known, sent.hop + 1, 0), sent.known)
 
 
-def adopt(
-    own: VectorMemory, offers: VectorMemory, use_hop_count: Bool[Array, ""] | bool, tie_break: Float[Array, "N S"]
-) -> VectorMemory:
-    """Memories after each robot adopted one of the offers, or none.
+def best_offer(
+    hop: Int[Array, "N S"], known: Bool[Array, "N S"], use_hop_count: Bool[Array, ""] | bool, tie: Float[Array, "N S"]
+) -> Int[Array, "N"]:
+    """Side of the vector that each robot may adopt: with hop counts one with the smallest, without any; 0 if none.
 
-    With hop counts, a robot adopts the offer with the smallest one if that is smaller than its own or if it knows no
-    vector. Without, it adopts one of the offers at random, whatever it knows, and counts no hops.
+    Args:
+        hop: counts of the vectors that neighbours sent.
+        known: a vector came.
+        use_hop_count: the genome's flag.
+        tie: random numbers in [0, 1) that decide between equal ones.
+    """
+    score = jnp.where(known, jnp.where(use_hop_count, hop, 0) + tie, jnp.inf)
+    least = score.min(axis=-1, keepdims=True)
+    # Same as argmin but for equal draws, which XLA does not vectorise on CPUs.
+    return jnp.where(known & (score == least), jnp.arange(hop.shape[-1]), 0).max(axis=-1)
+
+
+def adopt(own: VectorMemory, offer: VectorMemory, use_hop_count: Bool[Array, ""] | bool) -> VectorMemory:
+    """Memories after each robot adopted the offer, or not.
+
+    With hop counts, a robot adopts it if its hop count is smaller than that of its own or if it knows no vector.
+    Without, it adopts it whatever it knows, and counts no hops.
 
     Args:
         own: memories of N robots.
-        offers: memories (N, S), one for each photodiode sector.
+        offer: to each of them.
         use_hop_count: the genome's flag.
-        tie_break: random numbers in [0, 1) that decide between equal offers.
     """
-    offers = offers._replace(hop=jnp.where(use_hop_count, offers.hop, 0))
-    best = jnp.argmin(jnp.where(offers.known, offers.hop + tie_break, jnp.inf), axis=-1)
-    offer = VectorMemory(*(values[jnp.arange(len(best)), best] for values in offers))
-    is_better = ~own.known | (offer.hop < own.hop) | ~jnp.asarray(use_hop_count)
-    adopts = offer.known & is_better
+    hop = jnp.where(use_hop_count, offer.hop, 0)
+    adopts = offer.known & (~own.known | (hop < own.hop) | ~jnp.asarray(use_hop_count))
     vector = jnp.where(adopts[..., None], offer.vector, own.vector)
-    return VectorMemory(vector, jnp.where(adopts, offer.hop, own.hop), own.known | adopts)
+    return VectorMemory(vector, jnp.where(adopts, hop, own.hop), own.known | adopts)

@@ -1,6 +1,5 @@
 """Balls of a task in the grippers of robots: carried, released and picked up, and where their centres are."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
@@ -8,6 +7,7 @@ from iswarm_mj.gripper.handling import Balls, carry, handle, loaded, working
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.draws import draw, split
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -26,7 +26,8 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
     balls = carry(balls, tips)
     dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
     floor = sense(inputs.poses, tips, balls.position, balls.is_lying, dump_size, reach)
-    falls = jax.random.bernoulli(key, conditions.drop_rate, balls.is_held.shape)
+    fall_key, attempt_key = split(key, 2)
+    falls = draw(fall_key, balls.is_held.shape, n_uniform=1).uniform[0][0] < conditions.drop_rate
     balls, grasp_failed = handle(
         gripper,
         conditions,
@@ -37,7 +38,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
         falls,
         decider=inputs.decide_attempts,
         control_period=inputs.config.drive.control_period,
-        key=jax.random.fold_in(key, 1),
+        key=attempt_key,
         voltage=inputs.voltage,
     )
     sensed = Sensed(

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.utils.arrays import Array, array_module
@@ -10,10 +11,9 @@ from iswarm_mj.utils.arrays import Array, array_module
 def rotate(vector: Float[Array, "*#n 2"], angle: Float[Array, "*#n"]) -> Float[Array, "*n 2"]:
     """Vectors rotated anticlockwise by an angle [rad]; NumPy or JAX."""
     xp = array_module(vector, angle)
-    c, s = xp.cos(angle), xp.sin(angle)
-    x, y = vector[..., 0], vector[..., 1]
-    # Processors that multiply and add at once round the second sum the same in all of XLA's loops in this order only.
-    return xp.stack([c * x - s * y, c * y + s * x], axis=-1)
+    c, s = xp.cos(angle)[..., None], xp.sin(angle)[..., None]
+    # Without xp.stack, which XLA does not vectorise on CPUs: c x - s y, c y + s x.
+    return c * vector + s * np.array([-1, 1], vector.dtype) * vector[..., ::-1]
 
 
 def wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:

@@ -18,7 +18,7 @@ from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
-from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases
+from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases, of_settings
 from iswarm_mj.workflows.grasp_table import TrialRow, summary, trial_rows
 
 TABLE = "trials.parquet"
@@ -83,7 +83,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     """Write force-distance curves of balls with the medians of the works of adhesion: table and figure.
 
     Args:
-        settings: of which radii, the first humidity and the protocol count.
+        settings: radii, the first humidity, materials, tip, surfaces, contacts and protocol count.
         voltages: one curve each [V].
         out: directory.
 
@@ -103,7 +103,7 @@ def _run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: P
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []
     for radius, voltage in product(settings.radii, voltages):
-        trial = Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity)
+        trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
         rows += force_curve(trial, settings.protocol, voltage)
     metadata = {**settings.metadata(), "relative_humidity": humidity}
     write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)

@@ -22,7 +22,7 @@ CALIBRATION = (
     "MELTING_VOLTAGE",
     "BALL_DENSITY",
 )
-"""Constants of `detachment` that tables record."""
+"""Constants of `detachment` that tables record, four of them settings by the same names."""
 _GAP = Within(0.5e-6, 50e-6, "m")
 
 
@@ -42,6 +42,14 @@ class GraspSettings:
     """Trials at each radius and humidity, each with its own works of adhesion."""
     seed: Annotated[int, Within(0, 2**32 - 1)] = 0
     """Seed of the works of adhesion."""
+    work_tool_object: Annotated[float, Within(1e-6, 1.0, "J/m^2")] = detachment.WORK_TOOL_OBJECT
+    """Median work of adhesion between tool and ball at 10 % RH [J/m^2]."""
+    work_object_substrate: Annotated[float, Within(1e-6, 1.0, "J/m^2")] = detachment.WORK_OBJECT_SUBSTRATE
+    """Median work of adhesion between ball and plate at 10 % RH [J/m^2]."""
+    probe_radius: Annotated[float, Within(2e-6, 80e-6, "m")] = detachment.PROBE_RADIUS
+    """Radius of the tool, a wire with a flat tip [m]."""
+    ball_density: Annotated[float, Within(100.0, 25e3, "kg/m^3")] = detachment.BALL_DENSITY
+    """Density of the balls [kg/m^3]."""
     gap: Annotated[tuple[float, ...], _GAP] = (detachment.RELEASE_GAP,)
     """Gaps to the plate at which a ball is released [m]."""
     no_contact_gap: Annotated[tuple[float, ...], _GAP] = (1e-6, 2e-6, 5e-6)
@@ -106,7 +114,7 @@ class GraspSettings:
             "impl": self.impl,
             "protocol": asdict(self.protocol),
             **{name: getattr(self, name)._asdict() for name in ("contacts", "tool", "plate")},
-            "calibration": {name: getattr(detachment, name) for name in CALIBRATION},
+            "calibration": {name: getattr(self, name.lower(), getattr(detachment, name)) for name in CALIBRATION},
         }
 
 
@@ -152,13 +160,20 @@ class Case(NamedTuple):
 def cases(settings: GraspSettings) -> list[Case]:
     """All trials, by radius, then humidity, then repeat."""
     places = product(settings.radii, settings.humidities, range(settings.repeats))
-    return [
-        Case(_with_surfaces(settings, draw(settings.seed, radius, rh, repeat)), repeat) for radius, rh, repeat in places
-    ]
+    drawn = (draw(settings.seed, *place) for place in places)
+    return [Case(of_settings(settings, trial), k % settings.repeats) for k, trial in enumerate(drawn)]
 
 
-def _with_surfaces(settings: GraspSettings, trial: Trial) -> Trial:
-    """A trial with the contacts of the settings, and the works of adhesion that their surfaces leave."""
-    works = (trial.work_tool_object, settings.tool), (trial.work_object_substrate, settings.plate)
-    tool, plate = (float(effective_work(work, trial.radius, surface)) for work, surface in works)
-    return trial._replace(work_tool_object=tool, work_object_substrate=plate, contacts=settings.contacts)
+def of_settings(settings: GraspSettings, trial: Trial) -> Trial:
+    """A trial of the default materials with those of the settings: works of adhesion, surfaces, contacts, tip."""
+    tool = trial.work_tool_object * (settings.work_tool_object / detachment.WORK_TOOL_OBJECT)
+    plate = trial.work_object_substrate * (settings.work_object_substrate / detachment.WORK_OBJECT_SUBSTRATE)
+    return Trial(
+        trial.radius,
+        float(effective_work(tool, trial.radius, settings.tool)),
+        float(effective_work(plate, trial.radius, settings.plate)),
+        trial.relative_humidity,
+        probe_radius=settings.probe_radius,
+        density=settings.ball_density,
+        contacts=settings.contacts,
+    )

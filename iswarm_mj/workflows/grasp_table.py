@@ -90,7 +90,7 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
             limit_voltage=limit,
             step_voltage=ramp_step,
             melted=False,
-            quasi_static_voltage=float(grasp_voltage(trial.radius, 0.0, substrate, gap)),
+            quasi_static_voltage=float(grasp_voltage(trial.radius, 0.0, substrate, gap, trial.probe_radius)),
             faulty=bool(attempt.faulty[i]),
         )
     grasp, limit = outcomes.grasp, protocol.highest_rung * protocol.step_voltage
@@ -101,7 +101,7 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
         limit_voltage=limit,
         step_voltage=protocol.step_voltage,
         melted=_melted(settings, case, limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i]),
-        quasi_static_voltage=float(grasp_voltage(trial.radius, tool, substrate)),
+        quasi_static_voltage=float(grasp_voltage(trial.radius, tool, substrate, trial.contact_gap, trial.probe_radius)),
         faulty=bool(grasp.faulty[i]),
     )
     for gap, release in outcomes.release.items():
@@ -114,7 +114,7 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
             limit_voltage=protocol.release_limit,
             step_voltage=ramp_step,
             melted=False,
-            quasi_static_voltage=float(release_voltage(trial.radius, tool, gap)),
+            quasi_static_voltage=float(release_voltage(trial.radius, tool, gap, trial.probe_radius)),
             flight_time=_number(release.flight_time[i]),
             landing_speed=_number(release.landing_speed[i]),
             landed=bool(release.landed[i]),

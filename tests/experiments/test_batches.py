@@ -1,10 +1,8 @@
 """Jobs as worlds of batches: each is measured as it is alone."""
 
-import importlib.util
 from dataclasses import replace
 from types import SimpleNamespace
 
-import jax
 import pytest
 from helpers_jobs import jobs_of, outcomes_of
 
@@ -16,7 +14,7 @@ from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
+from iswarm_mj.utils.errors import FaultKind, SimulationFault
 
 MJX = Execution("mjx")
 
@@ -27,40 +25,6 @@ def jobs(small):
 
 
 class TestMjx:
-    @pytest.mark.parametrize(
-        "given, said",
-        [
-            ({"engine": "abacus"}, "^engine must be mujoco or planar or mjx .*abacus"),
-            ({"backend": "abacus"}, "^backend must be processes or ray .*abacus"),
-            ({"workers": -1}, "^workers must be .*between 0 and 1024 .*-1"),
-            ({"engine": "mujoco", "refinement": 2}, "^engine must be planar with `refinement` .*mujoco"),
-            ({"engine": "planar", "refinement": 0}, "^refinement must be .*between 1 and 100 .*0"),
-            ({"engine": "mjx", "backend": "ray"}, "^backend must be processes with `engine` mjx"),
-        ],
-    )
-    def test_what_is_not_possible_is_refused(self, given, said):
-        with pytest.raises(UserError, match=said):
-            Execution(**given)
-
-    def test_no_jobs(self):
-        assert outcomes_of([], MJX) == []
-
-    @pytest.mark.parametrize(
-        "device, has_warp, expected",
-        [
-            (("cpu", "cpu"), True, "jax"),
-            (("gpu", "NVIDIA H100 80GB HBM3"), True, "warp"),
-            (("gpu", "NVIDIA H100 80GB HBM3"), False, "jax"),
-            (("gpu", "AMD Instinct MI300X"), True, "jax"),
-            (("tpu", "TPU v4"), True, "jax"),
-        ],
-    )
-    def test_warp_where_it_runs(self, monkeypatch, device, has_warp, expected):
-        with monkeypatch.context() as patch:
-            patch.setattr(jax, "devices", lambda: [SimpleNamespace(platform=device[0], device_kind=device[1])])
-            patch.setattr(importlib.util, "find_spec", lambda name: (has_warp and name == "warp") or None)
-            assert MJX.settings.impl == expected
-
     @pytest.fixture
     def tried(self, monkeypatch):
         """A stand-in for runs, whose contact buffers must have 2.5 times the default size, and those begun."""
@@ -179,15 +143,3 @@ class TestPlanarInBatches:
         assert begun == [2, 1]
         assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
         assert sum(o.measures.picked for o in batched) > 3
-
-
-@pytest.mark.slow
-def test_worlds_of_a_batch_are_the_jobs(small):
-    """MJX runs jobs of two lengths and of different numbers of robots as two batches; over a few steps as MuJoCo C."""
-    given = [(12, 1, 20), (10, 2, 20), (12, 3, 10)]
-    jobs = [Job(small, Genome(), n_robots, seed, steps=steps) for n_robots, seed, steps in given]
-    batched, alone = outcomes_of(jobs, MJX), outcomes_of(jobs, Execution(workers=1))
-    assert [(o.measures.delivered, o.measures.picked, o.steps) for o in batched] == [
-        (o.measures.delivered, o.measures.picked, o.steps) for o in alone
-    ]
-    assert sum(o.measures.picked for o in alone) > 3

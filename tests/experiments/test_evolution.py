@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
-from helpers_findings import changed, found_in, replicated, search_rows, settings_of
+from helpers_findings import changed, found_in, search_rows
 
-from iswarm_mj.experiments.analysis.evolution import Evolution, best_of, by_replicate
+from iswarm_mj.experiments.analysis.evolution import Evolution, by_replicate
 from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS, TRAITS
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_searches
 
 CLAIMS = [statement.claim for statement in STATEMENTS[: -len(TRAITS)]]
 RISES, LEARNS, BEATS, RIVAL, AS_FIT, SLOW, MANY_FAIL, COUNTED, _, EXCEPTIONS, SCOUTS_LEVEL, FORGET_LEVEL = CLAIMS[:12]
 SCOUTS, FORGET, TRADE, DENSITY, SIGNALS, *_ = CLAIMS[12:]
 JUDGED = [claim for claim in CLAIMS if claim is not RIVAL]
-MOVED = {trait.label: f"Selection moves {trait.what}" for trait in TRAITS}
+MOVED = {trait: f"Selection moves {trait}" for trait in TRAITS}
 
 
 def test_evolutions_that_go_as_the_papers(paper, random):
@@ -28,29 +27,20 @@ def test_few_evolutions_decide_nothing(paper, n):
     """However many runs they have."""
     found = found_in([row for row in paper if row["replicate"] < n])
     assert {found[claim].verdict for claim in JUDGED if claim is not BEATS} == {TOO_FEW}
-    assert f"no interval from {n}, needs 6" in found[RISES].statistics and "95 %" not in found[RISES].ours
-
-
-def test_a_table_without_replicates_is_of_one_search(paper):
-    rows = search_rows()
-    assert by_replicate(rows) == [rows]
-    assert found_in(rows) == found_in([{"replicate": 0, **row} for row in rows])
-    assert [len(mine) for mine in by_replicate(paper[::-1])] == [1200] * 8
-    assert by_replicate(paper[::-1])[0][0]["replicate"] == 0
+    assert "(" not in found[RISES].ours  # no interval
 
 
 def test_medians_are_over_evolutions(paper):
     parts = [100 * np.mean([row["delivered"] != 72 for row in mine]) for mine in by_replicate(paper)]
     finding = found_in(paper)[MANY_FAIL]
-    assert finding.ours.startswith(f"{sum(row['delivered'] != 72 for row in paper)} of 9600 runs")
-    assert f"from {min(parts):.3g} to {max(parts):.3g}, median over evolutions {np.median(parts):.1f} %" in finding.ours
+    assert finding.ours.startswith(f"{min(parts):.3g} to {max(parts):.3g}, median {np.median(parts):.3g} % (")
 
 
 @pytest.mark.parametrize("n, verdict", [(2, HOLDS), (3, TOO_FEW)])
 def test_evolutions_without_a_value_do_not_count(paper, n, verdict):
     """Those of which no run cleans the arena say nothing of the runs that do."""
     finding = found_in(changed(paper, lambda row, number: {"delivered": 40} if number < n else {}))[COUNTED]
-    assert finding.verdict == verdict and f"{n} evolutions have no value" in finding.statistics
+    assert finding.verdict == verdict and f"over 8 evolutions, n = {8 - n};" in finding.statistics
 
 
 @pytest.mark.parametrize("falling, verdict", [(8, HOLDS), (4, UNDECIDED), (0, FAILS)])
@@ -73,20 +63,6 @@ def test_equal_is_what_surely_lies_within_a_mutation(paper, claim, name, shift, 
 
 
 @pytest.mark.parametrize(
-    "claim, name, level", [(SCOUTS_LEVEL, "fraction_scouts", 0.16), (FORGET_LEVEL, "p_vector_forget", 0.28)]
-)
-@pytest.mark.parametrize(
-    "shift, verdict",
-    [(lambda n: 0.006 * n, HOLDS), (lambda n: 0.02 * n - 0.07, UNDECIDED), (lambda n: -0.06 - 0.001 * n, FAILS)],
-    ids=["there", "spread", "elsewhere"],
-)
-def test_levels_in_swarms_that_clean(paper, claim, name, level, shift, verdict):
-    """Whatever the others have; the paper's levels are judged within one mutation, as equality is."""
-    rows = changed(paper, lambda row, n: {name: level + shift(n) if row["delivered"] == 72 else 0.9})
-    assert found_in(rows)[claim].verdict == verdict
-
-
-@pytest.mark.parametrize(
     "density, verdict",
     [(lambda n: 0.13 + 0.001 * n, HOLDS), (lambda n: 0.3, FAILS), (lambda n: 0.08 + 0.02 * n, UNDECIDED)],
     ids=["there", "elsewhere", "spread"],
@@ -96,79 +72,7 @@ def test_densities(paper, density, verdict):
     rows = changed(paper, lambda row, n: {"density_of_robots": density(n) if row["generation"] >= 100 else 0.9})
     finding = found_in(rows)[DENSITY]
     assert finding.verdict == verdict
-    assert f"{100 * np.median([density(n) for n in range(8)]):.1f} %" in finding.ours
-
-
-@pytest.mark.parametrize("n, verdict", [(8, HOLDS), (4, UNDECIDED), (0, FAILS)])
-def test_signals_are_counted_by_best_genomes(paper, n, verdict):
-    finding = found_in(changed(paper, lambda row, number: {"priority_signal_loaded": number < n}))[SIGNALS]
-    assert finding.verdict == verdict and finding.ours.startswith(f"{n} of 8 evolutions by their best genomes")
-
-
-@pytest.mark.parametrize(
-    "best, verdict",
-    [
-        (lambda n: 7771 + 10 * n, HOLDS),
-        (lambda n: 7382 + n, UNDECIDED),  # 0.95 * 7771 = 7382.45
-        (lambda n: 8153 + n, UNDECIDED),  # 1.05 * 7771 = 8159.55
-        (lambda n: 8160 + n, FAILS),
-        (lambda n: 7375 + n, FAILS),
-    ],
-)
-def test_the_fittest_swarm_of_an_evolution_is_as_fit_as_the_papers(paper, best, verdict):
-    """By its fittest run; nearly is 5 %."""
-    rows = changed(paper, lambda row, n: {"fitness": best(n) if row["generation"] == 60 else 2000.0})
-    assert found_in(rows)[AS_FIT].verdict == verdict
-
-
-@pytest.mark.parametrize(
-    "early, verdict",
-    [(lambda n: 0, HOLDS), (lambda n: 2, HOLDS), (lambda n: 8, FAILS), (lambda n: 2 + n, UNDECIDED)],
-)
-def test_swarms_that_clean_faster_than_the_paper_takes_for_possible(paper, early, verdict):
-    """Of each 100 swarms that clean, the first few need 249 steps, all others 250, which is not less."""
-    place = {n: 0 for n in range(8)}
-
-    def time(row, n):
-        if row["delivered"] < 72:
-            return {}
-        place[n] += 1
-        return {"finished_at": 249 if place[n] % 100 < early(n) else 250}
-
-    assert found_in(changed(paper, time))[SLOW].verdict == verdict
-
-
-@pytest.mark.parametrize(
-    "cleaning, verdict",
-    [(lambda n: 3 + n % 2, HOLDS), (lambda n: 0, FAILS), (lambda n: 9, FAILS), (lambda n: n, UNDECIDED)],
-)
-def test_few_swarms_without_hop_counts_clean(paper, cleaning, verdict):
-    """Of each 100 without hop counts so many clean; 2 to 8 are as few as the paper's 4."""
-    place = {n: 0 for n in range(8)}
-
-    def clean(row, n):
-        if row["use_hop_count"]:
-            return {}
-        place[n] += 1
-        cleans = (place[n] - 1) % 100 < cleaning(n)
-        return {"delivered": 72, "finished_at": 320} if cleans else {"delivered": 40, "finished_at": None}
-
-    assert found_in(changed(paper, clean))[EXCEPTIONS].verdict == verdict
-
-
-def test_equality_is_told_among_swarms_with_hop_counts_too(paper):
-    """Most that fail lost hop counts by chance, which makes them equal to the others and hides what else differs."""
-
-    def apart(row, k):
-        return {"fraction_scouts": 0.5 - (0.4 + 0.01 * k) * (row["use_hop_count"] and row["delivered"] < 72)}
-
-    told = found_in(changed(paper, apart))[SCOUTS].ours
-    assert "with hop counts alone 0.435 (95 % interval 0.4 to 0.47), median of the 8 evolutions" in told
-
-
-def test_short_searches_decide_nothing_that_needs_more():
-    found = found_in(replicated(6, generations=10))
-    assert {found[claim].verdict for claim in (RISES, LEARNS, TRADE, DENSITY)} == {TOO_FEW}
+    assert f"{100 * np.median([density(n) for n in range(8)]):.3g} %" in finding.ours
 
 
 @pytest.mark.parametrize("claim, method, verdict", [(BEATS, "random", FAILS), (RIVAL, "cmaes", "")])
@@ -176,9 +80,7 @@ def test_searches_are_compared_by_their_best_runs(paper, claim, method, verdict)
     """One that finds fitter swarms in its first generations is better, however unfit its last ones are."""
     early = changed(paper, lambda row, n: {"fitness": 9000.0 if row["generation"] < 20 else 0.0})
     finding = found_in(paper, **{method: early})[claim]
-    assert finding.verdict == verdict and "U = 0," in finding.statistics
-    last = np.median([np.mean([r["fitness"] for r in mine if r["generation"] >= 100]) for mine in by_replicate(paper)])
-    assert f"against 9000 points, of the last 20 generations {last:.0f} against 0" in finding.ours
+    assert finding.verdict == verdict and " against 9000, difference -" in finding.ours
 
 
 class TestSelection:
@@ -197,15 +99,15 @@ class TestSelection:
         rng = np.random.default_rng(0)
         by_chance = changed(random, lambda row, n: {"density_of_robots": rng.uniform(0.01, 0.33)})
         mine = changed(paper, lambda row, n: {"density_of_robots": density(n)})
-        assert found_in(mine, random=by_chance)[MOVED["density"]].verdict == verdict
+        assert found_in(mine, random=by_chance)[MOVED["the density of robots"]].verdict == verdict
 
     def test_one_difference_among_several_traits_may_be_chance(self, paper, random):
         """Its interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
         by_chance = changed(random, lambda row, n: {"density_of_robots": 0.04 + 0.04 * n})
         mine = changed(paper, lambda row, n: {"density_of_robots": 0.17 + 0.04 * n})
-        finding = found_in(mine, random=by_chance)[MOVED["density"]]
+        finding = found_in(mine, random=by_chance)[MOVED["the density of robots"]]
         assert finding.verdict == UNDECIDED
-        assert "95 % interval 0.01 to 0.27), Mann-Whitney p = 0.021, 0.14 by Holm for 8 traits" in finding.statistics
+        assert finding.ours.endswith("(0.01 to 0.27)") and "by Holm p = 0.14;" in finding.statistics
 
     @pytest.mark.parametrize(
         ("elites", "others", "verdict"),
@@ -224,7 +126,7 @@ class TestSelection:
             return {"origin": "elite" if is_elite else "mutation", "priority_signal_loaded": flag}
 
         by_chance = changed(random, lambda row, n: {"priority_signal_loaded": row["individual"] % 2 == 0})
-        finding = found_in(changed(paper, of_mine), random=by_chance)[MOVED["loaded signal"]]
+        finding = found_in(changed(paper, of_mine), random=by_chance)[MOVED["the priority signal of loaded robots"]]
         assert finding.verdict == verdict
 
     def test_without_replicates_of_both_nothing_is_said(self, paper):
@@ -258,21 +160,3 @@ def test_quantities_of_one_search():
     assert one.density == pytest.approx(0.295) and one.late("fraction_scouts") == pytest.approx(0.2)
     assert one.apart("fraction_scouts") == pytest.approx(0.2) and Evolution(rows[:58], 72).apart("x") is None
     assert one.trade is None and one.top == [] and one.exceptions == 0.0
-
-
-def test_the_best_genome_is_best_on_average_over_its_runs():
-    """A lucky run of one genome, and two others with three runs each."""
-    (row,) = search_rows(1, 1)
-    rows = [row | {"fraction_scouts": 0.1, "fitness": 9.0}]
-    rows += [row | {"fraction_scouts": 0.2, "fitness": f} for f in (1.0, 2, 9)]
-    rows += [row | {"fraction_scouts": 0.3, "fitness": f} for f in (5.0, 5, 5)]
-    best = best_of(rows)
-    assert (best.genome.fraction_scouts, best.fitness, best.n_runs) == (0.3, 5.0, 3)
-
-
-def test_files(paper, random, tmp_path):
-    searches = {"paper": (paper, settings_of()), "random": (random, settings_of("random"))}
-    names = [path.name for path in draw_searches(searches, tmp_path)]
-    assert names == ["evolution_paper.png", "evolution_random.png", "trade.png", "traits.png"]
-    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in names)
-    assert len(draw_searches({"random": (search_rows(), settings_of())}, tmp_path)) == 1

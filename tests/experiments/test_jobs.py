@@ -5,7 +5,6 @@ import pickle
 import numpy as np
 import pytest
 
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -61,8 +60,3 @@ def test_seeds_count(small):
     outcomes = [run_job(Job(small, GENOME, 30, seed, steps=25)) for seed in (1, 1, 2)]
     assert outcomes[0] == outcomes[1] != outcomes[2]
     assert np.isfinite([o.fitness for o in outcomes]).all()
-
-
-def test_a_short_job_has_one_outcome_on_both_engines(small):
-    job = Job(small, GENOME, 30, seed=4, steps=12)
-    assert run_job(job, PlanarSettings(1, refinement=1)) == run_job(job)

@@ -1,6 +1,5 @@
 """The journal of finished runs: what is in it stays, what does not fit is refused."""
 
-import os
 import resource
 import signal
 import subprocess
@@ -61,13 +60,6 @@ def test_each_run_is_kept_where_the_process_is_killed(path):
     """Also where a transaction has begun by then."""
     assert subprocess.run([sys.executable, "-c", KILLED, path], check=False).returncode == -signal.SIGKILL
     assert entries(path, {}) == {(0,): 0, (1,): 1, (2,): 2}
-
-
-@pytest.mark.parametrize("place", [os.mkdir, os.mkfifo])
-def test_what_is_no_file_is_refused(path, place):
-    place(path)
-    with pytest.raises(UserError, match=r"^[^\n]*checkpoint\.sqlite cannot be written [^\n]*$"):
-        Journal(path, SETTINGS)
 
 
 def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):

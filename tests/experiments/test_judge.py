@@ -18,7 +18,7 @@ from iswarm_mj.experiments.analysis.judge import (
     reaching,
     shares,
 )
-from iswarm_mj.experiments.analysis.measures import COLLISIONS, DUST, TIME, by, quartiles, values
+from iswarm_mj.experiments.analysis.measures import COLLISIONS, DUST, TIME, by
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, smallest_p
 
 
@@ -81,26 +81,24 @@ def test_most_runs(count, total, verdict):
     runs = {"": rows([100] * count + [None] * (total - count))}
     assert reaching(runs).verdict == verdict
     assert reaching(runs, does=False).verdict == opposite.get(verdict, verdict)
-    assert f"{count} of {total} runs" in reaching(runs).ours and reaching({}) is None
+    assert reaching(runs).ours.startswith(f"{count} of {total}: ") and reaching({}) is None
 
 
-def test_groups_that_hold_are_left_out_of_a_brief_text():
-    found = reaching({"a": rows([5] * 9), "b": rows([None] * 9), "c": rows([7] * 9)}, brief=True)
-    assert found.verdict == FAILS and found.ours.startswith("2 of 3, not; b: 0 of 9 runs")
-    assert "a:" not in found.ours and "c:" not in found.ours
+def test_of_many_groups_those_that_hold_are_only_counted():
+    groups = {f"a{k}": rows([5] * 9) for k in range(8)} | {"b": rows([None] * 9)}
+    assert reaching(groups).verdict == FAILS and reaching(groups).ours.startswith("8 of 9; b: 0 of 9: 0 %")
 
 
 @pytest.mark.parametrize("count, total, verdict", [(36, 36, HOLDS), (35, 35, TOO_FEW), (99, 100, FAILS)])
 def test_all_trials(count, total, verdict):
     """0.025 ^ (1 / 36) = 0.9026, 0.025 ^ (1 / 35) = 0.8999."""
-    assert always(count, total, "all do", "").verdict == verdict
+    assert always(count, total).verdict == verdict
 
 
 @pytest.mark.parametrize("count, verdict", [(0, HOLDS), (3, UNDECIDED), (12, FAILS)])
 def test_rare_runs(count, verdict):
     """Of 0 of 96 the exact interval ends at 3.8 %, of 12 of 96 it begins at 6.6 %."""
-    found = shares({"x": (count, 96)}, high=0.05)
-    assert found.verdict == verdict and "below 5 %" in found.statistics
+    assert shares({"x": (count, 96)}, (-math.inf, 0.05)).verdict == verdict
 
 
 class TestDifferences:
@@ -109,16 +107,13 @@ class TestDifferences:
         assert differences({"": (high, low)}).verdict == HOLDS == differences({"": (low, high)}, more=False).verdict
         assert differences({"": (low, high)}).verdict == FAILS == differences({"": (high, low)}, more=False).verdict
 
-    def test_what_is_told(self):
-        """Medians 105.5 and 1000; none of the twelve others finishes."""
+    def test_the_numbers_are_those_of_the_measure(self):
+        """Medians 105.5 and 1000, since none of the other 12 finishes; of dust 66 and 30."""
         pair = rows(range(100, 112)), rows([None] * 12)
-        found = differences({"": pair}, TIME, ("here", "there"), more=False, note="as noted")
-        assert found.ours.startswith(
-            "median 106 (third quartile 108) steps here, 1000 (third quartile 1000) steps there"
-        )
-        assert "12 of 12 and 0 of 12 runs reached 66 balls" in found.ours and "-894 steps" in found.ours
-        assert "U = 0," in found.statistics and "n = 12 + 12" in found.statistics and "as noted" in found.statistics
-        assert "U = 144," in differences({"": pair}, DUST).statistics
+        found = differences({"": pair}, TIME, more=False)
+        assert found.verdict == HOLDS and found.ours.startswith("106 against 1000, difference -894 steps (")
+        assert "n = 12 + 12" in found.statistics
+        assert differences({"": pair}, DUST).ours.startswith("66 against 30, difference 36 balls (")
 
     def test_no_difference_at_all_counts_as_none(self):
         same, near = rows([7] * 12), rows(range(12))
@@ -135,7 +130,7 @@ class TestDifferences:
         """p = 2 / C(24, 12) of samples apart, times 2 by Holm; 1 of equal ones."""
         low, high = rows(range(100, 112)), rows(range(200, 212))
         found = differences({"x": (high, low), "y": (low, low)})
-        assert "two-sided p = 7.4e-07 (1.5e-06), 1 (1)" in found.statistics and "Holm for 2" in found.statistics
+        assert "p = 7.4e-07, 1; by Holm 1.5e-06, 1;" in found.statistics
 
     @pytest.mark.parametrize("margin, verdict", [(40.0, HOLDS), (10.0, FAILS), (20.0, UNDECIDED)])
     def test_equal_within_a_margin(self, margin, verdict):
@@ -143,15 +138,15 @@ class TestDifferences:
         one = rows([200, 203, 206, 209, 212, 215])
         other = [{**row, "finished_at": row["finished_at"] + 20} for row in one]
         assert differences({"": (other, one)}, margin=lambda a, b: margin).verdict == verdict
-        means = differences({"": (other, one)}, TIME, ("", ""), margin=lambda a, b: margin, statistic=np.mean)
-        assert means.verdict == verdict and "mean 227.5" in means.ours and "207.5" in means.ours
+        means = differences({"": (other, one)}, TIME, margin=lambda a, b: margin, statistic=np.mean)
+        assert means.verdict == verdict and "Mann-Whitney" not in means.statistics
 
 
 def test_averages_and_their_limits():
     samples = {"a": [10.0, 11, 12, 13, 14, 15], "b": [20.0, 21, 22, 23, 24, 25], "none": []}
     limits = {"a": (9, 16), "b": (19, 26)}
     found = averages(samples, limits, "V", np.median)
-    assert found.verdict == HOLDS and found.ours.startswith("a: median 12.5 V (95 % interval 10 to 15); b: ")
+    assert found.verdict == HOLDS and found.ours.startswith("a: 10 to 15, median 12.5 V (10 to 15); b: ")
     assert averages(samples, {"a": limits["b"], "b": limits["a"]}).verdict == FAILS
     assert averages(samples, (9, 22)).verdict == UNDECIDED
     assert averages({"a": [1.0] * 4}, (0, 2)).verdict == TOO_FEW and averages({"none": []}, (0, 1)) is None
@@ -166,8 +161,7 @@ def test_where_the_lowest_median_is(best, verdict):
         for row in rows([100 + round(1000 * abs(d - best)) + k for k in range(6)], 1 / d, density=d)
     ]
     found = optimum(by(made, "density"), TIME, (0.1, 0.15))
-    assert found.verdict == verdict and found.ours.startswith(f"lowest median at {best:g}; 0.05: ")
-    assert f"the lowest median is at {best:g} in 100 % of" in found.statistics
+    assert found.verdict == verdict and found.ours.startswith(f"lowest at {best:g} in 100 %; 0.05: ")
     assert optimum(by(made, "density"), COLLISIONS, (0.1, 0.15)).verdict == FAILS
     assert optimum(by(made[:6], "density"), TIME, (0.1, 0.15)) is None
 
@@ -199,8 +193,3 @@ def test_several_statements():
 )
 def test_numbers_are_readable(value, text):
     assert number(value) == text
-
-
-def test_what_has_no_value_is_left_out():
-    found = [{"finished_at": None, "max_steps": 9}, {"finished_at": 4, "max_steps": 9}]
-    assert values(found, TIME).tolist() == [9, 4] and quartiles(np.array([])) == "no value"

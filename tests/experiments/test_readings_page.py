@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-from iswarm_mj.config import READINGS
 from iswarm_mj.experiments.analysis.statements import ASKED
 from iswarm_mj.experiments.analysis.support import (
     ACCEPTED,
     accepted,
-    answers,
     chances,
     counts_alone,
     gives_way,
@@ -22,23 +20,6 @@ ROOT = Path(__file__).parents[2]
 
 def results_of(name):
     return read_table(ROOT / "results" / name / f"{name.replace('-', '_')}.parquet")[0]
-
-
-def test_the_page_of_readings_names_all_that_are_tried():
-    """And the named readings differ as its table says."""
-    page = (ROOT / "docs" / "readings.md").read_text(encoding="utf-8")
-    tried = {name for levels in FACTORS.values() for values in levels.values() for name in values}
-    tried -= {"drive.turn_substeps", "strategy.avoidance_gain", "strategy.forget_on_arrival", "strategy.scouts_pick"}
-    assert {name for name in tried if f"`{name}`" not in page} == set()
-    differing = {
-        name: (getattr(mine, name), getattr(other, name))
-        for mine, other in [[READINGS[name].strategy for name in ("paper", "initial")]]
-        for name in vars(mine)
-        if getattr(mine, name) != getattr(other, name)
-    }
-    assert len(differing) == 2
-    for name, (paper, initial) in differing.items():
-        assert f"| `strategy.{name}` | {paper} | {initial} |" in page
 
 
 def test_defaults_are_those_of_the_rule():
@@ -57,7 +38,7 @@ def test_defaults_are_those_of_the_rule():
 
 
 def test_what_the_page_says_of_the_support():
-    """Of readings that pass the correction; of drops; of twice as many accepted combinations."""
+    """Of readings that pass the correction; of twice as many accepted combinations."""
     every = combinations_of(results_of("infer"))
     sample = [c for c in every if c.reading is None]
     assert max(sum(c.answers) for c in sample) < len(ASKED)
@@ -65,36 +46,8 @@ def test_what_the_page_says_of_the_support():
     found = chances(sample, accepted(sample), labels)
     assert {name for name, (_, adjusted) in found.items() if adjusted < 0.05} == {"drops", "dust_offset", "bit_errors"}
 
-    settings = {True: "with", False: "without"}
-    rows = [row | {"study": "hop-count", "setting": settings[row["use_hop_count"]]} for row in results_of("hop-count")]
-    rows += [row | {"study": "density", "setting": f"{row['density']:g}"} for row in results_of("density")]
-    rows += [
-        row | {"study": "types", "setting": row["type"]} for row in results_of("types") if row["type"] != "evolved"
-    ]
-    (dropping,) = [c for c in every if c.reading == "paper" and c.labels["drops"] == "1 % a step"]
-    (paper,) = [c for c in every if c.is_named and c.reading == "paper"]
-    assert sum(answers(rows)) < sum(dropping.answers) < sum(paper.answers)
-
     twice = accepted(sample, 2 * ACCEPTED)
     shares = {name: support(sample, twice, name, values) for name, values in labels.items()}
     assert shares["dust_offset"]["12 rd"].low > 1 / 3 and shares["bit_errors"]["one, noticed"].low > 1 / 3
     assert shares["drops"]["1 % a step"].low > 1 / 2 > shares["avoidance_sides"]["front"].low
     assert shares["random_turn"]["30 deg"].high < 1 / 3
-
-
-def test_what_is_supported_without_the_statements_on_the_fittest_run():
-    """As the page says: the times and penalties of Table 2 are those of the fittest of an evolution's runs."""
-    left = [n for n, text in enumerate(ASKED) if not text.startswith("Type ")]
-    sample = [
-        c._replace(answers=[c.answers[n] for n in left])
-        for c in combinations_of(results_of("infer"))
-        if c.reading is None
-    ]
-    kept = accepted(sample)
-
-    def is_supported(name, label):
-        labels = list(FACTORS[name])
-        return support(sample, kept, name, labels)[label].low > 1 / len(labels)
-
-    assert is_supported("dust_offset", "12 rd") and is_supported("bit_errors", "one, noticed")
-    assert not is_supported("drops", "1 % a step") and not is_supported("avoidance_sides", "front")

@@ -1,18 +1,15 @@
 """Searches that end early and go on, whatever ended them; and what is refused."""
 
-import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from helpers_search import SEARCH, contents, pretend
+from helpers_search import SEARCH, contents, genome_of, pretend
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.experiments.analysis.evolution import genome_of
+from iswarm_mj.experiments.runner import batches
 from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.journal import count
@@ -34,35 +31,24 @@ class TestResume:
         """Figures follow from the table and take most of the time; `TestTable` has them."""
         monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
 
+    @pytest.mark.parametrize("engine", ["mujoco", "mjx", "planar"])
     @pytest.mark.parametrize("method", METHODS)
-    def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method):
-        search = replace(SEARCH, method=method)
+    def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method, engine):
+        """With batches a generation that is known in part is run again as a whole, in all replicates."""
+        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", 1)
+        search = replace(SEARCH, method=method, replicates=2)
         pretend(monkeypatch)
-        run_search(search, tmp_path / "whole", execution=Execution(workers=1))
-        for number, breaks_after in enumerate((0, 1, 13, 20, 59)):
+        run_search(search, tmp_path / "whole", execution=Execution(engine, workers=1))
+        for number, breaks_after in enumerate((0, 33, 119)):
             out = tmp_path / str(number)
             pretend(monkeypatch, breaks_after)
             with pytest.raises(KeyboardInterrupt):
-                run_search(search, out, execution=Execution(workers=2))
+                run_search(search, out, execution=Execution(engine, workers=2))
             begun = pretend(monkeypatch)
-            run_search(search, out, resume=True, execution=Execution(workers=3))
+            run_search(search, out, resume=True, execution=Execution(engine, workers=3))
             assert contents(out) == contents(tmp_path / "whole")
-            assert len(begun) == 60 - breaks_after
-
-    def test_with_mjx_a_generation_in_parts_is_one_batch_again(self, monkeypatch, tmp_path):
-        """The end came between lines of the second generation, then of that again, at another run."""
-        begun = pretend(monkeypatch)
-        run_search(SEARCH, tmp_path / "whole", execution=Execution("mjx"))
-        batch = begun[10:20]
-        out = tmp_path / "out"
-        for runs in (17, 4):
-            pretend(monkeypatch, runs)
-            with pytest.raises(KeyboardInterrupt):
-                run_search(SEARCH, out, resume=True, execution=Execution("mjx"))
-        begun = pretend(monkeypatch)
-        run_search(SEARCH, out, resume=True, execution=Execution("mjx"))
-        assert len(begun) == 50 and begun[:10] == batch
-        assert contents(out) == contents(tmp_path / "whole")
+            assert len(begun) == 120 - (breaks_after if engine == "mujoco" else breaks_after // 20 * 20)
 
     def test_a_finished_search_is_not_run_again(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
@@ -100,6 +86,7 @@ class TestResume:
                 r"^out must be .* without a search \(got .*\); continue the search with `resume`$",
             ),
             (replace(SEARCH, seed=4), True, r"different settings \(seed: 3 there, 4 now\)"),
+            (replace(SEARCH, replicates=3), True, r"\(replicates: 1 there, 3 now\)"),
             (replace(SEARCH, operators=Operators(span=0.1)), True, r"\(operators\.span: 0\.05 there, 0\.1 now\)"),
         ]
         for search, resume, message in refusals:
@@ -109,21 +96,6 @@ class TestResume:
         (tmp_path / CHECKPOINT).unlink()
         with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.sqlite$"):
             run_search(SEARCH, tmp_path, resume=True)
-
-    def test_another_engine_is_refused(self, monkeypatch, tmp_path):
-        begun = pretend(monkeypatch)
-        for name, one, other, message in (
-            ("c", "mujoco", "mjx", r"\(engine: mujoco there, mjx now, impl: None there, jax now\)"),
-            ("mjx", "mjx", "mujoco", r"\(engine: mjx there, mujoco now, impl: jax there, None now\)"),
-        ):
-            run_search(SEARCH, tmp_path / name, execution=Execution(one))
-            before = contents(tmp_path / name)
-            begun.clear()
-            with pytest.raises(UserError, match=message):
-                run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(other))
-            run_search(SEARCH, tmp_path / name, resume=True, execution=Execution(one))
-            assert contents(tmp_path / name) == before and begun == []
-        assert read_table(tmp_path / "mjx" / TABLE)[1]["engine"] == "mjx"
 
 
 TINY = [
@@ -144,22 +116,6 @@ def command(out, *flags):
     given = {flag.partition("=")[0] for flag in flags}
     tiny = [flag for flag in TINY if flag.partition("=")[0] not in given]
     return [sys.executable, "-m", "iswarm_mj", "evolve", *tiny, *flags, "--out", str(out)]
-
-
-def killed_at(runs, delay, out, *flags):
-    """Run `iswarm evolve` and kill -9 it when the checkpoint has so many runs, a little later; whether it lived."""
-    path = out / CHECKPOINT
-    with subprocess.Popen(
-        command(out, *flags, "--resume"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
-        while process.poll() is None and not (path.exists() and count(path) >= runs):
-            time.sleep(0.002)
-        time.sleep(delay)
-        lived = process.poll() is None
-        if lived:
-            os.kill(process.pid, signal.SIGKILL)
-    assert process.returncode == (-signal.SIGKILL if lived else 0)
-    return lived
 
 
 KILLED = """
@@ -215,17 +171,3 @@ def test_generations_as_batches(small, tmp_path):
     before = contents(out)
     cli.main([*command(out, *flags)[3:], "--resume"])
     assert contents(out) == before
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", METHODS)
-def test_killed_at_five_random_moments(tmp_path, method):
-    """One search, killed five times, with two workers."""
-    flags = ["--generations=5", "--population=4", "--workers=2", "--evaluations=2", f"--method={method}"]
-    subprocess.run(command(tmp_path / "whole", *flags), check=True, stdout=subprocess.DEVNULL)
-    generator = np.random.default_rng()
-    moments = [(int(generator.integers(0, 41)), generator.uniform(0, 0.5)) for _ in range(5)]
-    lived = [killed_at(*moment, tmp_path / "out", *flags) for moment in sorted(moments)]
-    print(f"{method}: killed at runs and seconds after {sorted(moments)}: {lived}")
-    subprocess.run([*command(tmp_path / "out", *flags), "--resume"], check=True, stdout=subprocess.DEVNULL)
-    assert contents(tmp_path / "out") == contents(tmp_path / "whole")

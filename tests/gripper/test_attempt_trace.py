@@ -9,8 +9,7 @@ from helpers_attempts import GRIPPER, step
 from helpers_sensing import lay
 
 from iswarm_mj.gripper.bench.attempt_trace import PHASES, attempts_between, trace_attempt
-from iswarm_mj.gripper.bench.deciders import by_host
-from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL
+from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, by_host
 
 PLACES = [(40, 0, 0), (60, 0, 0), (0, 0, 0), (80, 0, 0)]
 

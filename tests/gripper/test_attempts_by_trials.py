@@ -12,8 +12,8 @@ from helpers_sensing import lay
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.contacts import Contacts
-from iswarm_mj.gripper.bench.deciders import by_host
 from iswarm_mj.gripper.bench.single import SingleBench
+from iswarm_mj.gripper.bench.swarm_trials import by_host
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 
@@ -58,14 +58,6 @@ def test_the_balance_is_a_surrogate_of_trials(sample):
     assert same >= 0.99 and away > 0.6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sample", [random_attempts, any_attempts])
-def test_the_balance_is_a_surrogate_of_ten_thousand_trials(sample):
-    found = [agreement(1000, sample, seed) for seed in range(10)]
-    print("agreement, share of these attempts, failures beyond the edge", np.mean(found, axis=0))
-    assert np.mean(found, axis=0)[0] >= 0.99
-
-
 def test_strong_fields_drop_light_balls_that_charge_while_they_are_lifted():
     """By the balance all are lifted; with ten times the resistance they are."""
     radius = np.linspace(15e-6, 16.5e-6, 40)
@@ -86,9 +78,9 @@ def lifts_of(radius, volts):
 
 
 def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool():
-    """With a tenth of the adhesion, not with seven tenths; the balance lets all go."""
+    """Some with a tenth of the adhesion, none with seven tenths; the balance lets all go."""
     radius = np.linspace(15e-6, 25e-6, 30)
-    for share, least, most in ((0.1, 0.4, 0.9), (0.7, 1.0, 1.0)):
+    for share, least, most in ((0.1, 0.1, 0.9), (0.7, 1.0, 1.0)):
         trials = [Trial(r, share * WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE) for r in radius]
         found = np.array([swarm_trials.attempted(trial, 55.0, GRIPPER.release_gap) for trial in trials])
         assert least <= found[:, 0].mean() <= most
@@ -126,27 +118,6 @@ def test_in_strong_fields_a_batch_in_mjx_lifts_as_many_as_c():
     ours, theirs = (decide(gripper, Attempts(*map(jnp.asarray, mine))).lifted for decide in (by_host, by_batch))
     print(int(ours.sum()), int(theirs.sum()), int((ours == theirs).sum()), "of", len(strong))
     assert 0.8 < float(ours.mean()) < 0.95 and float((ours == theirs).mean()) > 0.95
-
-
-def test_the_bench_of_a_program_that_is_spread_over_devices_does_for_others():
-    """As of one stage alone, with arrays that lie on these devices; traced, not compiled."""
-    from jax.sharding import Mesh, NamedSharding, PartitionSpec
-
-    from iswarm_mj.gripper.bench import batch_trials
-
-    batch_trials._usual.cache_clear()
-    attempts, _ = random_attempts(3, 5)
-    gripper = replace(GRIPPER, bench_capacity=2)
-
-    def lifted(*arrays):
-        return batch_trials.by_batch(gripper, Attempts(*arrays)).lifted
-
-    part = PartitionSpec()
-    mesh = Mesh(np.array(jax.devices()[:1]), ("worlds",))
-    spread = jax.shard_map(lifted, mesh=mesh, in_specs=(part,) * 7, out_specs=part, check_vma=False)
-    placed = jax.device_put(tuple(map(jnp.asarray, attempts)), NamedSharding(mesh, part))
-    for program in (spread, lifted):
-        assert jax.jit(program).trace(*placed).out_info.shape == (3,)
 
 
 @pytest.mark.slow

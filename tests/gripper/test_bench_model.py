@@ -54,17 +54,6 @@ def test_everything_that_carries_units_is_set():
     assert model.body_inertia[model.body("ball").id].min() > 1e3 * mujoco.mjMINVAL
 
 
-def test_two_contacts_and_no_others():
-    model = bench()
-    data = mujoco.MjData(model)
-    steps(model, data, 0.3, probe_z=-5.005)
-    assert data.ncon == 2
-    steps(model, data, 0.3, probe_z=5)
-    steps(model, data, 0.3, probe_x=60)
-    steps(model, data, 0.3, probe_z=-60)
-    assert data.ncon == 1
-
-
 @pytest.mark.parametrize("radius", [15, 25])
 @pytest.mark.parametrize("held", [False, True])
 def test_the_ball_sinks_by_less_than_a_hundredth_of_its_radius(radius, held):
@@ -92,4 +81,4 @@ def test_a_resized_model_is_the_one_compiled_at_that_size(radius):
         if isinstance(getattr(theirs, name), np.ndarray)
         and not np.allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-9, atol=0)
     }
-    assert unlike <= {"bvh_aabb", "dof_length", "body_pos", "qpos0", "qpos_spring"}
+    assert unlike <= {"bvh_aabb", "body_pos", "qpos0", "qpos_spring"}

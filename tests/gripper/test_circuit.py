@@ -1,6 +1,7 @@
 """The ball's potential as a circuit: what grasps and what releases, and the energy of a trial."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -50,11 +51,11 @@ def test_a_ball_that_keeps_its_charge_is_not_released():
     assert grasp == pytest.approx(grasp_voltage(20e-6), abs=2.0)
 
 
-@pytest.mark.parametrize("oxide", [0.0, 4e-9])
+@pytest.mark.parametrize("oxide", [4e-9])
 def test_through_a_native_oxide_no_ball_is_lifted(oxide):
     """It breaks down, and the ball has half the voltage, which pulls it to the plate as much as to the tool."""
     fine = Protocol(step_voltage=0.25, release_limit=60.0)
-    trials = [draw(0, radius, 10.0, k) for radius in (15e-6, 20e-6) for k in range(2)]
+    trials = [draw(0, radius, 10.0, k) for radius in (15e-6, 20e-6) for k in range(1)]
     contacts = Contacts(oxide=oxide)
     assert np.isnan(run_trials([trial._replace(contacts=contacts) for trial in trials], fine).grasp.voltage).all()
 
@@ -88,6 +89,7 @@ def test_the_charge_relaxes_with_resistance_times_capacitance():
     assert -np.log(hold[800] / hold[100]) * time == pytest.approx(0.7e-3, rel=0.01)
 
 
+@cache
 def traced(contacts, timestep=1e-6):
     """A ball of 20 um that is lifted by 28 V and released, every physics step, and its trial."""
     trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts)
@@ -108,13 +110,6 @@ def test_the_energy_of_a_whole_trial_is_accounted_for(contacts):
     assert found.turnover > 1e-11 and found.joule > 0.1 * found.turnover
     assert found.impact > 0.05 * found.turnover and found.drive > 0 and found.contact > 0
     assert max(abs(found.electrical), abs(found.mechanical), abs(found.error)) < 0.01
-
-
-def test_another_leak_in_the_books_than_in_the_trial_is_noticed():
-    trace, trial = traced(Contacts())
-    for leak in (0.1, 0.9, 1.1, 10.0):
-        wrong = trial._replace(contacts=Contacts(leak=leak * 60e9))
-        assert abs(energy_balance(trace, wrong).electrical) > 0.02
 
 
 def test_the_energys_error_is_of_the_order_of_the_time_step():

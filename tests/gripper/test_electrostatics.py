@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sphere_plane import force_series, sphere_plane_capacitance, sphere_plane_force
+from helpers_sphere_plane import sphere_plane_capacitance, sphere_plane_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,49 +34,6 @@ def test_sphere_plane_table():
     np.testing.assert_allclose(sphere_plane_capacitance(gap_ratio * R, R) / (4 * unit * R), capacitance, rtol=1e-10)
 
 
-@pytest.mark.parametrize("gap", [1e-6, 5e-6, 20e-6])
-def test_a_charged_sphere_and_its_images(gap):
-    """Sphere at 40 V above a plane: charges in the sphere, each with its mirror image below the plane."""
-    height = gap + R
-    charges, places = [4 * math.pi * VACUUM_PERMITTIVITY * R * 40.0], [height]
-    for _ in range(400):
-        beyond = height + places[-1]
-        charges.append(charges[-1] * R / beyond)
-        places.append(height - R**2 / beyond)
-    q, z = np.array(charges), np.array(places)
-    force = (q[:, None] * q / (4 * math.pi * VACUUM_PERMITTIVITY * (z[:, None] + z) ** 2)).sum()
-    assert sphere_plane_capacitance(gap, R) == pytest.approx(q.sum() / 40, rel=1e-9)
-    assert sphere_plane_force(40.0, gap, R) == pytest.approx(force, rel=1e-9)
-
-
-def test_sphere_plane_limits():
-    # Far away: the image charge of an isolated sphere. Near: Eq. 2 with its next terms.
-    for gap_ratio in (1e4, 1e6):
-        centre = gap_ratio + 1
-        assert force_series(gap_ratio) == pytest.approx(1 / centre**2, rel=10 / gap_ratio)
-    x = 1e-6
-    near = 1 / x - math.log(2 / x) / 3 - 2 * np.euler_gamma / 3 + 1 / 9
-    assert force_series(x) == pytest.approx(near, rel=1e-11)
-    assert force_series(x) - 1 / x == pytest.approx(near - 1 / x, rel=1e-4)
-
-
-@settings(deadline=None)
-@given(st.floats(-4, 3))
-def test_sphere_plane_force_is_the_slope_of_the_capacitance(exponent):
-    gap = 10.0**exponent
-    step = 1e-3 * gap
-    values = [sphere_plane_capacitance(gap + k * step, 1.0) for k in (-2, -1, 1, 2)]
-    slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
-    # Beyond the sphere's radius the constant part of the capacitance takes the slope's digits.
-    assert sphere_plane_force(1.0, gap, 1.0) == pytest.approx(-slope / 2, rel=1e-8 * (1 + gap))
-
-
-def test_eq_2_is_far_too_high_away_from_contact():
-    asymptote = asymptotic_force(40.0, 0.25 * R, R)
-    assert asymptote == pytest.approx(math.pi * VACUUM_PERMITTIVITY * 1600 * 4, rel=1e-14)
-    assert asymptote / sphere_plane_force(40.0, 0.25 * R, R) == pytest.approx(1.31, abs=0.01)
-
-
 @pytest.mark.parametrize(("task", "column"), [("release", 2), ("pick", 3)])
 def test_probe_table_against_another_solver(task, column):
     gap_ratio, probe_ratio = CYLINDER[:, :2].T
@@ -93,14 +50,6 @@ def test_release_and_pick_are_not_symmetric():
     np.testing.assert_allclose(
         probe_factor("release", gap_ratio, wide), probe_factor("pick", gap_ratio, wide), rtol=2e-4
     )
-
-
-@pytest.mark.parametrize("task", FORCES)
-def test_eq_2_is_the_limit_of_small_gaps(task):
-    deviation = 1 - probe_factor(task, np.array([0.002, 0.008, 0.032]), np.full(3, 2.0))
-    assert np.all(deviation > 0)
-    assert deviation[0] < 0.005
-    assert np.all(deviation[1:] / deviation[:-1] > 2.5)
 
 
 def test_release_has_its_maximum_at_a_probe_as_wide_as_the_ball_and_pick_has_none():
@@ -129,16 +78,6 @@ def test_forces_go_with_voltage_squared_and_not_with_size(task, gap, probe, volt
 
 
 @pytest.mark.parametrize("task", FORCES)
-def test_interpolation_has_a_continuous_slope_and_curvature_at_the_rows(task):
-    # A jump of slope or curvature would show as a second or third difference that grows at the rows.
-    h = 1e-3
-    for exponent in GAP_EXPONENTS[2:-2:7]:
-        x = 2.0 ** (exponent + h * np.arange(-3, 4))
-        second = np.diff(np.log(probe_factor(task, x, 0.7)), 2) / h**2
-        assert np.ptp(second) < 0.02
-
-
-@pytest.mark.parametrize("task", FORCES)
 @pytest.mark.parametrize("argument", [1, 2, 3])
 def test_gradients(task, argument):
     force = FORCES[task]
@@ -147,17 +86,6 @@ def test_gradients(task, argument):
     ends = [force(*(x + sign * step * (i == argument) for i, x in enumerate(arguments))) for sign in (1, -1)]
     slope = jax.jit(jax.grad(force, argnums=argument))(*(jnp.float32(x) for x in arguments))
     assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
-
-
-@pytest.mark.parametrize("task", FORCES)
-def test_float32_in_jit_agrees_with_float64(task):
-    gap_ratio, probe_ratio = CYLINDER[:, 0], CYLINDER[:, 1]
-    double = FORCES[task](30.0, gap_ratio * R, R, probe_ratio * R)
-    single = jax.jit(jax.vmap(lambda gap, probe: FORCES[task](30.0, gap, R, probe)))(
-        jnp.asarray(gap_ratio * R, jnp.float32), jnp.asarray(probe_ratio * R, jnp.float32)
-    )
-    assert single.dtype == jnp.float32
-    np.testing.assert_allclose(single, double, rtol=2e-5)
 
 
 @pytest.mark.parametrize("task", FORCES)

@@ -15,28 +15,30 @@ from iswarm_mj.gripper.handling import loaded
 from iswarm_mj.sensors.floor import probe_tips
 
 grip = jax.jit(handled, static_argnums=0)
+N, K = 4, 3
 WEAK = replace(GRIPPER, grasp_voltage=5.0)
 STICKY = replace(GRIPPER, release_voltage=5.0)
 
 
 def hands(balls, *rows, gripper=GRIPPER, picks=True, falls=False):
-    """One step of robots at rows of x, y, heading [deg]: balls and who lifted in vain."""
+    """One step of robots at rows of x, y, heading [deg]: balls and who lifted in vain.
+
+    Robots and balls far away fill up to N and K, for one program.
+    """
     n, k = len(rows), len(balls.radius)
-    poses = jnp.asarray(place(*rows), jnp.float32)
-    balls, failed = grip(gripper, balls, poses, jnp.broadcast_to(picks, n), jnp.broadcast_to(falls, k), KEY)
-    return balls, np.asarray(failed)
+    more_robots, more_balls = max(0, N - n), max(0, K - k)
+    poses = jnp.asarray(place(*rows, *[(500, 500, 0)] * more_robots), jnp.float32)
+    if more_balls:
+        balls = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), balls, lay(*[(-500, -500)] * more_balls))
+    picks = jnp.append(jnp.broadcast_to(picks, n), jnp.zeros(more_robots, bool))
+    falls = jnp.append(jnp.broadcast_to(falls, k), jnp.zeros(more_balls, bool))
+    balls, failed = grip(gripper, balls, poses, picks, falls, KEY)
+    return jax.tree.map(lambda a: a[:k], balls), np.asarray(failed)[:n]
 
 
 def owner(balls, ball=0):
     """Who holds the ball, or None."""
     return int(balls.holder[ball]) if balls.is_held[ball] else None
-
-
-def test_a_ball_under_the_tip_is_lifted():
-    balls, failed = hands(lay((40.9, 0)), (40, 0, 0))
-    assert owner(balls) == 0 and not failed[0]
-    assert balls.was_picked[0] and balls.carried_steps[0] == 1 and not balls.is_lying[0]
-    np.testing.assert_array_equal(loaded(balls, 2), [True, False])
 
 
 @pytest.mark.parametrize(("gap", "lifts"), [(0.19, True), (0.21, False)])
@@ -45,11 +47,6 @@ def test_the_tool_reaches_a_fifth_of_a_millimetre(gap, lifts):
         balls, failed = hands(lay((40.9 + dx, dy)), (40, 0, 0))
         assert (owner(balls) == 0) is lifts
         assert not failed[0]  # out of reach is no failure
-
-
-def test_who_does_not_pick_leaves_the_ball():
-    balls, failed = hands(lay((40.9, 0)), (40, 0, 0), picks=False)
-    assert owner(balls) is None and not failed[0]
 
 
 def test_each_ball_has_its_own_adhesion():
@@ -66,19 +63,6 @@ def test_the_nearer_of_two_has_the_ball_and_the_other_fails(nearer):
     balls, failed = hands(lay((40.0, 0.0)), *(rows if nearer == 0 else rows[::-1]))
     assert owner(balls) == nearer
     np.testing.assert_array_equal(failed, [nearer == 1, nearer == 0])
-
-
-def test_a_tie_has_exactly_one_owner():
-    balls, failed = hands(lay((0.9 + 32.0, 0.0)), (32, 0, 0), (32, 0, 0), (32, 0, 0))
-    assert owner(balls) in (0, 1, 2)
-    assert sorted(failed) == [False, True, True] and not failed[owner(balls)]
-    assert np.asarray(loaded(balls, 3)).sum() == 1
-
-
-def test_a_loaded_robot_takes_no_second_ball():
-    balls, failed = hands(lay((0, 0), (40.9, 0), holders=[0, None]), (40, 0, 0))
-    assert owner(balls, 0) == 0 and owner(balls, 1) is None and not failed[0]
-    np.testing.assert_allclose(balls.position[0], [40.9, 0], atol=1e-5)
 
 
 def test_the_ball_hangs_at_the_tip():
@@ -143,7 +127,6 @@ def test_relabelled_robots_have_the_same_balls():
     assert held[:10].sum() > 5 and before.is_delivered.sum() > 0
 
 
-N, K = 4, 3
 PLACES = st.sampled_from([-1.8, -0.9, 0.0, 0.9, 6.6, 7.5, 8.4])  # on the dump, at its edge, and a tip apart
 ROWS = st.tuples(PLACES, PLACES, st.sampled_from([0, 90, 180, 270]))
 STEPS = st.tuples(
@@ -154,7 +137,7 @@ STEPS = st.tuples(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.lists(st.tuples(PLACES, PLACES), min_size=K, max_size=K), st.lists(STEPS, min_size=1, max_size=10))
 def test_no_ball_is_lost_or_doubled_whatever_happens(positions, steps):
     balls = lay(*positions)

@@ -5,14 +5,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from landing_map import capture_restitution, landing_map
+from landing_map import landing_map
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.staircase import hang, staircase
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.contact import rebound_ratio
@@ -104,12 +103,6 @@ def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitu
     assert kept == pytest.approx(TORN, rel=0.01)
 
 
-def test_adhesion_takes_its_energy_off_the_rebound():
-    assert rebound(4 * STICKS, 0.5, pressure=0.0) == pytest.approx((0.25 - 1 / 16) ** 0.5)
-    edge = capture_restitution(0.1, STICKS)
-    assert rebound(0.1, 0.99 * edge, pressure=0.0) == 0.0 < rebound(0.1, 1.01 * edge, pressure=0.0) < edge
-
-
 def thrown(speed, restitution=None, timestep=1e-3):
     """A ball thrown at the plate, far from the tool: model, data, speeds before and after [um/ms]."""
     trial = Trial(RADIUS, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=Contacts(leak=0.0, restitution=restitution))
@@ -139,14 +132,16 @@ def test_an_impact_follows_the_law_and_conserves_momentum(speed):
     assert impulse == pytest.approx(model.body("ball").mass[0] * (before + after), rel=1e-9)
 
 
-def released(protocol, count=3):
-    trials = [draw(0, radius, 10.0, 0) for radius in np.linspace(15e-6, 25e-6, count)]
-    return run_trials(trials, replace(protocol, step_voltage=2.0)).release[5e-6]
-
-
 def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late():
-    cut, held = released(Protocol()), released(Protocol(after_release="held", flight_limit=3e-3))
-    late = released(Protocol(cut_delay=2.9e-3, flight_limit=3e-3))
+    trials = [draw(0, radius, 10.0, 0) for radius in (15e-6, 25e-6)]
+    bench, protocol = MujocoBench(trials, 5e-6), Protocol(step_voltage=2.0)
+    staircase(bench, protocol, 2)
+    hung, lifted = hang(bench, protocol, 5e-6), bench.save()
+    found = []
+    for more in ({}, {"after_release": "held", "flight_limit": 1e-3}, {"cut_delay": 0.9e-3, "flight_limit": 1e-3}):
+        bench.restore(lifted)
+        found.append(release(bench, replace(protocol, **more), hung, 5e-6))
+    cut, held, late = found
     assert cut.landed.all() and not held.landed.any() and not late.landed.any()
     assert (held.landing_speed > cut.landing_speed).all()
 

@@ -1,7 +1,6 @@
 """The gripper's MuJoCo plugins: how they are registered and loaded, and that threads give what one thread gives."""
 
 import ctypes
-import importlib
 import pickle
 from pathlib import Path
 
@@ -41,14 +40,6 @@ def test_fields_lie_where_mujoco_put_them(model):
             assert pointer == getattr(owner, name).ctypes.data, name
 
 
-def test_importing_again_registers_nothing_new():
-    count = plugin_abi.library().mjp_pluginCount()
-    before = dict(plugin.SLOTS)
-    after = importlib.reload(plugin).SLOTS
-    assert before == after
-    assert plugin_abi.library().mjp_pluginCount() == count
-
-
 @pytest.mark.parametrize("places", [state.OF_ADHESION, state.OF_ELECTROSTATIC])
 def test_what_callbacks_enclose_has_the_same_bytes_in_every_process(places):
     """They are part of the key under which numba caches callbacks; a class that pickle cannot name has others."""
@@ -86,17 +77,6 @@ def stepped(model, state, control):
     return np.concatenate([data.qpos, data.qvel, data.plugin_state])
 
 
-def test_threads_of_rollout_give_the_same(model):
-    states, controls = starts(model, 8)
-    datas = [mujoco.MjData(model) for _ in range(2)]
-    result, _ = mujoco.rollout.rollout(model, datas, states, controls)
-    for i in range(8):
-        np.testing.assert_array_equal(result[i, -1, 1:], stepped(model, states[i], controls[i]))
-    released = result[:, -1, 1 + 2] < 24
-    assert released.any()
-    assert not released.all()
-
-
 def test_threads_of_batch_give_the_same(model):
     states, controls = starts(model, 8)
     batch = mujoco.batch.Batch(model, nsim=8, nthread=2)
@@ -117,15 +97,10 @@ def test_threads_of_batch_give_the_same(model):
     ("old", "new", "message"),
     [
         ('key="work" value="14.7"', 'key="work" value="much"', r'iswarm.adhesion: work is "much"; give the work'),
-        ('key="work" value="14.7"', 'key="work" value="-1"', r'work is "-1"; give .* at least 0 \[nN/um\]'),
         ('key="work" value="14.7"', 'key="work" value="100%s"', r'work is "100_s"; give'),
-        ('<config key="work" value="14.7"/>', "", r'work is ""; give'),
         ('key="humidity" value="10"', 'key="humidity" value="110"', r'humidity is "110"; give .* 0 to 100'),
-        ('key="ball" value="ball"', 'key="ball" value="bal"', r'ball is "bal"; give the name of a sphere'),
         ('key="ball" value="ball"', 'key="ball" value="probe"', r'ball is "probe"; give the name of a sphere'),
-        ('key="plate" value="plate"', 'key="plate" value="probe"', r'iswarm.electrostatic: plate is "probe"; give'),
         ('key="voltage" value="voltage"', 'key="voltage" value="volt"', r'voltage is "volt"; give .* an actuator'),
-        ('key="contact_gap" value="0.2"', 'key="contact_gap" value="0"', r'contact_gap is "0"; give'),
         ('key="contact_gap"', 'key="gap"', r"gap"),
     ],
 )

@@ -9,7 +9,6 @@ import pytest
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.gripper.laws.melting import (
-    MELTING_RISE,
     Supply,
     contact_power,
     melting_energy,
@@ -24,10 +23,6 @@ from iswarm_mj.gripper.laws.roughness import (
 )
 
 SMOOTH = Surface()
-
-
-def test_a_smooth_surface_changes_nothing():
-    assert effective_work(14.7e-3, 20e-6, SMOOTH) == pytest.approx(14.7e-3)
 
 
 def test_roughness_lowers_the_pull_off():
@@ -70,10 +65,6 @@ def test_a_preload_flattens_the_contact():
     assert effective_work(14.7e-3, 20e-6, Surface(preload=1e-9)) == pytest.approx(14.7e-3)
 
 
-def test_hysteresis_adds_to_the_work_of_separation():
-    assert effective_work(14.7e-3, 20e-6, Surface(hysteresis=0.2)) == pytest.approx(1.2 * 14.7e-3)
-
-
 def test_melting_takes_eleven_microjoules():
     assert melting_energy(15e-6) == pytest.approx(10.8e-6, rel=0.02)
 
@@ -82,12 +73,6 @@ def test_without_loss_the_time_is_energy_over_power():
     supply = Supply(conductance=1e-12)
     expected = melting_energy(15e-6) / contact_power(70.0, supply)
     assert melting_time(70.0, 15e-6, supply) == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_power_below_the_loss_never_melts():
-    supply = Supply(resistance=1e5)
-    assert contact_power(70.0, supply) < supply.conductance * MELTING_RISE
-    assert np.isinf(melting_time(70.0, 15e-6, supply))
 
 
 def test_the_charge_of_the_field_cannot_melt_but_an_amplifier_can():

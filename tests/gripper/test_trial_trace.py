@@ -15,11 +15,6 @@ def straight(count):
     return Trace(**arrays | numbers | {name: zero.astype(bool) for name in ("on_plate_potential", "broken")})
 
 
-def test_short_traces_stay():
-    trace = bench_trace()
-    assert thinned(trace, len(trace.time)) is trace
-
-
 def test_samples_are_samples_of_the_trace():
     trace = bench_trace()
     few = thinned(trace, 100)

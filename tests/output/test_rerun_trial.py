@@ -7,8 +7,9 @@ from helpers_trace import RADIUS, bench_trace
 from rerun.chunk import RrdReader
 
 from iswarm_mj import __version__
-from iswarm_mj.output.rerun_trial import record_trace, rotated
+from iswarm_mj.output.rerun_trial import record_trace
 from iswarm_mj.output.trace_lines import LINES
+from iswarm_mj.output.trial_shapes import rotated
 from iswarm_mj.utils.errors import SimulationFault
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}

@@ -99,13 +99,9 @@ def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
 
 def test_the_command_of_another_task_and_strategy_repeats_it():
     arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
-    scenario = Scenario(
-        SwarmConfig(arena),
-        strategy=Beeclust(longest_wait=20.0),
-        task=Aggregation(spot_radius=4.0, spot_offset=7.0),
-        robots=12,
-        engine=PlanarSettings(),
-    )
+    task = Aggregation(spot_radius=4.0, spot_offset=7.0)
+    own = {"strategy": Beeclust(longest_wait=20.0), "task": task, "robots": 12, "engine": PlanarSettings()}
+    scenario = Scenario(SwarmConfig(arena), **own)
     session = steps(Session(scenario), 4)
     assert session.command().startswith("iswarm run ")
     assert_same(copied(session).run, session.run)

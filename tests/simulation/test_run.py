@@ -76,7 +76,7 @@ class TestMeasures:
         run = run_of(small, steps=2)
         run.advance()
         with compilations() as names:
-            assert all(type(leaf) is np.ndarray for leaf in jax.tree.leaves(run._loop.status()))
+            assert all(type(leaf) is np.ndarray for leaf in jax.tree.leaves(run.task_state))
             run.measures(0)
         assert names == []
 

@@ -78,8 +78,9 @@ def test_who_is_not_heard_blocks_nobody():
 
 def test_odometry_errs_as_configured():
     command = Command(jnp.full(N, 0.5), jnp.full(N, 1.2))
+    error = jax.random.normal(jax.random.key(0), (N, 2))
     exact, wrong = (
-        Command(*believed_motion(rules_of(Genome(), strategy), *command, jax.random.key(0)))
+        Command(*believed_motion(rules_of(Genome(), strategy), *command, error))
         for strategy in (StrategyConfig(), StrategyConfig(odometry_error_turn=10.0, odometry_error_step=0.1))
     )
     assert (exact.turn == command.turn).all() and (exact.forward == command.forward).all()
@@ -89,7 +90,7 @@ def test_odometry_errs_as_configured():
     assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
     rest = Command(jnp.zeros(N), jnp.zeros(N))
     drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
-    np.testing.assert_array_equal(believed_motion(drunk, *rest, jax.random.key(0)), rest)
+    np.testing.assert_array_equal(believed_motion(drunk, *rest, error), rest)
 
 
 def test_odometry_errs_whatever_a_robot_decides():

@@ -12,12 +12,18 @@ from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.optics import receive
-from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, heard
+from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, best_offer, heard
 from iswarm_mj.utils.geometry import rotate
 
 angles = st.floats(-np.pi, np.pi)
 lengths = st.floats(-100, 100)
-adopt_here = jax.jit(adopt)
+
+
+@jax.jit
+def adopt_here(own, offers, use_hop_count, tie):
+    """Memories after the best offer (N, S) to each robot."""
+    side = best_offer(offers.hop, offers.known, use_hop_count, tie)
+    return adopt(own, jax.tree.map(lambda a: a[jnp.arange(len(side)), side], offers), use_hop_count)
 
 
 def in_frame(pose, point):
@@ -67,7 +73,7 @@ def test_trail_of_fig_13b_points_every_robot_to_the_target():
         pose = neighbour(sender, turn, hop % 4, rng.uniform(3, 9))
         offer, _ = listen(pose, sender, memory)
         own = VectorMemory.empty(1)
-        memory = adopt(own, jax.tree.map(lambda a: a[:, None], offer), True, jnp.zeros((1, 1)))
+        memory = adopt(own, offer, True)
         assert memory.known[0] and memory.hop[0] == hop
         np.testing.assert_allclose(memory.vector[0], in_frame(pose, target), atol=1e-4)
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
 from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
 from iswarm_mj.engines.mjx.api import mjx
@@ -52,18 +52,15 @@ def move(
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
     touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
     touching &= bodies.is_present & bodies.is_present[:, None]
-    partners, fits = _partners(touching, arena.robot.most_partners)
-    overflow |= jnp.where(fits, 0, int(FaultKind.TOO_MANY_CONTACTS))
     moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
-    return concluded(bodies, moved, partners, overflow, is_running, arena.edge)
+    return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.edge)
 
 
-def _partners(touching: Bool[Array, "N N"], room: int) -> tuple[Array, Array]:
-    """See `Motion.touching` (room, N); and whether there is room for all."""
+def _partners(touching: Bool[Array, "N N"], most: int) -> Int[Array, "K N"]:
+    """See `Motion.touching`."""
     n_robots = len(touching)
-    index, k = jnp.arange(n_robots, dtype=jnp.int32), min(room, n_robots)
-    partners = jax.lax.top_k(jnp.where(touching, index, 0), k)[0].T
-    return jnp.pad(partners, ((0, room - k), (0, 0))), (touching.sum(axis=1) <= room).all()
+    index, k = jnp.arange(n_robots, dtype=jnp.int32), min(most, n_robots)
+    return jnp.pad(jax.lax.top_k(jnp.where(touching, index, 0), k)[0].T, ((0, most - k), (0, 0)))
 
 
 def _overflow(arena: MjxArena, data: mjx.Data) -> Array:

@@ -120,8 +120,7 @@ class MujocoEngine:
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
-            if not self._read_contacts(world, np.asarray(touching[world]), n_contacts):
-                fault[world] |= FaultKind.TOO_MANY_CONTACTS
+            self._read_contacts(world, np.asarray(touching)[world], n_contacts)
         poses = self._padded(self._qpos[:, self._arena.qpos])
         return Bodies(poses, bodies.is_present, n_contacts), touching, fault
 
@@ -136,8 +135,8 @@ class MujocoEngine:
             return list(error.ids)
         return []
 
-    def _read_contacts(self, world: int, touching: Int[np.ndarray, "K P"], n_contacts: Int[np.ndarray, "B"]) -> bool:
-        """Add the pairs of robots of a world that touched in its last physics step; return whether there is room."""
+    def _read_contacts(self, world: int, touching: Int[np.ndarray, "K P"], n_contacts: Int[np.ndarray, "B"]) -> None:
+        """Add the pairs of robots of a world that touched in its last physics step, see `Motion.touching`."""
         contact = self._batch.get_data(world, self._scratch).contact
         n_contacts[world] = len(contact.geom)
         first, second = self._scene.object_of[contact.geom[contact.dist <= 0]].T
@@ -149,7 +148,6 @@ class MujocoEngine:
         rank = np.arange(len(robot)) - np.searchsorted(-robot, -robot)
         fits = rank < len(touching)
         touching[rank[fits], robot[fits]] = partner[fits]
-        return bool(fits.all())
 
     def _padded(self, given: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
         """Values of robots with zeros, or false, for the places beyond them."""

@@ -16,7 +16,7 @@ SKIN = 1.5
 """Near pairs are those whose circumcircles are closer than this; they are found anew where others may have become so
 [mm]."""
 
-_FAILED, _TOO_MANY = int(FaultKind.SOLVER_FAILED), int(FaultKind.TOO_MANY_CONTACTS)
+_FAILED = int(FaultKind.SOLVER_FAILED)
 
 
 class Bodies(NamedTuple):
@@ -82,7 +82,7 @@ def _take_steps(
     places = np.empty((n_robots, 4))
     set_places(bodies.poses, places)
     pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
-    moved, failure = np.inf, 0
+    moved = np.inf
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
             pairs, moved = near_pairs(places, bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
@@ -101,21 +101,20 @@ def _take_steps(
         moved += _integrate(bodies, places, velocities, plane.timestep)
     bodies.velocities[:] = velocities[:n_robots]
     for contact in solved:
-        if contact.first < n_robots and not _add(touching, contact.first, contact.second):
-            failure = _TOO_MANY
-    return failure
+        if contact.first < n_robots:
+            _add(touching, contact.first, contact.second)
+    return 0
 
 
 @compiled
-def _add(touching: np.ndarray, robot: int, partner: int) -> bool:
-    """Add a partner to those of a robot in (K, N), unless it is there; return whether there is room for all."""
+def _add(touching: np.ndarray, robot: int, partner: int) -> None:
+    """Add a partner to those of a robot in (K, N), unless it is there: the lesser of two moves on."""
     for k in range(len(touching)):
         found = touching[k, robot]
         touching[k, robot] = max(found, partner)
-        if found == partner or found == 0:
-            return True
-        partner = min(found, partner)
-    return False
+        partner = 0 if found == partner else min(found, partner)
+        if partner == 0:
+            break
 
 
 @compiled

@@ -11,24 +11,16 @@ from iswarm_mj.experiments.analysis.findings import (
     ALPHA,
     FAILS,
     HOLDS,
-    NOT_IN_PAPER,
-    PREDICTED,
     TOO_FEW,
     Judged,
     Rows,
     Statement,
     Test,
+    added,
     number,
     stated,
 )
-from iswarm_mj.experiments.analysis.judge import (
-    EQUAL,
-    LEAST,
-    Estimate,
-    differences,
-    judged,
-    reaching,
-)
+from iswarm_mj.experiments.analysis.judge import EQUAL, LEAST, Estimate, differences, judged, reaching
 from iswarm_mj.experiments.analysis.measures import (
     ATTEMPTS,
     CARRIAGE,
@@ -52,37 +44,29 @@ TIMED = ("30000 bit/s", "2000 bit/s", "1000 bit/s", "30000 bit/s, all photodiode
 """How long messages take in the study of message times."""
 
 
-def _slowed(setting: str) -> Statement:
-    def test(rows: Rows) -> Judged | None:
-        groups = {name: select(rows, setting=name, use_hop_count=True) for name in (setting, *TIMED, INSTANT)}
-        instant = groups.pop(INSTANT)
-        p = {
-            name: compare(values(runs, TIME), values(instant, TIME)).p
-            for name, runs in groups.items()
-            if runs and instant
-        }
-        adjusted = dict(zip(p, holm(list(p.values())), strict=True))
-        note = f"p = {number(adjusted.get(setting, 1.0), 2)} by Holm for {len(p)} tests"
-        names = (f"with messages at {setting}", "where they take no time")
-        return differences({"": (groups[setting], instant)}, TIME, names, note=note)
+def _at(setting: str, test: Test) -> Test:
+    """A test of the runs of one setting."""
+    return lambda rows: test(select(rows, setting=setting))
 
-    claim = f"Messages at {setting} slow a swarm with hop counts down"
-    return Statement("message-time", claim, NOT_IN_PAPER, "not studied", PREDICTED, test)
+
+def _slowed(setting: str) -> Test:
+    """Swarms with hop counts take longer than where messages take no time."""
+
+    def test(rows: Rows) -> Judged | None:
+        counted = select(rows, use_hop_count=True)
+        return differences({"": (select(counted, setting=setting), select(counted, setting=INSTANT))})
+
+    return test
 
 
 def _robust(rows: Rows) -> Judged | None:
     dead = sorted(by(select(rows, kind="dead"), "fraction").items())
-    return reaching({f"{100 * f:.0f} %": runs for f, runs in dead}, tell=TIME) if len(dead) > 1 else None
+    return reaching({f"{100 * f:.0f} %": runs for f, runs in dead}) if len(dead) > 1 else None
 
 
 def _cost(rows: Rows) -> Judged | None:
-    groups = by(rows, "fraction", "kind")
-    pairs = {
-        f"{100 * f:.0f} %": (runs, groups[f, "absent"])
-        for (f, kind), runs in sorted(groups.items())
-        if kind == "dead" and (f, "absent") in groups
-    }
-    return differences(pairs)
+    dead, absent = (by(select(rows, kind=kind), "fraction") for kind in ("dead", "absent"))
+    return differences({f"{100 * f:.0f} %": (dead[f], absent[f]) for f in sorted(dead.keys() & absent.keys())})
 
 
 DEFAULT = "default"
@@ -90,11 +74,10 @@ BALANCED = ("gripper.relative_humidity", "gripper.grasp_voltage")
 """Choices by which the balance of forces alone decides."""
 
 
-def _chosen(is_meant: Callable[[str], bool]) -> Callable[[Rows], Judged | None]:
+def _chosen(is_meant: Callable[[str], bool]) -> Test:
     def test(rows: Rows) -> Judged | None:
         groups = by([row for row in rows if row["choice"] != DEFAULT and is_meant(row["choice"])], "choice", "value")
-        named = {f"{choice.split('.')[1]} = {value}": runs for (choice, value), runs in groups.items()}
-        return reaching(named, tell=TIME, brief=True)
+        return reaching({f"{choice.split('.')[1]} = {value}": runs for (choice, value), runs in groups.items()})
 
     return test
 
@@ -142,20 +125,11 @@ def _changes(rows: Rows) -> Judged | None:
     if not usual or len(usual) == len(rows):
         return None
     found = changes(rows)
-    raw = sorted((c for c in found if c.p < ALPHA), key=lambda c: -abs(c.effect.estimate))
-    named = [
-        f"{c.choice.split('.')[1]} = {c.value}: {c.effect.estimate:+.0f} ({c.effect.low:+.0f} to {c.effect.high:+.0f}) "
-        f"steps (p = {number(c.p, 2)}, by Holm {number(c.adjusted, 2)})"
-        for c in raw
-    ]
+    raw = [c for c in found if c.p < ALPHA]
     clear = sum(c.adjusted < ALPHA for c in raw)
-    ours = f"{len(raw)} at p < {ALPHA:g}, {clear} of them after Holm's correction" + ": " * bool(raw) + "; ".join(named)
-    said = (
-        f"difference of the mean time from the default's {number(float(values(usual, TIME).mean()))} steps with 95 % "
-        f"interval, runs that did not reach the goal counted as {usual[0]['max_steps']}; Mann-Whitney, corrected for "
-        f"{len(found)} choices, n = {len(usual)} each; all with {usual[0]['n_robots']} robots"
-    )
-    return Judged(ours, said)
+    named = ", ".join(f"{c.choice.split('.')[1]} = {c.value}" for c in raw)
+    ours = f"{len(raw)} of {len(found)} at p < {ALPHA:g}, {clear} of them after Holm's correction: {named}"
+    return Judged(ours, f"Mann-Whitney, n = {len(usual)} each")
 
 
 SWARMS, HUMIDITIES, VOLTAGES = ("type1", "type2"), (10.0, 30.0, 50.0), (30.0, 40.0, 55.0)
@@ -171,8 +145,8 @@ def paired(rows: Rows, measure: Measure) -> np.ndarray:
     return np.array([values([mine[seed] for seed in both], measure) for mine in found])
 
 
-def _same_by_trials(name: str, measure: Measure, voltage: float) -> Statement:
-    what = "finishing time" if measure is TIME else "number of attempts per ball"
+def _same_by_trials(name: str, measure: Measure, voltage: float) -> Test:
+    """At each humidity the ratio of pairs is one; a run that does not reach the goal takes its time limit."""
 
     def test(rows: Rows) -> Judged | None:
         found = []
@@ -180,39 +154,25 @@ def _same_by_trials(name: str, measure: Measure, voltage: float) -> Statement:
             mine = select(rows, type=name, grasp_voltage=voltage, relative_humidity=humidity)
             both = paired(mine, measure)
             static, dynamic = both[:, (both > 0).all(axis=0)]
-            if not len(static):
-                continue
-            value = Interval(*np.exp(interval(np.log(dynamic / static))))
-            told = measure is not TIME or finished(mine) >= LEAST
-            found.append(
-                Estimate(
-                    value,
-                    (len(static),),
-                    1 - EQUAL,
-                    1 + EQUAL,
-                    f"{humidity:g} % RH",
-                    least=LEAST if told else len(static) + 1,
-                )
-            )
-        note = "geometric means of pairs of the same seed, a run that does not reach the goal with its time limit"
-        result = judged(found, "times that by the balance", note=note)
+            if len(static):
+                value, n = Interval(*np.exp(interval(np.log(dynamic / static)))), len(static)
+                least = LEAST if measure is not TIME or finished(mine) >= LEAST else n + 1
+                found.append(Estimate(value, (n,), 1 - EQUAL, 1 + EQUAL, f"{humidity:g} % RH", least=least))
+        result = judged(found, "geometric means of pairs of the same seed")
         return result._replace(verdict=TOO_FEW) if result and len(found) < len(HUMIDITIES) else result
 
-    claim = f"At {voltage:g} V trials instead of the balance of the forces leave the {what} as it is, {name}"
-    return Statement("resolved-grasps", claim, NOT_IN_PAPER, "not studied", PREDICTED, test)
+    return test
 
 
-def _larger_by_trials(name: str, claim: str, measure: Measure, column: str, more: float, less: float) -> Statement:
+def _larger_by_trials(name: str, measure: Measure, column: str, more: float, less: float) -> Test:
     """Of a swarm at the lowest voltage and in the dampest air, with another value of one of these."""
 
     def test(rows: Rows) -> Judged | None:
         at = {"relative_humidity": HUMIDITIES[-1], "grasp_voltage": VOLTAGES[0]}
         groups = [select(rows, type=name, resolution=TRIALS, **at | {column: value}) for value in (more, less)]
-        unit = "V" if column == "grasp_voltage" else "% RH"
-        names = (f"at {more:g} {unit}", f"at {less:g} {unit}")
-        return differences({"": (groups[0], groups[1])}, measure, names)
+        return differences({"": (groups[0], groups[1])}, measure)
 
-    return Statement("resolved-grasps", f"{claim}, {name}", NOT_IN_PAPER, "not studied", PREDICTED, test)
+    return test
 
 
 SUBSTEPS = {2: (1, 1), 5: (2, 3), 10: (4, 6), 20: (8, 12), 50: (20, 30), 100: (40, 60)}
@@ -253,10 +213,7 @@ def _same_by_rate(measure: Measure) -> Test:
             groups = sorted(by(select(rows, type=swarm), "rate").items())
             *coarser, (_, finest) = [item for item in groups if len(values(item[1], measure))] or [(0, [])]
             pairs |= {f"{swarm} at {rate}": (runs, finest) for rate, runs in coarser}
-        note = f"from the most physics steps a second; equal within {100 * EQUAL:.0f} % of their median"
-        return differences(
-            pairs, measure, ("with these", "with the most"), margin=lambda a, b: EQUAL * float(np.median(b)), note=note
-        )
+        return differences(pairs, measure, margin=lambda a, b: EQUAL * float(np.median(b)))
 
     return test
 
@@ -271,17 +228,12 @@ def _observed(rows: Rows, column: str, statistic: Callable, unit: str) -> str:
     return f"{'; '.join(parts)} {unit}"
 
 
-def _how_observed(rows: Rows, what: str) -> str:
-    repeats = len({row["repeat"] for row in rows if row["overlap"] is not None})
-    return f"{what} of {repeats} runs of each kind in the planar engine, without refinement, on one thread"
-
-
 def _overlap(rows: Rows) -> Judged | None:
     finest = [row["overlap"] for row in select(rows, rate=100) if row["overlap"] is not None]
     if not finest:
         return None
-    rule = f"{_how_observed(rows, 'largest')}; holds if at most {NEGLIGIBLE:g} mm"
     verdict = TOO_FEW if len(finest) < LEAST else HOLDS if max(finest) <= NEGLIGIBLE else FAILS
+    rule = f"largest of {len(finest)} runs; holds if at most {NEGLIGIBLE:g} mm"
     return Judged(_observed(rows, "overlap", max, "mm"), rule, verdict)
 
 
@@ -298,38 +250,37 @@ TESTS: Mapping[str, Test] = {
     "same collisions": _same_by_rate(COLLISIONS),
     "same carriage": _same_by_rate(CARRIAGE),
     "overlap": _overlap,  # fitted: the planar engine's default refinement was set by this
-    "step time": lambda rows: Judged(
-        _observed(rows, "ms_per_step", np.median, "ms"), _how_observed(rows, "median of the medians")
-    ),
-    "refused": lambda rows: Judged(_refused(rows), "turning and walking steps as 2 : 3, but 1 : 1 of 2"),
+    "step time": lambda rows: Judged(_observed(rows, "ms_per_step", np.median, "ms"), ""),
+    "refused": lambda rows: Judged(_refused(rows), ""),
 }
 _HOP_COUNT = {measure: one for measure, one in zip((TIME, DUST, COLLISIONS, CARRIAGE), SWARM_STATEMENTS, strict=False)}
+
+
+def _on_grasps(name: str) -> list[Statement]:
+    """Statements on the grasps of one swarm."""
+    same = "At {:g} V trials instead of the balance of the forces leave the {} as it is, {}"
+    fail = f"At 30 V more grasps fail at 50 % RH than at 10 %, {name}"
+    slow = f"At 50 % RH a swarm with 30 V takes longer than one with 55 V, {name}"
+    tests = {
+        same.format(voltage, what, name): _same_by_trials(name, measure, voltage)
+        for measure, what in ((TIME, "finishing time"), (ATTEMPTS, "number of attempts per ball"))
+        for voltage in VOLTAGES
+    }
+    tests[fail] = _larger_by_trials(name, FAILED, "relative_humidity", 50.0, 10.0)
+    tests[slow] = _larger_by_trials(name, TIME, "grasp_voltage", 30.0, 55.0)
+    return [added("resolved-grasps", claim, test) for claim, test in tests.items()]
+
+
 STATEMENTS = [
     *stated(TESTS),
-    *map(_slowed, TIMED),
     *(
-        Statement(
-            "message-time",
-            f"{one.claim}, with messages at {setting}",
-            NOT_IN_PAPER,
-            "not studied",
-            PREDICTED,
-            hop_counts(measure, setting),
-        )
+        added("message-time", f"Messages at {setting} slow a swarm with hop counts down", _slowed(setting))
+        for setting in TIMED
+    ),
+    *(
+        added("message-time", f"{one.claim}, with messages at {setting}", _at(setting, hop_counts(measure)))
         for setting in TIMED
         for measure, one in _HOP_COUNT.items()
     ),
-    *(
-        statement
-        for name in SWARMS
-        for statement in (
-            *(_same_by_trials(name, measure, voltage) for measure in (TIME, ATTEMPTS) for voltage in VOLTAGES),
-            _larger_by_trials(
-                name, "At 30 V more grasps fail at 50 % RH than at 10 %", FAILED, "relative_humidity", 50.0, 10.0
-            ),
-            _larger_by_trials(
-                name, "At 50 % RH a swarm with 30 V takes longer than one with 55 V", TIME, "grasp_voltage", 30.0, 55.0
-            ),
-        )
-    ),
+    *(statement for name in SWARMS for statement in _on_grasps(name)),
 ]

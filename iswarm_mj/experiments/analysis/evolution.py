@@ -28,8 +28,8 @@ FITTEST = 250
 """How many it takes."""
 BEST = 100
 """Best runs that are compared, since random search does not gather about its best as the others do."""
-GROUP, SOME = 30, 10
-"""Least runs of a group of which a share or a mean is taken, and of which a mean is told without a verdict."""
+GROUP = 30
+"""Least runs of a group of which a share or a mean is taken."""
 _NAMES = tuple(asdict(Genome()))
 
 
@@ -52,11 +52,6 @@ def best_of(rows: Rows) -> Best:
     known = {values: fitness for values, fitness in runs.items() if len(fitness) >= RUNS_OF_THE_BEST} or runs
     values = max(known, key=lambda v: float(np.mean(known[v])))
     return Best(Genome(*values), float(np.mean(known[values])), len(known[values]))
-
-
-def genome_of(row: Row) -> Genome:
-    """Genome of a row."""
-    return Genome(*(row[name] for name in _NAMES))
 
 
 def by_replicate(rows: Rows) -> list[Sequence[Row]]:
@@ -139,16 +134,9 @@ class Evolution:
         clean = sum(not row["use_hop_count"] for row in self.good)
         return clean / len(self.without) if len(self.without) >= GROUP else None
 
-    def apart(self, name: str, counted: bool = False) -> float | None:
-        """Mean of a parameter in runs that clean the arena minus that in the others.
-
-        Args:
-            name: of the parameter.
-            counted: only of runs with hop counts, of which few do not clean.
-        """
-        least = SOME if counted else GROUP
-        groups = [[row for row in rows if not counted or row["use_hop_count"]] for rows in (self.good, self.poor)]
-        clean, others = (mean_of(rows, lambda row: row[name], least) for rows in groups)
+    def apart(self, name: str) -> float | None:
+        """Mean of a parameter in runs that clean the arena minus that in the others."""
+        clean, others = (mean_of(rows, lambda row: row[name]) for rows in (self.good, self.poor))
         return None if clean is None or others is None else clean - others
 
     def late(self, name: str) -> float | None:

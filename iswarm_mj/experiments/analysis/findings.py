@@ -70,30 +70,32 @@ class Statement(NamedTuple):
     paper: str
     kind: str
     """As in `Finding`."""
+    note: str
+    """What is to be known of the test or the verdict; ends the statistics of the finding."""
     test: Test
     """Of the results: rows, or for evolutions samples by methods; None where they have nothing on it."""
-    asks: Mapping[str, Callable[[Rows], bool]] = {}
-    """Whether a single set of runs does as the paper says, by short texts: for `iswarm infer`, see `support`."""
 
     def finding(self, results: Any) -> Finding:
         """Return the finding; results that are empty, or None, were not made."""
         judged = self.test(results) if results else None
+        if judged:
+            judged = judged._replace(statistics="; ".join(filter(None, (judged.statistics, self.note))))
         return Finding(*self[1:5], *(judged or ()))
 
 
 _TABLE = files("iswarm_mj.experiments.analysis").joinpath("statements.csv").read_text(encoding="utf-8")
 _WORDS = {row.pop("test"): row for row in csv.DictReader(_TABLE.splitlines())}
-"""Study, claim, source, the paper's value and kind by the names of tests."""
+"""Study, claim, source, the paper's value, kind and note by the names of tests."""
 
 
-def stated(tests: Mapping[str, Test], asks: Mapping[str, Mapping[str, Callable[[Rows], bool]]] = {}) -> list[Statement]:
-    """Statements that these tests judge, in the words of the table beside this file.
+def stated(tests: Mapping[str, Test]) -> list[Statement]:
+    """Statements that these tests judge, by their names in the table beside this file, which has the words."""
+    return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
 
-    Args:
-        tests: by their names in the table.
-        asks: what single sets of runs are asked, by the same names.
-    """
-    return [Statement(**_WORDS[name], test=test, asks=asks.get(name, {})) for name, test in tests.items()]
+
+def added(study: str, claim: str, test: Test, note: str = "") -> Statement:
+    """Statement that the paper does not make, on a question that it does not study."""
+    return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, note, test)
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -107,19 +109,8 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{digits - 1}e}"
 
 
-def short(value: Interval, digits: int = 3) -> str:
-    """An estimate with its interval: 3.1 (2.8 to 3.4)."""
-    return f"{number(value.estimate, digits)} ({number(value.low, digits)} to {number(value.high, digits)})"
-
-
-def span(value: Interval, unit: str = "", digits: int = 3) -> str:
-    """An estimate with its interval, if it has one: 3.1 V (95 % interval 2.8 to 3.4)."""
-    shown = f"{number(value.estimate, digits)} {unit}".rstrip()
-    ends = f" (95 % interval {number(value.low, digits)} to {number(value.high, digits)})"
-    return shown if math.isnan(value.low) else shown + ends
-
-
-def percent(value: Interval) -> str:
-    """A share with its interval, in percent."""
-    ends = [f"{100 * v:.1f}" for v in value]
-    return f"{ends[0]} % (95 % interval {ends[1]} to {ends[2]} %)"
+def short(value: Interval, unit: str = "", digits: int = 3) -> str:
+    """An estimate with its interval, if it has one: 3.1 V (2.8 to 3.4); shares as 43 % (38 to 48)."""
+    estimate, low, high = (number(100 * end if unit == "%" else end, digits) for end in value)
+    shown = f"{estimate} {unit}".rstrip()
+    return shown if math.isnan(value.low) else f"{shown} ({low} to {high})"

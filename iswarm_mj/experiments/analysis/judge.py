@@ -15,10 +15,9 @@ from iswarm_mj.experiments.analysis.findings import (
     Judged,
     Rows,
     number,
-    percent,
-    span,
+    short,
 )
-from iswarm_mj.experiments.analysis.measures import DUST, TIME, Measure, finished, quartiles, values
+from iswarm_mj.experiments.analysis.measures import TIME, Measure, finished, values
 from iswarm_mj.experiments.analysis.statistics import (
     RESAMPLES,
     Comparison,
@@ -45,6 +44,9 @@ of its fitness; finishing times of types 1 and 2 scatter by 24 and 18 % (standar
 results/types), so that of single runs, as the paper compares them, less would not show."""
 SURE = 0.95
 """Share of the bootstrap resamples, of which one less this is as sure of the opposite."""
+MANY = 8
+"""Of more groups than this, only those are listed for which a statement does not hold."""
+Limits = tuple[float, float]
 
 
 class Estimate(NamedTuple):
@@ -57,7 +59,7 @@ class Estimate(NamedTuple):
     high: float = math.inf
     label: str = ""
     said: str = ""
-    """What is told before the value."""
+    """Text in front of the value."""
     tested: Comparison | None = None
     """Of two groups."""
     least: int = LEAST
@@ -89,164 +91,95 @@ def all_of(verdicts: Iterable[str]) -> str:
     return next((verdict for verdict in (FAILS, TOO_FEW, UNDECIDED) if verdict in found), HOLDS)
 
 
-def judged(
-    estimates: Sequence[Estimate], what: str, unit: str = "", note: str = "", brief: bool = False
-) -> Judged | None:
+def judged(estimates: Sequence[Estimate], what: str, unit: str = "") -> Judged | None:
     """Judge a statement by the intervals of all its groups.
 
     Args:
         estimates: of the groups; of none nothing follows.
         what: the intervals are of.
-        unit: of the values; shares are told in %.
-        note: told beside the rule.
-        brief: tell of the groups only that do not hold.
+        unit: of the values; shares are shown in %.
     """
     if not estimates:
         return None
     verdicts = [estimate.verdict for estimate in estimates]
-    told = []
-    for estimate, verdict in zip(estimates, verdicts, strict=True):
-        text = f"{what} {percent(estimate.value) if unit == '%' else span(estimate.value, unit)}"
-        if not brief or verdict != HOLDS:
-            told.append(": ".join(filter(None, [estimate.label, ", ".join(filter(None, [estimate.said, text]))])))
+    shown = [
+        one for one, verdict in zip(estimates, verdicts, strict=True) if len(estimates) <= MANY or verdict != HOLDS
+    ]
+    ours = [f"{one.label}: {one.said}{short(one.value, unit)}".removeprefix(": ") for one in shown]
+    if len(estimates) > MANY:
+        ours.insert(0, f"{verdicts.count(HOLDS)} of {len(verdicts)}")
     tests = [estimate.tested for estimate in estimates if estimate.tested]
-    p = [f"{number(raw.p, 2)}" for raw in tests]
-    if len(tests) > 1:
-        adjusted = holm([test.p for test in tests])
-        p = [f"{one} ({number(other, 2)})" for one, other in zip(p, adjusted, strict=True)]
+    limits = dict.fromkeys(_side(estimate, unit) for estimate in estimates)
     statistics = [
-        f"Mann-Whitney U = {', '.join(number(test.u) for test in tests)}, two-sided p = {', '.join(p)}"
-        if tests
-        else "",
-        f"in brackets adjusted by Holm for {len(tests)} tests" if len(tests) > 1 else "",
-        "n = " + ", ".join(dict.fromkeys(" + ".join(map(str, estimate.n)) for estimate in estimates)),
-        _rule(estimates, unit),
-        note,
+        f"{what}, n = {', '.join(dict.fromkeys(' + '.join(map(str, estimate.n)) for estimate in estimates))}",
+        f"Mann-Whitney p = {', '.join(number(test.p, 2) for test in tests)}" if tests else "",
+        f"by Holm {', '.join(number(p, 2) for p in holm([test.p for test in tests]))}" if len(tests) > 1 else "",
+        f"holds if {'each' if len(estimates) > 1 else 'the'} interval lies {', '.join(limits)}",
     ]
-    if brief:
-        told.insert(0, f"{verdicts.count(HOLDS)} of {len(verdicts)}" + ", not" * bool(told))
-    return Judged("; ".join(told), "; ".join(filter(None, statistics)), all_of(verdicts))
+    return Judged("; ".join(ours), "; ".join(filter(None, statistics)), all_of(verdicts))
 
 
-def _rule(estimates: Sequence[Estimate], unit: str) -> str:
-    """The rule of `Estimate.verdict` in words."""
-    scale = 100 if unit == "%" else 1
-    several = len(estimates) > 1
-    limits = [
-        " to ".join(f"{number(scale * end)} {unit}".rstrip() for end in (estimate.low, estimate.high))
-        if math.isfinite(estimate.high - estimate.low)
-        else ""
-        for estimate in estimates
-    ]
-    low, high = estimates[0].low, estimates[0].high
-    if all(limits):
-        side = "within " + ", ".join(dict.fromkeys(limits))
-    else:
-        side = f"{'above' if math.isfinite(low) else 'below'} {number(scale * (low if math.isfinite(low) else high))}"
-        side = f"{side} {unit}".rstrip()
-    subject, one = ("all intervals lie", "one") if several else ("the interval lies", "it")
-    kind = "equivalence test: " if all(limits) else ""
-    return f"{kind}holds if {subject} {side}, does not if nothing of {one} does"
+def _side(estimate: Estimate, unit: str) -> str:
+    """Where the interval is to lie, in words."""
+    low, high = (f"{number((100 if unit == '%' else 1) * end)} {unit}".rstrip() for end in estimate[2:4])
+    if math.isfinite(estimate.high - estimate.low):
+        return f"within {low} to {high}"
+    return f"above {low}" if math.isfinite(estimate.low) else f"below {high}"
 
 
 def differences(
     pairs: Mapping[str, tuple[Rows, Rows]],
     measure: Measure = TIME,
-    names: tuple[str, str] | None = None,
     more: bool = True,
     margin: Callable[[Values, Values], float] | None = None,
     statistic: Statistic = np.median,
-    note: str = "",
 ) -> Judged | None:
     """Judge whether the first group of each pair has the larger median, or an equal one.
 
     Args:
         pairs: of groups by labels; those without values are left out.
         measure: of which.
-        names: of both groups, whose medians are told.
         more: whether the first is to be larger, else smaller.
         margin: from the values of both, the difference that counts as none; then they are to be equal.
         statistic: instead of the median, without a Mann-Whitney test.
-        note: told beside the rule.
     """
     found = []
     for label, groups in pairs.items():
         first, second = (values(group, measure) for group in groups)
         if not len(first) or not len(second):
             continue
-        said = ""
-        if names:
-            shown = quartiles if statistic is np.median else lambda v, unit: f"{number(float(np.mean(v)), 4)} {unit}"
-            told = [f"{shown(v, measure.unit)} {name}" for v, name in zip((first, second), names, strict=True)]
-            said = f"{'median' if statistic is np.median else 'mean'} {', '.join(told)}"
-        if names and measure is TIME:
-            reached = " and ".join(f"{finished(group)} of {len(group)}" for group in groups)
-            said += f", {reached} runs reached {groups[0][0]['goal']} balls"
+        said = f"{number(float(statistic(first)))} against {number(float(statistic(second)))}, difference "
         tested = compare(first, second) if statistic is np.median else None
         value = tested.difference if tested else difference(first, second, statistic)
         apart = margin(first, second) if margin else math.inf
         low, high = (-apart, apart) if margin else (0.0, math.inf) if more else (-math.inf, 0.0)
         found.append(Estimate(value, (len(first), len(second)), low, high, label, said, tested))
-    what = f"difference of the {'medians' if statistic is np.median else 'means'}"
-    return judged(found, what, measure.unit, note)
+    return judged(found, "medians" if statistic is np.median else "means", measure.unit)
 
 
-def shares(
-    counts: Mapping[str, tuple[int, int]],
-    low: float = -math.inf,
-    high: float = math.inf,
-    said: Mapping[str, str] | None = None,
-    note: str = "",
-    brief: bool = False,
-    least: int = LEAST,
-    of: str = "runs",
-) -> Judged | None:
-    """Judge shares by their exact intervals.
+def shares(counts: Mapping[str, tuple[int, int]], limits: Limits, least: int = LEAST) -> Judged | None:
+    """Judge whether shares, given as how many of how many by labels, lie within limits by their exact intervals.
 
     Args:
-        counts: how many of how many, by labels.
-        low: the shares are to lie above this.
-        high: and below this.
-        said: told of each.
-        note: told beside the rule.
-        brief: tell of the groups only that do not hold.
-        least: runs that are needed.
-        of: what is counted.
+        counts: of the groups.
+        limits: of all.
+        least: runs of a group that are needed.
     """
     found = [
-        Estimate(
-            share(count, total, "exact"),
-            (total,),
-            low,
-            high,
-            label,
-            f"{count} of {total} {of}{(said or {}).get(label, '')}",
-            least=least,
-        )
-        for label, (count, total) in counts.items()
+        Estimate(share(*count, "exact"), count[1:], *limits, label, "{} of {}: ".format(*count), least=least)
+        for label, count in counts.items()
     ]
-    return judged(found, "a share of", "%", note, brief)
+    return judged(found, "shares", "%")
 
 
-def reaching(groups: Mapping[str, Rows], does: bool = True, tell: Measure = DUST, brief: bool = False) -> Judged | None:
+def reaching(groups: Mapping[str, Rows], does: bool = True) -> Judged | None:
     """Judge whether more than half of the runs of each group reach the goal, or do not."""
-    if not groups:
-        return None
-    one = next(iter(groups.values()))[0]
-    said = {label: f", median {quartiles(values(runs, tell), tell.unit)}" for label, runs in groups.items()}
-    note = f"runs that deliver {one['goal']} balls in {one['max_steps']} steps"
     counts = {label: (finished(runs), len(runs)) for label, runs in groups.items()}
-    low, high = (0.5, math.inf) if does else (-math.inf, 0.5)
-    return shares(counts, low, high, said, note, brief)
+    return shares(counts, (0.5, math.inf) if does else (-math.inf, 0.5))
 
 
 def averages(
-    samples: Mapping[str, Values],
-    limits: Mapping[str, tuple[float, float]] | tuple[float, float],
-    unit: str = "",
-    statistic: Statistic = np.mean,
-    said: Mapping[str, str] | None = None,
-    note: str = "",
+    samples: Mapping[str, Values], limits: Mapping[str, Limits] | Limits, unit: str = "", statistic: Statistic = np.mean
 ) -> Judged | None:
     """Judge whether means, or medians, lie within limits.
 
@@ -255,50 +188,40 @@ def averages(
         limits: of each, or of all.
         unit: of the values.
         statistic: the mean or the median.
-        said: told of each.
-        note: told beside the rule.
     """
-    found = [
-        Estimate(
-            interval(sample, statistic),
-            (len(sample),),
-            *(limits[label] if isinstance(limits, Mapping) else limits),
-            label=label,
-            said=(said or {}).get(label, ""),
-        )
-        for label, sample in samples.items()
-        if len(sample)
-    ]
-    return judged(found, "median" if statistic is np.median else "mean", unit, note)
+    found, what = [], "median" if statistic is np.median else "mean"
+    for label, sample in samples.items():
+        if len(sample):
+            said = f"{number(min(sample), 4)} to {number(max(sample), 4)}, {what} "
+            own = limits[label] if isinstance(limits, Mapping) else limits
+            found.append(Estimate(interval(sample, statistic), (len(sample),), *own, label, said))
+    return judged(found, f"{what}s", unit)
 
 
-def optimum(groups: Mapping[float, Rows], measure: Measure, inside: tuple[float, float]) -> Judged | None:
+def optimum(groups: Mapping[float, Rows], measure: Measure, inside: Limits) -> Judged | None:
     """Judge whether the group with the lowest median lies inside of a range, by bootstrap over the runs of all."""
     samples = {at: sample for at, rows in sorted(groups.items()) if len(sample := values(rows, measure))}
     if len({inside[0] <= at <= inside[1] for at in samples}) < 2:
         return None
     found = dict(zip(samples, lowest(list(samples.values())), strict=True))
     certain = sum(share for at, share in found.items() if inside[0] <= at <= inside[1])
-    medians = {at: float(np.median(sample)) for at, sample in samples.items()}
-    ours = f"lowest median at {min(medians, key=medians.__getitem__):g}; " + ", ".join(
-        f"{at:g}: {number(median)}" for at, median in medians.items()
-    )
+    medians = ", ".join(f"{at:g}: {number(float(np.median(sample)))}" for at, sample in samples.items())
     named = ", ".join(f"{at:g} in {100 * share:.0f} %" for at, share in found.items() if share >= 0.005)
     tested = (
-        f"n = {', '.join(str(len(s)) for s in samples.values())}; the lowest median is at {named} of {RESAMPLES} "
-        f"bootstrap resamples of the runs; holds if it lies inside in {100 * SURE:.0f} %, does not if in "
-        f"{100 * (1 - SURE):.0f} % at most"
+        f"n = {', '.join(str(len(s)) for s in samples.values())}; holds if the lowest median lies inside in "
+        f"{100 * SURE:.0f} % of {RESAMPLES} bootstrap resamples, does not if in {100 * (1 - SURE):.0f} % at most"
     )
     verdict = HOLDS if certain >= SURE else FAILS if certain <= 1 - SURE else UNDECIDED
-    return Judged(f"{ours} {measure.unit}", tested, verdict if min(map(len, samples.values())) >= LEAST else TOO_FEW)
+    enough = min(map(len, samples.values())) >= LEAST
+    return Judged(f"lowest at {named}; {medians} {measure.unit}", tested, verdict if enough else TOO_FEW)
 
 
-def always(count: int, total: int, what: str, ours: str, note: str = "", least: float = 0.9) -> Judged:
+def always(count: int, total: int, ours: str = "", least: float = 0.9) -> Judged:
     """Judge whether all of `total` did something; HOLDS only if they are enough to show that `least` of such do."""
     found = share(count, total, "exact")
     tested = (
-        f"{percent(found)}, exact; holds if {what}, in so many trials that the interval is no wider than "
-        f"{100 * (1 - least):.0f} %, does not otherwise"
+        f"{short(found, '%')}; holds if all do, in so many trials that the interval is no wider than "
+        f"{100 * (1 - least):.0f} %"
     )
     verdict = FAILS if count < total else HOLDS if found.low >= least else TOO_FEW
-    return Judged(ours, f"{tested}; {note}" if note else tested, verdict)
+    return Judged(f"{count} of {total}{ours}", tested, verdict)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.experiments.analysis.findings import Row, Rows, number
+from iswarm_mj.experiments.analysis.findings import Row, Rows
 from iswarm_mj.utils.arrays import Array
 
 STEPS = 800
@@ -64,7 +64,7 @@ CARRIAGE = Measure("mean carriage [steps]", "steps", lambda row: row["mean_carri
 MEASURES = (TIME, DUST, COLLISIONS, CARRIAGE)
 """Of the paper's Figs. 15 and 17."""
 FITNESS = Measure("fitness [points]", "points", lambda row: row["fitness"], True)
-AGGREGATION = Measure("share of the empty workers at dust areas", "", lambda row: row["aggregation"])
+AGGREGATION = Measure("empty workers at dust areas [share]", "", lambda row: row["aggregation"])
 ATTEMPTS = Measure("attempts per ball", "per ball", lambda row: row["attempts"] / max(row["picked"], 1))
 FAILED = Measure("failed grasps", "a run", lambda row: float(row["failed_grasps"]))
 STUCK = Measure("failed releases", "a run", lambda row: float(row["failed_releases"]))
@@ -72,6 +72,9 @@ BROKEN = Measure("attempts broken off", "a run", lambda row: float(row["broken_o
 """Among the failed ones."""
 LOST = Measure("time lost by attempts in vain [robot s]", "robot s", lambda row: row["lost_time"])
 """Of all robots, at attempts to lift and to release: what they waited, and what the trials took."""
+OVERLAP = Measure("deepest overlap [mm]", "mm", lambda row: row["overlap"])
+STEP_TIME = Measure("time of a control step [ms]", "ms", lambda row: row["ms_per_step"])
+"""Of the runs that the study of time steps observes."""
 VOLTAGE = Measure("voltage [V]", "V", lambda row: row["voltage"])
 """Of a trial on the gripper's bench, if it reached one."""
 
@@ -94,14 +97,6 @@ def by(rows: Rows, *columns: str) -> dict:
         key = tuple(row[name] for name in columns)
         found.setdefault(key if len(columns) > 1 else key[0], []).append(row)
     return found
-
-
-def quartiles(found: Float[Array, "R"], unit: str = "") -> str:
-    """Median and third quartile, the paper's form, in words."""
-    if not len(found):
-        return "no value"
-    middle, third = np.quantile(found, [0.5, 0.75])
-    return f"{number(middle)} (third quartile {number(third)}) {unit}".rstrip()
 
 
 def finished(rows: Rows) -> int:

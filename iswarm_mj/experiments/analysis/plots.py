@@ -1,11 +1,10 @@
-"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, curves, samples, effects.
+"""Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, effects.
 
 Each is written as PNG and SVG; functions take the path without suffix and return the paths of the PNG files.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,16 +28,6 @@ class Effect(NamedTuple):
     value: Interval
     note: str = ""
     """Text at the right edge."""
-
-
-class Sample(NamedTuple):
-    """A panel of samples side by side."""
-
-    label: str
-    """Of the vertical axis, with its unit."""
-    groups: Mapping[str, Sequence[float]]
-    limits: tuple[float, float | None] = (0.0, None)
-    """Of the axis."""
 
 
 def png(path: Path) -> list[Path]:
@@ -65,8 +54,15 @@ def _dots(axes: Axes, along: float, rows: Rows, measure: Measure, hue: str, shif
     axes.plot(along_all[is_late], found[is_late], "^", color=hue, markersize=4, markerfacecolor="white", zorder=5)
 
 
-def draw_bars(rows: Rows, columns: Sequence[str], label: str, name: Callable[..., str], path: Path) -> list[Path]:
-    """Draw the four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
+def draw_bars(
+    rows: Rows,
+    columns: Sequence[str],
+    label: str,
+    name: Callable[..., str],
+    path: Path,
+    measures: Sequence[Measure] = MEASURES,
+) -> list[Path]:
+    """Draw four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
 
     Runs that did not reach their goal are triangles at the time limit. Of two groups, each panel has the p of the test.
 
@@ -76,6 +72,7 @@ def draw_bars(rows: Rows, columns: Sequence[str], label: str, name: Callable[...
         label: of the horizontal axis.
         name: of a bar, from these values.
         path: of the files, without suffix.
+        measures: one panel each.
     """
     rng = np.random.default_rng(0)
     groups = by(rows, *columns)
@@ -84,7 +81,7 @@ def draw_bars(rows: Rows, columns: Sequence[str], label: str, name: Callable[...
     caption = f"Bars: medians; lines: up to the third quartile; dots: runs. {test}\n{_sizes(list(groups.values()))}"
     size = (max(3.4, 0.7 * len(names)), 2.7 + 0.15 * max(text.count("\n") for text in names))
     with figure(path, rows=2, columns=2, size=size, caption=caption) as panels:
-        for axes, measure, letter in zip(panels, MEASURES, "abcd", strict=True):
+        for axes, measure, letter in zip(panels, measures, "abcd", strict=True):
             samples = [values(group, measure) for group in groups.values()]
             for place, (found, group) in enumerate(zip(samples, groups.values(), strict=True)):
                 if not len(found):
@@ -101,64 +98,6 @@ def draw_bars(rows: Rows, columns: Sequence[str], label: str, name: Callable[...
             axes.set_ylim(bottom=0)
             axes.set(xlabel=label, ylabel=measure.label)
             axes.set_title(f"({letter}){p}", loc="left", fontsize=9)
-    return png(path)
-
-
-def draw_curves(
-    rows: Mapping[str, Rows], column: str, label: str, measures: Sequence[Measure], path: Path
-) -> list[Path]:
-    """Draw measures against a quantity: lines through the medians, bands between the quartiles, a dot per run.
-
-    Args:
-        rows: of an experiment's table, by the names of the lines.
-        column: the quantity.
-        label: of the horizontal axis.
-        measures: one panel each.
-        path: of the files, without suffix.
-    """
-    lines = {name: sorted(by(mine, column).items()) for name, mine in rows.items()}
-    sizes = _sizes([group for groups in lines.values() for _, group in groups])
-    caption = f"Lines: medians; bands: from the first to the third quartile; dots: runs. {sizes} {TESTS}"
-    with figure(path, columns=len(measures), size=(3.6, 3.2), caption=caption) as panels:
-        for axes, measure in zip(panels, measures, strict=True):
-            for (name, groups), hue, mark in zip(lines.items(), (BLUE, ORANGE), "ox", strict=False):
-                found = {step: sample for step, group in groups if len(sample := values(group, measure))}
-                if not found:
-                    continue
-                low, middle, high = np.array([np.quantile(v, [0.25, 0.5, 0.75]) for v in found.values()]).T
-                axes.fill_between(list(found), low, high, color=hue, alpha=0.15, linewidth=0)
-                axes.plot(list(found), middle, marker=mark, color=hue, label=name)
-                for step, group in groups:
-                    if step in found:
-                        _dots(axes, step, group, measure, hue)
-            axes.set_ylim(bottom=0)
-            axes.set(xlabel=label, ylabel=measure.label)
-        panels[0].legend(fontsize=8)
-    return png(path)
-
-
-def draw_samples(panels: Sequence[Sample], path: Path, caption: str, columns: int = 3) -> list[Path]:
-    """Draw samples side by side, a dot for each value and a line at the median.
-
-    Args:
-        panels: one for each quantity.
-        path: of the files, without suffix.
-        caption: what dots are.
-        columns: of panels.
-    """
-    rng = np.random.default_rng(0)
-    with figure(path, -(-len(panels) // columns), columns, (3.0, 2.6), f"{caption} Lines: medians. {TESTS}") as drawn:
-        for axes, (label, groups, (low, high)) in zip(drawn, panels, strict=False):
-            for place, found in enumerate(groups.values()):
-                across = place + rng.uniform(-0.15, 0.15, len(found))
-                axes.plot(across, found, "o", color=BLUE, markersize=3, alpha=0.7)
-                if len(found):
-                    axes.hlines(np.median(found), place - 0.3, place + 0.3, color=ORANGE, linewidth=1.8)
-            most = max((max(found) for found in groups.values() if len(found)), default=1.0)
-            axes.set_xticks(range(len(groups)), list(groups))
-            axes.set(xlim=(-0.6, len(groups) - 0.4), ylim=(low, 1.06 * most if high is None else high))
-            axes.grid(axis="x", visible=False)
-            axes.set_ylabel(fill(label, 30))
     return png(path)
 
 

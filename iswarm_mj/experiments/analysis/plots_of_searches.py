@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from iswarm_mj.experiments.analysis.evolution import FITTEST, LAST, PLATEAU, Evolution, by_replicate, samples_of
-from iswarm_mj.experiments.analysis.evolution_statements import TRAITS, trait_values
+from iswarm_mj.experiments.analysis.evolution import FITTEST, PLATEAU, Evolution, by_replicate, samples_of
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, Sample, draw_samples, png
+from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, TESTS, png
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import Combination, accepted
 from iswarm_mj.output.palette import BLUE as STRONG
@@ -24,10 +23,8 @@ _DASHES = ("-", (0, (3, 3)), (0, (1, 5)))
 
 
 def draw_fitness(rows: Rows, n_dust: int, path: Path) -> list[Path]:
-    """Draw fitness over the generations; PNG and SVG.
-
-    Of one search: each run as a dot, the best and the mean of each generation as lines. Of replicates: the best so far
-    of each as a thin line and their median as a thick one; the median and the range of the generations' means.
+    """Draw Fig. 14(a), fitness over the generations: the best so far of each replicate as a thin line and their median
+    as a thick one; the median and the range of the generations' means.
 
     Args:
         rows: of the table of a search.
@@ -35,78 +32,52 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> list[Path]:
         path: of the files, without suffix.
     """
     found = [Evolution(mine, n_dust) for mine in by_replicate(rows)]
-    one, alone = found[0], len(found) == 1
-    each = f"{len(one.bests)} generations of {len(one.rows) // len(one.bests)} runs"
+    one = found[0]
     caption = (
-        f"{f'One search: {each}.' if alone else f'n = {len(found)} searches, each of {each}.'} Fitness as in the "
-        "paper:\n20 points for each ball picked up, 20 for each delivered, 10 for each step left after the last ball,\n"
-        "less 0.05 for each collision, divided by the number of robots."
+        f"n = {len(found)} searches, each of {len(one.bests)} generations of {len(one.rows) // len(one.bests)} runs. "
+        "Fitness as in the\npaper: 20 points for each ball picked up, 20 for each delivered, 10 for each step left "
+        "after the last\nball, less 0.05 for each collision, divided by the number of robots."
     )
     numbers = np.arange(len(one.bests)) + 1
+    best = np.array([np.maximum.accumulate(each.bests) for each in found])
+    means = np.array([each.means for each in found])
     with figure(path, size=(6.0, 3.6), caption=caption) as (axes,):
-        if alone:
-            generation, fitness = (np.array([row[name] for row in one.rows]) for name in ("generation", "fitness"))
-            axes.plot(generation + 1, fitness, ".", color="0.6", markersize=4, label="run")
-            axes.plot(numbers, one.bests, color=BLUE, label="best")
-            axes.plot(numbers, one.means, color=ORANGE, label="mean")
-        else:
-            best = np.array([np.maximum.accumulate(each.bests) for each in found])
-            means = np.array([each.means for each in found])
-            axes.plot(numbers, best.T, color=BLUE, linewidth=0.7, alpha=0.4)
-            label = f"best so far, each of {len(found)} replicates"
-            axes.plot([], [], color=BLUE, linewidth=0.7, alpha=0.6, label=label)
-            axes.plot(numbers, np.median(best, axis=0), color=BLUE, linewidth=2.4, label="their median")
-            axes.fill_between(numbers, means.min(axis=0), means.max(axis=0), color=ORANGE, alpha=0.15, linewidth=0)
-            label = "mean of a generation, median and range"
-            axes.plot(numbers, np.median(means, axis=0), color=ORANGE, linewidth=1.6, label=label)
+        axes.plot(numbers, best.T, color=BLUE, linewidth=0.7, alpha=0.4)
+        axes.plot([], [], color=BLUE, linewidth=0.7, alpha=0.6, label="best so far of a search")
+        axes.plot(numbers, np.median(best, axis=0), color=BLUE, linewidth=2.4, label="their median")
+        axes.fill_between(numbers, means.min(axis=0), means.max(axis=0), color=ORANGE, alpha=0.15, linewidth=0)
+        label = "mean of a generation, median and range"
+        axes.plot(numbers, np.median(means, axis=0), color=ORANGE, linewidth=1.6, label=label)
         axes.axhline(40 * n_dust - 20, color="0.3", linestyle="--", linewidth=0.8, label="most without the last ball")
         axes.set(xlabel="generation", ylabel="fitness [points]")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4 if alone else 2, fontsize=8)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
     return png(path)
 
 
-def draw_searches(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], out: Path) -> list[Path]:
-    """Draw Fig. 14: fitness over the generations; scouts and forgetting of the fittest, with a line per replicate; and
-    what selection may move, a panel for each trait.
+def draw_trade(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], path: Path) -> list[Path]:
+    """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the paper's evolution.
 
     Args:
         searches: by method, rows and settings of their tables.
-        out: directory.
+        path: of the files, without suffix.
     """
-    drawn = []
-    for method, (rows, settings) in searches.items():
-        drawn += draw_fitness(rows, settings["config"]["arena"]["n_dust"], out / f"evolution_{method}")
-    found = samples_of(searches)
-    tops = [one.top for one in found.get("paper", []) if one.top]
-    if tops:
-        n = "One search." if len(tops) == 1 else f"n = {len(tops)} searches, a colour each."
-        caption = (
-            f"Dots: the {FITTEST} fittest runs of generations {PLATEAU[0]} to {PLATEAU[1]}; dashed: least squares.\n"
-            f"{n} The test stands in the findings."
-        )
-        with figure(out / "trade", size=(4.4, 3.6), caption=caption) as (axes,):
-            for place, top in enumerate(tops):
-                x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))
-                axes.plot(x, y, "o", color=f"C{place % 10}", markersize=2, alpha=0.3)
-                if np.ptp(x) > 0:
-                    ends = np.array([x.min(), x.max()])
-                    line = np.polyval(np.polyfit(x, y, 1), ends)
-                    axes.plot(ends, line, "--", color=f"C{place % 10}", linewidth=1)
-            axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
-        drawn += png(out / "trade")
-    if any(len(sample) > 1 for sample in found.values()):
-        panels = [
-            Sample(t.label, {method: trait_values(t, sample) for method, sample in found.items()}, t.limits)
-            for t in TRAITS
-        ]
-        caption = (
-            f"Dots: searches, {', '.join(f'{len(sample)} of {method}' for method, sample in found.items())}. Means of "
-            f"the last {LAST} generations, but for r; Booleans: of\ntheir elites, if there are any. Shares, "
-            "probabilities and weights have no unit."
-        )
-        drawn += draw_samples(panels, out / "traits", caption, columns=4)
-    return drawn
+    tops = [one.top for one in samples_of(searches).get("paper", []) if one.top]
+    if not tops:
+        return []
+    caption = (
+        f"Dots: the {FITTEST} fittest runs of generations {PLATEAU[0]} to {PLATEAU[1]}; dashed: least squares.\n"
+        f"n = {len(tops)} searches, a colour each. {TESTS}"
+    )
+    with figure(path, size=(4.4, 3.6), caption=caption) as (axes,):
+        for place, top in enumerate(tops):
+            x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))
+            axes.plot(x, y, "o", color=f"C{place % 10}", markersize=2, alpha=0.3)
+            if np.ptp(x) > 0:
+                ends = np.array([x.min(), x.max()])
+                axes.plot(ends, np.polyval(np.polyfit(x, y, 1), ends), "--", color=f"C{place % 10}", linewidth=1)
+        axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
+    return png(path)
 
 
 def draw_support(

@@ -1,30 +1,17 @@
 """The statements of section 4.6 of the paper on swarms (Figs. 15 to 17, Table 2), each with its test.
 
 Most rules were fixed before the runs that they judge; margins that were widened when first results had been seen are
-named in docs/comparison.md. `ASKS` has what `iswarm infer` asks of single sets of runs.
+named in docs/comparison.md. `ASKED` has what `iswarm infer` asks of single sets of runs.
 """
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import (
-    Judged,
-    Rows,
-    Test,
-    number,
-    stated,
-)
-from iswarm_mj.experiments.analysis.judge import (
-    EQUAL,
-    RARE,
-    averages,
-    differences,
-    optimum,
-    reaching,
-    shares,
-)
+from iswarm_mj.experiments.analysis.findings import Judged, Rows, Test, stated
+from iswarm_mj.experiments.analysis.judge import EQUAL, RARE, averages, differences, optimum, reaching, shares
 from iswarm_mj.experiments.analysis.measures import (
     AGGREGATION,
     BEST,
@@ -122,97 +109,70 @@ def time_error(rows: Rows) -> float:
     return float(np.mean(np.abs(np.log(found))))
 
 
-# --- Fig. 15 ---
+# --- Many runs of each setting ---
 
 
-def hop_counts(measure: Measure, setting: str | None = None) -> Test:
-    """The statement on a measure of runs with and without hop counts, of one setting if there are several."""
-
-    def test(rows: Rows) -> Judged | None:
-        mine = rows if setting is None else select(rows, setting=setting)
-        groups = select(mine, use_hop_count=True), select(mine, use_hop_count=False)
-        return differences({"": groups}, measure, ("with", "without"), measure.is_better_larger)
-
-    return test
-
-
-# --- Fig. 17 ---
+def hop_counts(measure: Measure) -> Test:
+    """The statement that a measure of runs is better with hop counts than without."""
+    return lambda rows: differences(
+        {"": (select(rows, use_hop_count=True), select(rows, use_hop_count=False))}, measure, measure.is_better_larger
+    )
 
 
 def _lowest(measure: Measure) -> Test:
     return lambda rows: optimum(by(rows, "density"), measure, BEST)
 
 
+def _densities(rows: Rows, low: float, high: float) -> dict[str, Rows]:
+    """Runs of the densities from `low` to `high`, by these."""
+    return {f"{d:g}": runs for d, runs in sorted(by(rows, "density").items()) if low <= d <= high}
+
+
 def _later(rows: Rows) -> Judged | None:
     best = [row for row in rows if BEST[0] <= row["density"] <= BEST[1]]
-    dense = {d: runs for d, runs in sorted(by(rows, "density").items()) if d > CLEAN[1]}
-    note = f"from all of 0.1 to 0.15, late runs counted as {rows[0]['max_steps']} steps"
-    return differences({f"{d:g}": (runs, best) for d, runs in dense.items()}, note=note)
+    return differences({density: (runs, best) for density, runs in _densities(rows, *DENSE).items()})
 
 
-def _between(rows: Rows, ends: tuple[float, float]) -> Mapping[str, Rows]:
-    return {f"{d:g}": runs for d, runs in sorted(by(rows, "density").items()) if ends[0] <= d <= ends[1]}
-
-
-CLEANED = {
-    "cleans": (CLEAN, True, "0.1 to 0.2 cleans"),
-    "sparse": ((SPARSEST, SPARSEST), False, "0.05 does not clean"),
-    "dense": ((float(np.nextafter(CLEAN[1], 1)), math.inf), False, "Above 0.2 does not clean"),
-}
-"""Densities, whether more than half of the swarms of each reach the goal there, and the short text."""
+DENSE = float(np.nextafter(CLEAN[1], 1)), math.inf
+CLEANED = {"cleans": (CLEAN, True), "sparse": ((SPARSEST, SPARSEST), False), "dense": (DENSE, False)}
+"""Densities, and whether more than half of the swarms of each reach the goal there."""
 
 
 def _cleaned(ends: tuple[float, float], cleans: bool) -> Test:
-    return lambda rows: reaching(_between(rows, ends), cleans)
+    return lambda rows: reaching(_densities(rows, *ends), cleans)
 
 
 def _all_clean(ends: tuple[float, float], cleans: bool) -> Callable[[Rows], bool]:
-    return lambda rows: all(_reaches(runs) == cleans for runs in _between(rows, ends).values())
+    return lambda rows: all(_reaches(runs) == cleans for runs in _densities(rows, *ends).values())
 
 
-# --- Table 2 ---
-
-
-def _types(rows: Rows) -> dict[str, Rows]:
-    return {name: select(rows, type=name) for name in PAPER_FITNESS}
-
-
-def _of_types(test: Callable[[dict[str, Rows]], Judged | None]) -> Callable[[Rows], Judged | None]:
+def _of_types(test: Callable[[Mapping[str, Rows]], Judged | None]) -> Test:
     """A test of both of the paper's types; nothing follows from one."""
-    return lambda rows: test(types) if all((types := _types(rows)).values()) else None
+
+    def both(rows: Rows) -> Judged | None:
+        types = {name: select(rows, type=name) for name in PAPER_FITNESS}
+        return test(types) if all(types.values()) else None
+
+    return both
 
 
-def _as_the_papers(measure: Measure, paper: Mapping[str, float], margin: float, statistic: Callable) -> Callable:
-    def test(types: dict[str, Rows]) -> Judged | None:
-        samples = {name: values(runs, measure) for name, runs in types.items()}
-        said = {
-            name: f"{100 * (statistic(sample) / paper[name] - 1):+.1f} %, from {number(min(sample), 4)} to "
-            f"{number(max(sample), 4)}"
-            for name, sample in samples.items()
-        }
-        limits = {name: ((1 - margin) * value, (1 + margin) * value) for name, value in paper.items()}
-        note = (
-            f"within {100 * margin:.0f} % of the paper's, which are of the fittest run of each type among the 1200 of "
-            f"an evolution, ours of fresh runs of its parameters; those that do not finish take {STEPS} steps"
+def _as_the_papers(measure: Measure, paper: Mapping[str, float], margin: float, statistic: Callable) -> Test:
+    limits = {name: ((1 - margin) * value, (1 + margin) * value) for name, value in paper.items()}
+    return _of_types(
+        lambda types: averages(
+            {name: values(runs, measure) for name, runs in types.items()}, limits, measure.unit, statistic
         )
-        return averages(samples, limits, measure.unit, statistic, said, note)
-
-    return _of_types(test)
+    )
 
 
-def _early(types: dict[str, Rows]) -> Judged | None:
+def _early(types: Mapping[str, Rows]) -> Judged | None:
     early = {name: sum((row["finished_at"] or STEPS) < SHORTEST for row in runs) for name, runs in types.items()}
-    return shares({name: (count, len(types[name])) for name, count in early.items()}, high=RARE)
+    return shares({name: (count, len(types[name])) for name, count in early.items()}, (-math.inf, RARE))
 
 
-def _pair(rows: Mapping[str, Rows]) -> dict[str, tuple[Rows, Rows]]:
-    return {"": (rows["type1"], rows["type2"])}
-
-
-def _fitter(preset: str, rival: str) -> Test:
-    # Fitted: an evolution selected it by this fitness, in this simulator, if not with these seeds.
-    names = (f"of {preset}", f"of {rival}")
-    return lambda rows: differences({"": (select(rows, type=preset), select(rows, type=rival))}, FITNESS, names)
+def _compared(first: str, second: str, measure: Measure, **how: Any) -> Test:
+    """Runs of one type against those of another."""
+    return lambda rows: differences({"": (select(rows, type=first), select(rows, type=second))}, measure, **how)
 
 
 TESTS: Mapping[str, Test] = {
@@ -224,58 +184,38 @@ TESTS: Mapping[str, Test] = {
     "best collisions": _lowest(COLLISIONS),
     "best carriage": _lowest(CARRIAGE),
     "dense slower": _later,
-    **{name: _cleaned(ends, cleans) for name, (ends, cleans, _) in CLEANED.items()},
+    **{name: _cleaned(*ends) for name, ends in CLEANED.items()},
     "types clean": _of_types(reaching),
     "types time": _as_the_papers(TIME, PAPER_TIME, EQUAL, np.median),
-    "same time": _of_types(
-        lambda types: differences(
-            _pair(types),
-            TIME,
-            ("of type1", "of type2"),
-            margin=lambda a, b: EQUAL * float(np.median(a) + np.median(b)) / 2,
-            note=f"equal within {100 * EQUAL:.0f} % of the medians",
-        )
-    ),
+    "same time": _compared("type1", "type2", TIME, margin=lambda a, b: EQUAL * float(np.median(a) + np.median(b)) / 2),
     "early": _of_types(_early),
     "types fitness": _as_the_papers(FITNESS, PAPER_FITNESS, NEARLY, np.mean),
-    "equally fit": _of_types(
-        lambda types: differences(
-            _pair(types),
-            FITNESS,
-            ("of type1", "of type2"),
-            margin=lambda a, b: NEARLY * PAPER_FITNESS["type1"],
-            statistic=np.mean,
-            note=f"equal within {100 * NEARLY:.0f} % of the paper's {PAPER_FITNESS['type1']}",
-        )
+    "equally fit": _compared(
+        "type1", "type2", FITNESS, margin=lambda a, b: NEARLY * PAPER_FITNESS["type1"], statistic=np.mean
     ),
-    "gathering": _of_types(
-        lambda types: differences(
-            {"": (types["type2"], types["type1"])},
-            AGGREGATION,
-            ("of the empty workers of type2", "of type1"),
-            note=f"within {NEAR:g} rd of a dust area until half of the balls are delivered",
-        )
-    ),
-    "evolved type1": _fitter("evolved", "type1"),
-    "evolved type2": _fitter("evolved", "type2"),
+    "gathering": _compared("type2", "type1", AGGREGATION),
+    # Fitted: an evolution selected it by this fitness, in this simulator, if not with these seeds.
+    "evolved type1": _compared("evolved", "type1", FITNESS),
+    "evolved type2": _compared("evolved", "type2", FITNESS),
 }
-ASKS = {
-    "hop time": {"Hop counts: faster": _with_is_better(TIME)},
-    "hop dust": {"Hop counts: more dust": _with_is_better(DUST)},
-    "hop collisions": {"Hop counts: fewer collisions": _with_is_better(COLLISIONS)},
-    "hop carriage": {"Hop counts: shorter carriage": _with_is_better(CARRIAGE)},
-    "best time": {"Fastest at 0.1 to 0.15": _is_best(TIME)},
-    "best collisions": {"Fewest collisions at 0.1 to 0.15": _is_best(COLLISIONS)},
-    "best carriage": {"Shortest carriage at 0.1 to 0.15": _is_best(CARRIAGE)},
-    "dense slower": {"Slower above 0.2": _dense_are_slower},
-    **{name: {text: _all_clean(ends, cleans)} for name, (ends, cleans, text) in CLEANED.items()},
-    "types time": {"Type 1 takes 310 steps": _time_agrees("type1"), "Type 2 takes 311 steps": _time_agrees("type2")},
-    "same time": {"Both types take the same time": _same_time},
-    "types fitness": {
-        "Type 1 loses 9 points by collisions": _penalty_agrees("type1"),
-        "Type 2 loses 4 points by collisions": _penalty_agrees("type2"),
-    },
+STATEMENTS = stated(TESTS)
+ASKED: Mapping[str, tuple[str, Callable[[Rows], bool]]] = {
+    "Hop counts: faster": ("hop-count", _with_is_better(TIME)),
+    "Hop counts: more dust": ("hop-count", _with_is_better(DUST)),
+    "Hop counts: fewer collisions": ("hop-count", _with_is_better(COLLISIONS)),
+    "Hop counts: shorter carriage": ("hop-count", _with_is_better(CARRIAGE)),
+    "Fastest at 0.1 to 0.15": ("density", _is_best(TIME)),
+    "Fewest collisions at 0.1 to 0.15": ("density", _is_best(COLLISIONS)),
+    "Shortest carriage at 0.1 to 0.15": ("density", _is_best(CARRIAGE)),
+    "Slower above 0.2": ("density", _dense_are_slower),
+    "0.1 to 0.2 cleans": ("density", _all_clean(*CLEANED["cleans"])),
+    "0.05 does not clean": ("density", _all_clean(*CLEANED["sparse"])),
+    "Above 0.2 does not clean": ("density", _all_clean(*CLEANED["dense"])),
+    "Type 1 takes 310 steps": ("types", _time_agrees("type1")),
+    "Type 2 takes 311 steps": ("types", _time_agrees("type2")),
+    "Both types take the same time": ("types", _same_time),
+    "Type 1 loses 9 points by collisions": ("types", _penalty_agrees("type1")),
+    "Type 2 loses 4 points by collisions": ("types", _penalty_agrees("type2")),
 }
-STATEMENTS = stated(TESTS, ASKS)
-ASKED = {text: (statement.study, holds) for statement in STATEMENTS for text, holds in statement.asks.items()}
-"""All that section 4.6 says of runs of given swarms, as yes or no: texts, the study whose rows they are on, answers."""
+"""All that section 4.6 says of runs of given swarms, as yes or no on a single set of runs, for `iswarm infer`: texts,
+the study whose rows they are on, answers."""

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj.experiments.analysis.evolution import best_of
-from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.report.results import SEARCH, TRIALS, judged
+from iswarm_mj.experiments.report.results import SEARCH, TRIALS, as_named
 from iswarm_mj.experiments.runner.experiment import RUNS
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
-from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.clean import summary
 from iswarm_mj.workflows.grasp import CURVES
@@ -32,14 +31,13 @@ FILES = {
     "best*.json": "best genome: iswarm clean --genome {path}",
     "runs.sqlite": "finished runs, which are not repeated",
     "checkpoint.sqlite": "finished runs, with which --resume goes on",
-    "findings.*": "statements and verdicts, a row each",
+    "findings.csv": "statements and verdicts, a row each",
     "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
     "*.csv": "the same table for spreadsheets",
     "*.html": "page for a browser",
     "*.png": "figure or picture",
     "*.svg": "the same figure, for print",
     "*.mp4": "video",
-    "*.md": "text",
 }
 """By the pattern of its name: what it is and how to open it."""
 
@@ -52,31 +50,26 @@ def inspection(directory: Path) -> str:
     """
     if not directory.is_dir():
         raise UserError(f"{directory} is no directory; give the --out of a command.")
-    if _is_result(directory):
-        return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
     found = sorted({path.parent for name in _KNOWN for path in directory.glob(f"**/{name}") if path.is_file()})
     if not found:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
-    return "\n\n".join(
-        "\n".join([str(place), *(f"  {line}" for line in [*_about(place), *_recordings(place, at_least=1)])])
-        for place in found
-    )
-
-
-def _is_result(directory: Path) -> bool:
-    return any((directory / name).is_file() for name in _KNOWN)
+    if directory in found:
+        return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
+    paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
+    return "\n\n".join(map("\n".join, paragraphs))
 
 
 def _about(directory: Path) -> Iterator[str]:
-    """Say what ran, and what came of it."""
+    """Say what ran, and its outcome."""
     if (directory / RESULT).is_file():
         yield from _run(read_result(directory / RESULT), directory)
     tables = [directory / name for name in _TABLES if (directory / name).is_file()]
     for path in tables:
         try:
-            yield from list(_table(path))
-        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            yield f"{path} is not a readable table of this version ({type(error).__name__}: {shown(error)})"
+            with as_named(path):
+                yield from _table(path)
+        except UserError as error:
+            yield str(error)
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
@@ -108,42 +101,22 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
         yield f"{len(faults) - _MAX_LISTED} more faults are in {RESULT}"
 
 
-def _table(path: Path) -> Iterator[str]:
-    """Of experiments, searches, trials and curves."""
-    try:
-        rows, settings = read_table(path)
-        yield from _told(path, rows, settings)
-    except UserError as error:
-        yield str(error)
-    except (TypeError, KeyError, ValueError, AttributeError, IndexError):  # columns may lack, or hold anything
-        yield f"{path.name} is damaged, or holds something else than its name says; make it again"
-
-
-def _told(path: Path, rows: Rows, settings: Mapping[str, Any]) -> list[str]:
-    """Of a table that can be read."""
-    version = f"version {settings.get('version')}, seed {settings.get('seed')}"
-    name = str(settings.get("experiment"))
+def _table(path: Path) -> list[str]:
+    """Of an experiment, a search, trials or curves."""
+    rows, settings = read_table(path)
+    of = f"{len(rows)} runs, version {settings.get('version')}, seed {settings.get('seed')}"
+    name = settings.get("experiment")
     if path.name == SEARCH:
-        made, planned = len({row["generation"] for row in rows}), settings.get("generations")
-        told = [f"search by {settings.get('method')}: {len(rows)} runs, {made} of {planned} generations"]
-        if rows:
-            place = f", in {BEST}" * (path.parent / BEST).is_file()
-            best = best_of(rows)
-            told.append(f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s){place}; {version}")
-        return told
+        best, made = best_of(rows), len({row["generation"] for row in rows})
+        return [
+            f"search by {settings['method']}: {made} of {settings['generations']} generations, {of}",
+            f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}",
+        ]
     if path.name in (TRIALS, CURVES):
-        what = "trials of grasp and release" if path.name == TRIALS else "samples of force-distance curves"
-        return [f"{len(rows)} {what} on {settings.get('engine')}, {version}"]
-    if name not in EXPERIMENTS:
-        return [f"experiment {name}: {len(rows)} runs, {version}"]
-    result = judged(name, path, rows, settings)
-    if result is None:
-        raise ValueError
-    quick = " --quick" * bool(settings.get("quick"))
-    title = (
-        f"experiment {name}{quick} on {settings.get('engine')}: {EXPERIMENTS[name].title}; {len(rows)} runs, {version}"
-    )
-    return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in result.findings)]
+        return [f"{path.stem} on {settings['engine']}: {of}"]
+    title = f"experiment {name}{' --quick' * bool(settings['quick'])} on {settings['engine']}: {of}"
+    findings = EXPERIMENTS[str(name)].findings(rows)
+    return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in findings)]
 
 
 def _files(directory: Path) -> Iterator[str]:

@@ -10,14 +10,6 @@ def text(value: object) -> str:
     return re.sub(r"(?<!\\)\|", r"\\|", line)
 
 
-def code(value: object) -> str:
-    """A value as code, which may contain backquotes itself."""
-    line = " ".join(str(value).split())
-    fence = "`" * (1 + max(map(len, re.findall("`+", line)), default=0))
-    space = " " if line.startswith("`") or line.endswith("`") or not line else ""
-    return f"{fence}{space}{line}{space}{fence}"
-
-
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """A Markdown table."""
     lines = [head, ["---"] * len(head), *rows]

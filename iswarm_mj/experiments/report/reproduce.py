@@ -4,28 +4,27 @@ import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj import __version__
 from iswarm_mj.engines.registry import IDENTITY
-from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
 from iswarm_mj.experiments.report.results import (
     GRASP,
     METHODS,
     SEARCH,
+    SEARCHES,
     TRIALS,
     collect,
-    draw_table,
     topics_of,
     write_findings,
 )
-from iswarm_mj.experiments.report.tables import Tables, check_name, new_texts
+from iswarm_mj.experiments.report.tables import Tables, new_texts
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner.experiment import Plan, run_experiment, settings_of
 from iswarm_mj.experiments.runner.pool import Execution
-from iswarm_mj.experiments.runner.search import FIGURE, begin, run_searches
+from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
@@ -63,8 +62,6 @@ class Places(NamedTuple):
     """Directory where parts are made, a directory each, and of the report."""
     pages: Sequence[Path]
     """Markdown files with blocks of results."""
-    beside: Path | None = None
-    """Other results, whose verdicts stand beside these in the report."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +74,8 @@ class Part:
     """Name of the table's file."""
     settings: Mapping[str, Any]
     """That the table contains."""
-    is_whole: Callable[[Rows], bool]
-    """Whether rows are those of all runs."""
-    make: Callable[[Path, bool], Any]
-    """Writes the results into a directory, resuming what is there unless it is told to begin again."""
-    search: Search | None = None
-    """A search, which is only begun by that and advances together with others."""
+    make: Callable[..., Any]
+    """Writes the results into a directory, resuming what is there unless called with `again`."""
 
     def lacks(self, results: Path, same_engine: bool = False) -> str:
         """Why the part has to be made, in words; empty if its table is there.
@@ -95,15 +88,13 @@ class Part:
         if not path.is_file():
             return "not there"
         try:
-            rows, settings = read_table(path)
+            _, settings = read_table(path)
         except UserError:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
         ignored = () if same_engine or self.name in OWN_ENGINE else IDENTITY
         names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
-        if names:
-            return f"made with another {', another '.join(sorted(names))}"
-        return "" if self.is_whole(rows) else "made of other runs"
+        return f"made with another {', another '.join(sorted(names))}" if names else ""
 
     def publish(self, work: Path, results: Path) -> None:
         """Copy the table, the figures and the best genomes from the directory where they were made; remove older ones.
@@ -115,8 +106,7 @@ class Part:
         made = [work / self.table, *(path for pattern in PUBLISHED for path in work.glob(pattern))]
         with locked(target):
             for path in {path for pattern in PUBLISHED for path in target.glob(pattern)}:
-                if not (work / path.name).exists():
-                    remove(path)
+                remove(path)
             for path in made:
                 with atomic_write(target / path.name) as part:
                     shutil.copyfile(path, part)
@@ -128,33 +118,18 @@ def parts_of(plans: Plans, only: Sequence[str] = ()) -> list[Part]:
     Raises:
         UserError: there is none of a name.
     """
-    trials = plans.trials
-    found = [Part(GRASP, TRIALS, trials.metadata(), bool, lambda out, again: run_grasp(trials, out, record=()))]
-    for each in EXPERIMENTS.values():
-        own = replace(plans.execution, **OWN_ENGINE.get(each.name, {}))
-        seeds = [entry.job.seed for entry in each.entries(plans.experiment)]
-        found.append(
-            Part(
-                each.name,
-                each.table,
-                settings_of(each, plans.experiment, own),
-                lambda rows, seeds=seeds: [row["seed"] for row in rows] == seeds,
-                lambda out, again, each=each, own=own: run_experiment(each, plans.experiment, out, own, again),
-            )
-        )
-    n_rows = plans.search.generations * plans.search.n_runs
-    for method in METHODS:
+    plan, execution, trials = plans.experiment, plans.execution, plans.trials
+    found = [Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))]
+    for name, each in EXPERIMENTS.items():
+        own = replace(execution, **OWN_ENGINE.get(name, {}))
+        make = partial(run_experiment, each, plan, execution=own)
+        found.append(Part(name, each.table, settings_of(each, plan, own), make))
+    for name, method in zip(SEARCHES, METHODS, strict=True):
         search = replace(plans.search, method=method)
-
-        def open_search(out: Path, again: bool, search: Search = search) -> None:
-            with begin(out, search, plans.execution, True, again):
-                pass
-
-        settings = settings_of_search(search, plans.execution)
-        found.append(Part(f"evolve-{method}", SEARCH, settings, lambda rows: len(rows) == n_rows, open_search, search))
-    for name in only:
-        if name not in (names := [part.name for part in found]):
-            raise UserError(f"The part was {name!r}; there are {', '.join(names)}: choose of these with `only`.")
+        make = partial(run_search, search, execution=execution, resume=True)
+        found.append(Part(name, SEARCH, settings_of_search(search, execution), make))
+    if unknown := [name for name in only if name not in (names := [part.name for part in found])]:
+        raise UserError(f"The part was {unknown[0]!r}; there are {', '.join(names)}: choose of these with `only`.")
     return [part for part in found if not only or part.name in only]
 
 
@@ -170,8 +145,7 @@ def reproduce(
     """Make the parts that are not there, then findings, tables and the report from all results.
 
     A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
-    best genomes are copied into the results when it is complete. A part that cannot be made, since its directory is
-    damaged for example, is left out and named at the end.
+    best genomes are copied into the results when it is complete.
 
     Args:
         plans: settings of all parts.
@@ -181,57 +155,29 @@ def reproduce(
         same_engine: make those too that another engine computed.
 
     Raises:
-        UserError: a page has a block that cannot be filled, something cannot be written, or a part was left out.
+        UserError: a table is damaged, a page has an unknown block, or something cannot be written.
         SimulationFault: a run could not go on.
     """
-    parts, missing, refused, begun = parts_of(plans, only), [], {}, []
-    new_texts(places.pages, check_name)  # before anything takes hours
+    parts = parts_of(plans, only)
     make_output_directory(places.results, setting="results")
-
-    def publish(part: Part) -> None:
-        part.publish(places.out / part.name, places.results)
-        print(f"{part.name}: made", flush=True)
-
     with locked(places.out):
+        print(listing(parts, places.results, same_engine), flush=True)
         for part in parts:
-            why = "again" if again else part.lacks(places.results, same_engine)
-            print(f"{part.name}: {f'to be made, {why}' if why else 'there'}", flush=True)
-            if why:
-                missing.append(part)
-        for part in missing:
-            try:
-                part.make(places.out / part.name, again)
-            except UserError as error:
-                refused[part.name] = error
-                print(f"{part.name}: not made, {error}", flush=True)
-                continue
-            if part.search is None:
-                publish(part)
-            else:
-                begun.append(part)
-        if begun:
-            run_searches({places.out / part.name: part.search for part in begun}, plans.execution, resume=True)
-        for part in begun:
-            publish(part)
-        rewrite(places, partial=True)
-        report([places.results], places.out / "report.html", places.beside)
-    if refused:
-        why = "; ".join(f"{name} was not made ({error})" for name, error in refused.items())
-        raise UserError(f"{why}; all other parts are there: make it anew with `only` and `again`")
+            if again or part.lacks(places.results, same_engine):
+                part.make(places.out / part.name, again=again)
+                part.publish(places.out / part.name, places.results)
+        rewrite(places)
+        report([places.results], places.out / "report.html")
 
 
-def rewrite(places: Places, partial: bool = False) -> None:
+def rewrite(places: Places) -> None:
     """Write the findings beside the tables, and the blocks of the pages, from the results that are there.
 
-    Args:
-        places: where.
-        partial: leave blocks as they are for which there are no results yet.
-
     Raises:
-        UserError: a block cannot be filled, or a file cannot be written; in the first case nothing is written.
+        UserError: a block has an unknown name, or a file cannot be written; in the first case nothing is written.
     """
     topics = topics_of(collect([places.results]))
-    texts = new_texts(places.pages, Tables(partial=partial).content)
+    texts = new_texts(places.pages, Tables().content)
     with locked(places.results):
         write_findings(topics)
     for path, text in texts.items():
@@ -243,19 +189,13 @@ def rewrite(places: Places, partial: bool = False) -> None:
 def redraw(results: Path) -> list[Path]:
     """Draw the figures of all tables below a directory, each beside its table; return the paths of the PNG files.
 
-    Drawings and pictures of single runs stay as they are, since tables do not have them. An SVG file is kept where one
-    was before.
+    Drawings of single runs stay as they are, since tables do not have them. An SVG file is kept where one was before.
 
     Raises:
         UserError: there is no such directory, or a file cannot be written.
     """
-    drawn, kept = [], set(results.glob("**/*.svg"))
-    for result in collect([results]).used.values():
-        out = result.path.parent
-        if "evolve-" in result.name:
-            drawn += draw_fitness(result.rows, result.settings["config"]["arena"]["n_dust"], out / FIGURE)
-        else:
-            drawn += draw_table(result, out)
+    kept = set(results.glob("**/*.svg"))
+    drawn = [path for result in collect([results]).values() for path in result.draw(result.path.parent)]
     for path in drawn:
         if (drawing := path.with_suffix(".svg")) not in kept:
             remove(drawing)

@@ -2,7 +2,7 @@
 
 A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or another one whose name begins
 so, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
-has the results of two directories, such as those of two configurations.
+has the results of two directories, such as those of two configurations. A block without results stays as it is.
 """
 
 import re
@@ -14,12 +14,13 @@ from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import FAILS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
 from iswarm_mj.experiments.report.markdown import table
-from iswarm_mj.experiments.report.numbers import TABLES, engines, evolution
+from iswarm_mj.experiments.report.numbers import GROUPS, engines, evolution, grouped, readings, sensitivity
 from iswarm_mj.experiments.report.results import (
     EVOLUTION,
     LAWS,
-    TITLES,
+    TOPICS,
     Topic,
+    as_named,
     collect,
     searches_of,
     tally,
@@ -28,95 +29,71 @@ from iswarm_mj.experiments.report.results import (
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import read_text
 
-_MARK = re.compile(r"^<!-- (?:end |(results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *)-->$", re.MULTILINE)
-Fill = Callable[[str, str, str | None], str | None]
-"""Content of a block from its directory, its name, and the other directory if it has one; None leaves the block as it
-is, a `UserError` means that it cannot be filled."""
+_BLOCK = re.compile(
+    r"(^<!-- (results[\w./-]*): *([\w-]+)(?: +beside +(results[\w./-]*))? *-->$)"
+    r"((?:(?!^<!-- results).)*?)(^<!-- end -->$)",
+    re.MULTILINE | re.DOTALL,
+)
 SUMMARY, STATEMENTS, ENGINES, MISSES = "summary", "statements", "engines", "misses"
 OF_ALL = (SUMMARY, STATEMENTS, MISSES)
 """Blocks on all topics."""
-
-
-def filled(text: str, page: str, fill: Fill) -> str:
-    """Return the text of a page with its blocks filled anew.
-
-    Args:
-        text: of the page.
-        page: its name, for errors.
-        fill: gives the content of a block.
-
-    Raises:
-        UserError: a block does not end or begin, or it names something that is not there; the message names the line.
-    """
-    marks, kept, at = list(_MARK.finditer(text)), [], 0
-    lines = [text.count("\n", 0, mark.start()) + 1 for mark in marks]
-    for place, (line, mark) in enumerate(zip(lines, marks, strict=True)):
-        if bool(mark[1]) == place % 2 or (mark[1] and place == len(marks) - 1):
-            raise UserError(f"{page}:{line}: blocks of results begin and end in turn; this line begins or ends none.")
-    for line, begin, end in zip(lines[::2], marks[::2], marks[1::2], strict=True):
-        try:
-            new = fill(*begin.groups())
-        except UserError as error:
-            raise UserError(f"{page}:{line}: {error}") from None
-        if new is not None:
-            kept += [text[at : begin.end()], "\n\n", new.strip("\n"), "\n\n"]
-            at = end.start()
-    return "".join([*kept, text[at:]])
+Topics = Sequence[Topic]
+Fill = Callable[[str, str, str | None], str | None]
+"""Content of a block from its directory, its name, and the other directory if it has one; None leaves it as it is."""
 
 
 def new_texts(pages: Iterable[Path], fill: Fill) -> dict[Path, str]:
     """Texts of those pages that change if their blocks are filled anew; writes nothing.
 
     Raises:
-        UserError: a page cannot be read, or as `filled` does.
+        UserError: a page cannot be read, or a block has an unknown name.
     """
     found = {page: read_text(page, "give Markdown files") for page in pages}
-    new = {page: filled(text, str(page), fill) for page, text in found.items()}
+    new = {page: filled(text, fill) for page, text in found.items()}
     return {page: text for page, text in new.items() if text != found[page]}
 
 
-def check_name(directory: str, name: str, beside: str | None = None) -> None:
-    """Return nothing if there are blocks of this name.
+def filled(text: str, fill: Fill) -> str:
+    """Text of a page with its blocks filled anew."""
 
-    Raises:
-        UserError: there is no such block, or it needs another directory.
-    """
-    if name == ENGINES and beside is None:
-        raise UserError(f"The block {name!r} compares two directories; write `beside` and the other one.")
-    if name not in (names := [*TITLES, *OF_ALL, ENGINES]):
-        raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
+    def block(found: re.Match[str]) -> str:
+        content = fill(found[2], found[3], found[4])
+        return found[0] if content is None else "\n\n".join([found[1], content.strip("\n"), found[6]])
+
+    return _BLOCK.sub(block, text)
 
 
 class Tables:
     """Contents of blocks, by the directories of results; what was read is kept.
 
+    Attributes:
+        topics: by their names, of a directory.
+
     Args:
         root: directory that the blocks' directories are relative to.
-        partial: leave blocks as they are for which there are no results, instead of raising an error.
     """
 
-    def __init__(self, root: Path = Path(), partial: bool = False):
-        self._partial = partial
-        self._topics = cache(lambda directory: {topic.name: topic for topic in topics_of(collect([root / directory]))})
+    def __init__(self, root: Path = Path()):
+        self._root = root
+        self.topics = cache(lambda directory: {topic.name: topic for topic in topics_of(collect([root / directory]))})
 
     def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
-        """Content of the block of this name from the results in a directory; None if it is to stay as it is.
+        """Content of the block of this name from the results in a directory; None if there are none.
 
         Args:
             directory: of results.
             name: a topic, `ENGINES` or one of `OF_ALL`.
-            beside: another directory, whose results stand beside the first's.
+            beside: another directory, whose results stand beside the first's; of engines it must be given.
 
         Raises:
-            UserError: there is no such block, or no results for it.
+            UserError: there is no such block.
         """
-        check_name(directory, name, beside)
-        try:
-            found = {place: self._named(place, name) for place in filter(None, (directory, beside))}
-        except UserError:
-            if self._partial:
-                return None
-            raise
+        if name not in (names := [*TOPICS, *OF_ALL, ENGINES]):
+            raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
+        places = [place for place in (directory, beside) if place]
+        found = {place: self._named(place, name) for place in places if (self._root / place).is_dir()}
+        if len(found) < len(places) or not all(found.values()):
+            return None
         if name == ENGINES:
             return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
         if name in (SUMMARY, MISSES):
@@ -131,15 +108,12 @@ class Tables:
         topics = {place: topic for place, (topic,) in found.items()}
         return "\n\n".join(filter(None, [_each(topics, _numbers), _verdicts(topics)]))
 
-    def _named(self, directory: str, name: str) -> list[Topic]:
-        """Topic of this name; for the names of none all that have results or need none."""
-        topics = self._topics(directory)
-        if name in OF_ALL:
-            return [topic for topic in topics.values() if topic.results or topic.name == LAWS]
-        wanted = ("hop-count", "density") if name == ENGINES else (name,)
-        if any(not topics[each].results and each != LAWS for each in wanted):
-            raise UserError(f"{directory} has no results for the block {name!r}; make them with `iswarm reproduce`.")
-        return [topics[each] for each in wanted]
+    def _named(self, directory: str, name: str) -> Topics:
+        """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""
+        topics = self.topics(directory)
+        made = {each for each, topic in topics.items() if topic.results or each == LAWS}
+        wanted = made if name in OF_ALL else {"hop-count", "density"} if name == ENGINES else {name}
+        return [topic for each, topic in topics.items() if each in wanted] if wanted <= made else []
 
 
 def _each(found: Mapping[str, Any], shown: Callable[[Any], str]) -> str:
@@ -150,9 +124,15 @@ def _each(found: Mapping[str, Any], shown: Callable[[Any], str]) -> str:
 
 def _numbers(topic: Topic) -> str:
     """The table of a topic's numbers; empty if it has none."""
-    if topic.name == EVOLUTION:
-        return evolution(searches_of(topic.results))
-    return "\n\n".join(TABLES[topic.name](result.rows) for result in topic.results if topic.name in TABLES)
+    if topic.name == LAWS:
+        return ""
+    result = topic.results[0]
+    with as_named(result.path):
+        if topic.name == EVOLUTION:
+            return evolution(searches_of(topic.results))
+        if topic.name in GROUPS:
+            return grouped(topic.name, result.rows)
+        return sensitivity(result.rows) if topic.name == "sensitivity" else readings(result.rows)
 
 
 def _verdicts(topics: Mapping[str, Topic]) -> str:

@@ -19,9 +19,9 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.lock import locked
-from iswarm_mj.utils.tables import write_table
+from iswarm_mj.utils.tables import write_csv, write_table
 
-RUNS, FINDINGS = "runs.sqlite", "findings.parquet"
+RUNS, FINDINGS = "runs.sqlite", "findings.csv"
 GOAL_SHARE = 66 / 72
 """A run of the paper's experiments ends when this share of the balls is delivered (section 4.6.1)."""
 TIME_LIMIT = 1200
@@ -93,7 +93,7 @@ def run_experiment(
 ) -> list[Finding]:
     """Run an experiment, write its results into `out`, print the findings.
 
-    Files: the table, a row per run (parquet and CSV); findings.parquet and .csv; figures; runs.sqlite with the finished
+    Files: the table, a row per run (parquet and CSV); findings.csv; figures; runs.sqlite with the finished
     runs. A run that is in it is not repeated, whichever experiment of the same version of the package asks for it.
 
     Args:
@@ -117,12 +117,11 @@ def run_experiment(
         settings = settings_of(experiment, plan, execution)
         if experiment.extra is not None:
             experiment.extra(plan, out, rows)
-        for name in (FINDINGS, Path(FINDINGS).with_suffix(".csv")):
-            remove(out / name)  # those of an earlier table
+        remove(out / FINDINGS)  # of an earlier table
         write_table(out / experiment.table, rows, settings, csv=True)
         findings = experiment.findings(rows)
         if findings:
-            write_table(out / FINDINGS, [finding._asdict() for finding in findings], settings, csv=True)
+            write_csv(out / FINDINGS, [finding._asdict() for finding in findings])
         experiment.draw(rows, out)
         print(summary(findings, len(rows), out))
     return findings
@@ -163,7 +162,7 @@ def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -
         Journal(out / RUNS, {"kind": "runs of experiments"}) as journal,
         progress(len(keyed), name, sum(key in journal.entries for key in keyed)) as bar,
     ):
-        (outcomes,) = run_missing([(keyed, journal)], execution, bar)
+        outcomes = run_missing(keyed, journal, execution, bar)
     found = dict(zip(keyed, outcomes, strict=True))
     return [found[_key(job, execution)] for job in jobs]
 

@@ -71,23 +71,21 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     return unordered(run_numbered, given, execution.workers, execution.backend)
 
 
-def run_missing(
-    wanted: Sequence[tuple[Mapping[Key, Job], Journal]], execution: Execution, bar: Progress
-) -> list[list[Outcome]]:
-    """Return the outcomes of jobs, of which those are run that are not in their journal; it has them then.
+def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: Progress) -> list[Outcome]:
+    """Return the outcomes of jobs, of which those are run that are not in the journal; it has them then.
 
     Args:
-        wanted: jobs by their keys in a journal, and that journal.
+        jobs: by their keys in the journal.
+        journal: of finished runs.
         execution: how to run the jobs.
         bar: advanced by each finished run.
     """
-    missing = [(key, job, log) for jobs, log in wanted for key, job in jobs.items() if key not in log.entries]
-    with closing(run_jobs([job for _, job, _ in missing], execution)) as finished:
+    missing = [key for key in jobs if key not in journal.entries]
+    with closing(run_jobs([jobs[key] for key in missing], execution)) as finished:
         for index, outcome in finished:
-            key, _, journal = missing[index]
-            journal.add(key, outcome)
+            journal.add(missing[index], outcome)
             bar.update()
-    return [[Outcome.read(journal.entries[key]) for key in jobs] for jobs, journal in wanted]
+    return [Outcome.read(journal.entries[key]) for key in jobs]
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:

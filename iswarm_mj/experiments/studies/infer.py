@@ -19,7 +19,7 @@ from iswarm_mj.experiments.analysis.findings import (
     Finding,
     Rows,
     number,
-    percent,
+    short,
 )
 from iswarm_mj.experiments.analysis.measures import STEPS, by, select
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_support
@@ -41,9 +41,8 @@ from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.experiments.studies.plans import DENSITIES
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.utils.errors import ConfigError
 
-COMBINATIONS, REPEATS = 512, 1
+COMBINATIONS = 512
 NAMED_REPEATS = 12
 """Runs of each setting for the named readings, and for the paper's with one value changed."""
 
@@ -125,7 +124,7 @@ def design(n: int, seed: int) -> list[dict[str, str]]:
     ]
 
 
-def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
+def entries(combinations: int, plan: Plan) -> list[Entry]:
     """Runs of all combinations; and of the named readings, and of the paper's with one value changed, which are not
     part of the sample and have negative numbers."""
     n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
@@ -137,7 +136,7 @@ def entries(combinations: int, repeats: int, plan: Plan) -> list[Entry]:
         settings = {key: value for label in labels.items() for key, value in settings_of(*label).items()}
         config = varied(plan.config, settings)
         labels = {**labels, "combination": place, "reading": None}
-        listed += _runs(plan, config, labels, place + len(READINGS), 1 if plan.quick else repeats)
+        listed += _runs(plan, config, labels, place + len(READINGS), 1)
     for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
         number_of = -1 - len(READINGS) - place
         labels = dict.fromkeys(FACTORS) | {name: label, "combination": number_of, "reading": "paper"}
@@ -211,7 +210,7 @@ def findings(rows: Rows) -> list[Finding]:
     listed = [best._replace(ours=ours, statistics=rule, verdict=verdict)]
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in FACTORS.items()})
     for name, shares in supported(sample).items():
-        text = "; ".join(f"{label}: {percent(share)}" for label, share in shares.items())
+        text = "; ".join(f"{label}: {short(share, '%')}" for label, share in shares.items())
         alone = counts_alone(every, name, DEFAULTS[name])
         if other := gives_way(DEFAULTS[name], shares, alone):
             text += f"; by the rule, {DEFAULTS[name]} gives way to {other}"
@@ -232,21 +231,13 @@ def draw(rows: Rows, path: Path) -> list[Path]:
     return draw_support(every, supported([c for c in every if c.reading is None]), list(ASKED), path)
 
 
-def experiment_of(combinations: int = COMBINATIONS, repeats: int = REPEATS) -> Experiment:
-    """Return the experiment with a number of combinations, and runs of each setting for each of them.
-
-    Raises:
-        ConfigError: fewer than 20 combinations, of which none could be told from another, or no runs.
-    """
-    if combinations < LEAST_COMBINATIONS:
-        raise ConfigError("combinations", combinations, f"at least {LEAST_COMBINATIONS}")
-    if repeats < 1:
-        raise ConfigError("repeats", repeats, "at least 1")
+def experiment_of(combinations: int = COMBINATIONS) -> Experiment:
+    """Return the experiment with a number of combinations."""
     return Experiment(
         name="infer",
         title=f"{combinations} combinations of readings on Figs. 15 and 17 and both types",
         source="section 4.6",
-        entries=partial(entries, combinations, repeats),
+        entries=partial(entries, combinations),
         findings=findings,
         figure=draw,
     )

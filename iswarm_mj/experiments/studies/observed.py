@@ -1,8 +1,6 @@
-"""What studies add to their tables: aggregation, drawings and videos of the types; overlaps and times of time steps."""
+"""What studies add to their tables: aggregation and drawings of the types; overlaps and times of time steps."""
 
 import io
-import subprocess
-import sys
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import redirect_stdout
@@ -50,7 +48,7 @@ def aggregation(frames: Mapping[str, np.ndarray]) -> float:
 
 
 def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
-    """Record the first runs of each type; add their aggregation to the rows; draw and film the first one."""
+    """Record the first runs of each type; add their aggregation to the rows; draw the first when half is delivered."""
     for row in rows:
         row["aggregation"] = None
         if row["repeat"] >= (1 if plan.quick else OBSERVED):
@@ -62,28 +60,10 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         frames = load(directory).arrays
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
-            _show(row["type"], directory, frames, out, plan.quick)
-
-
-def _show(name: str, directory: Path, frames: Mapping[str, np.ndarray], out: Path, quick: bool) -> None:
-    """Drawing, MuJoCo's picture and video of a recorded run, when half of the balls are delivered."""
-    n_dust, last = frames["ball_position"].shape[1], int(frames["step"][-1])
-    step = min(last, int(np.searchsorted(frames["delivered"], n_dust / 2)))
-    title = name.replace("type", "type ")
-    draw_swarm(
-        frames, step, f"{title}, step {step}, {frames['delivered'][step]} of {n_dust} balls delivered", out / name
-    )
-    picture = ["--step", str(step), "--camera", "oblique", "--width", "1280", "--height", "720"]
-    _render("picture", [str(directory), *picture, "--out", str(out / f"{name}_mujoco.png")])
-    length = ["--steps", "40", "--frames-per-step", "1"] if quick else []
-    _render("video", [str(directory), "--title", title, *length, "--out", str(out / f"{name}.mp4")])
-
-
-def _render(command: str, arguments: list[str]) -> None:
-    """Run a command of iswarm that renders, in a process of its own: OpenGL is chosen when MuJoCo is imported."""
-    done = subprocess.run([sys.executable, "-m", "iswarm_mj", command, *arguments], check=False)
-    if done.returncode:
-        print(f"the {command} was left out; all else is complete", file=sys.stderr)
+            n_dust, name = frames["ball_position"].shape[1], row["type"]
+            step = min(int(frames["step"][-1]), int(np.searchsorted(frames["delivered"], n_dust / 2)))
+            title = f"{name}, step {step}, {frames['delivered'][step]} of {n_dust} balls delivered"
+            draw_swarm(frames, step, title, out / name)
 
 
 def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:

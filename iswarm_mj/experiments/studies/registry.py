@@ -7,24 +7,19 @@ from pathlib import Path
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis import beyond_statements, statements
 from iswarm_mj.experiments.analysis import measures as m
-from iswarm_mj.experiments.analysis.beyond_statements import BALANCE, DEFAULT, TRIALS, changes
+from iswarm_mj.experiments.analysis.beyond_statements import DEFAULT, changes
 from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Finding, Rows
-from iswarm_mj.experiments.analysis.measures import by, select, values
+from iswarm_mj.experiments.analysis.measures import by, select
 from iswarm_mj.experiments.analysis.plots import (
     TESTS,
     Effect,
-    Sample,
     draw_bars,
-    draw_curves,
     draw_forest,
-    draw_samples,
 )
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans
 from iswarm_mj.utils.constraints import constraint_of
 from iswarm_mj.utils.errors import UserError, shown
-
-_COURSE = (m.TIME, m.COLLISIONS, m.CARRIAGE)
 
 
 def findings(name: str, rows: Rows) -> list[Finding]:
@@ -49,14 +44,7 @@ def _message_time(rows: Rows, path: Path) -> list[Path]:
 
 
 def _types(rows: Rows, path: Path) -> list[Path]:
-    """A dot a run of each type."""
-    groups = by(rows, "type")
-    panels = [
-        Sample(measure.label, {name: values(runs, measure).tolist() for name, runs in groups.items()})
-        for measure in (m.FITNESS, m.TIME, m.AGGREGATION)
-    ]
-    n = ", ".join(map(str, sorted({len(values) for panel in panels for values in panel.groups.values()})))
-    return draw_samples(panels, path, f"Dots: runs, n = {n} in a column.")
+    return draw_bars(rows, ["type"], "type", str, path, (m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION))
 
 
 def _sensitivity(rows: Rows, path: Path) -> list[Path]:
@@ -76,22 +64,22 @@ def _sensitivity(rows: Rows, path: Path) -> list[Path]:
 
 
 def _robustness(rows: Rows, path: Path) -> list[Path]:
-    absent = [row for row in rows if row["kind"] == "absent" or row["fraction"] == 0.0]
-    lines = {"dead, standing in the way": select(rows, kind="dead"), "absent": absent}
-    return draw_curves(lines, "fraction", "share of failed robots", _COURSE, path)
+    return draw_bars(
+        rows, ["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}", path
+    )
 
 
 def _time_step(rows: Rows, path: Path) -> list[Path]:
-    return draw_curves(by(rows, "type"), "rate", "physics steps a second", _COURSE, path)
+    return draw_bars(rows, ["type", "rate"], "physics steps a second", "{}\n{}".format, path)
 
 
 def _resolved_grasps(rows: Rows, path: Path) -> list[Path]:
-    """Time, attempts and failed grasps over the voltage in the dampest air, a figure for each type."""
+    """By the voltage in the dampest air, a figure for each type."""
     drawn, damp = [], max(row["relative_humidity"] for row in rows)
-    label, measures = f"voltage while lifting [V], at {damp:g} % RH", (m.TIME, m.ATTEMPTS, m.FAILED)
+    label, measures = f"voltage while lifting, at {damp:g} % RH", (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK)
     for name, mine in by(select(rows, relative_humidity=damp), "type").items():
-        lines = {"balance of the forces": select(mine, resolution=BALANCE), "trials": select(mine, resolution=TRIALS)}
-        drawn += draw_curves(lines, "grasp_voltage", label, measures, path.with_name(f"{path.name}_{name}"))
+        at = path.with_name(f"{path.name}_{name}")
+        drawn += draw_bars(mine, ["grasp_voltage", "resolution"], label, "{:g} V\n{}".format, at, measures)
     return drawn
 
 
@@ -102,7 +90,7 @@ _LISTED = (
     (
         "types",
         "Fig. 16, Table 2",
-        "times and fitness of both evolved types over 96 runs, pictures and videos of them at run time",
+        "times and fitness of both evolved types over 96 runs, with drawings",
         _types,
     ),
     (

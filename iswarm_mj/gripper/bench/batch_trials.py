@@ -1,12 +1,10 @@
 """Trials of attempts in a swarm, as a batch inside a program of JAX: the script of `swarm_trials` in MJX."""
 
-import copy
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Int
 
 from iswarm_mj.config import GripperConfig
@@ -80,21 +78,9 @@ def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
 
 def _bench() -> MjxBench:
     """A bench whose numbers are replaced by those of attempts, for the program that is being traced."""
-    bench = copy.copy(_usual())
-    bench.physics, bench.parameters = jax.tree.map(_constant, (bench.physics, bench.parameters))
-    return bench
-
-
-@cache
-def _usual() -> MjxBench:
     with jax.ensure_compile_time_eval():
         trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
         return MjxBench([trial], PROTOCOL.start_gap, timestep=TIMESTEP)
-
-
-def _constant(values: Any) -> Any:
-    """An array without the devices of the program in which it was made, which another one would refuse."""
-    return jnp.asarray(np.asarray(values)) if isinstance(values, jax.Array) else values
 
 
 def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:

@@ -17,6 +17,7 @@ from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_num
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.script import first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.detachment import BALL_DENSITY
 from iswarm_mj.gripper.mjx_forces import Force, GripperForces, first_state, gripper_force, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, UM
@@ -57,6 +58,8 @@ class Parameters(NamedTuple):
 
     radius: Array
     probe_radius: Array
+    density: Array
+    """Of the ball over that of the model."""
     numbers: dict[tuple[str, str], Array]
     """Of `GripperForces`."""
 
@@ -89,7 +92,10 @@ class MjxBench:
         self.where, forces = layout(model), gripper_forces(model)
         capacity: dict[str, Any] = {"naconmax": N_CONTACTS * count, "njmax": N_ROWS} if impl == "warp" else {}
         self.physics = Physics(forces, put_model(portable, impl), mjx.make_data(portable, impl=impl, **capacity))
-        rows: list[Any] = [(trial.radius / UM, trial.probe_radius / UM, plugin_numbers(trial)) for trial in trials]
+        rows: list[Any] = [
+            (trial.radius / UM, trial.probe_radius / UM, trial.density / BALL_DENSITY, plugin_numbers(trial))
+            for trial in trials
+        ]
         self.parameters = _single(Parameters(*jax.tree.map(lambda *values: np.array(values), *rows)))
         qpos = np.array([start(model, trial, first_gaps(start_gap)) for trial in trials])
         self._touch = np.array([2 * trial.radius / UM for trial in trials])
@@ -128,7 +134,7 @@ def _single(arrays):
 def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, mjx.Model]:
     """Forces and MJX's model of one bench."""
     mine = physics.forces.having(parameters.numbers)
-    return mine, resize(mine, physics.model, parameters.radius, parameters.probe_radius)
+    return mine, resize(mine, physics.model, parameters.radius, parameters.probe_radius, parameters.density)
 
 
 @partial(jax.jit, static_argnums=0)

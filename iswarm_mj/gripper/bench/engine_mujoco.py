@@ -58,7 +58,7 @@ class MujocoBench:
             hanging: balls hang at the tool instead, so high above the plate [m].
         """
         self.recorded: list[Recorded] | None = [] if is_recorded else None
-        models = [_model(timestep, trial.radius, trial.probe_radius) for trial in trials]
+        models = [_model(timestep, trial.radius, trial.probe_radius, trial.density) for trial in trials]
         first = self.model = models[0]
         self.timestep, self.steps = float(first.opt.timestep) * MS, 0
         self.where, at = layout(first), plugin.state_indices(first)
@@ -133,6 +133,6 @@ class MujocoBench:
 
 
 @lru_cache(maxsize=4096)
-def _model(timestep: float | None, radius: float, probe_radius: float) -> mujoco.MjModel:
-    """The bench with these sizes [m] and a time step [s], by default its own."""
-    return resized(usual_model(timestep, probe_radius), radius)
+def _model(timestep: float | None, radius: float, probe_radius: float, density: float) -> mujoco.MjModel:
+    """The bench with these sizes [m], a density [kg/m^3] and a time step [s], by default its own."""
+    return resized(usual_model(timestep, probe_radius, density), radius)

@@ -13,7 +13,8 @@ from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.units import MS, NN, PER_OHM, PRESSURE, UM
+from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, PROBE_RADIUS
+from iswarm_mj.gripper.units import DENSITY, MS, NN, PER_OHM, PRESSURE, UM
 
 
 def bench_spec() -> mujoco.MjSpec:
@@ -86,17 +87,20 @@ def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
     """Model with a trial's ball and probe; the trial's other numbers are in `plugin_numbers`."""
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
+    spec.geom("ball").density = trial.density * DENSITY
     return spec.compile()
 
 
 @lru_cache(maxsize=16)
-def usual_model(timestep: float | None, probe_radius: float) -> mujoco.MjModel:
-    """The default bench with a ball of 20 um and this probe [m]; a time step of its own if None [s]."""
+def usual_model(
+    timestep: float | None = None, probe_radius: float = PROBE_RADIUS, density: float = BALL_DENSITY
+) -> mujoco.MjModel:
+    """The bench with a ball of 20 um of this density [kg/m^3] and this probe [m]; its own time step if None [s]."""
     spec = bench_spec()
     spec.memory = MEMORY
     if timestep is not None:
         spec.option.timestep = timestep / MS
-    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius))
+    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius, density=density))
 
 
 @lru_cache(maxsize=64)
@@ -106,29 +110,24 @@ def shares(n_steps: int) -> np.ndarray:
     return np.stack([share, minimum_jerk(share)], axis=1)
 
 
-def resized(model: mujoco.MjModel, radius: float, into: mujoco.MjModel | None = None) -> mujoco.MjModel:
+def resized(
+    model: mujoco.MjModel, radius: float, into: tuple[mujoco.MjModel, mujoco.MjData] | None = None
+) -> mujoco.MjModel:
     """Copy of a bench's model whose ball has another radius [m]; a fifth of the time that compiling takes.
 
     Args:
         model: of the bench.
         radius: of the ball.
-        into: an earlier copy to overwrite, which takes a tenth of that.
+        into: an earlier copy to overwrite, which takes a tenth of that, and data of it, which are to be reset.
     """
-    new = copy.copy(model) if into is None else into
-    geom, body, dof = model.geom("ball").id, model.body("ball").id, int(model.joint("ball").dofadr[0])
+    new, data = into or (copy.copy(model), mujoco.MjData(model))
+    geom, body = model.geom("ball").id, model.body("ball").id
     ratio = radius / UM / float(model.geom_size[geom, 0])
-    mass, inertia = ratio**3, ratio**5
     new.geom_size[geom, 0] = new.geom_rbound[geom] = radius / UM
     new.geom_aabb[geom] = model.geom_aabb[geom] * ratio
-    new.body_mass[body] = model.body_mass[body] * mass
-    new.body_subtreemass[0] = model.body_subtreemass[0] + (new.body_mass[body] - model.body_subtreemass[body])
-    new.body_subtreemass[body] = new.body_mass[body]
-    new.body_inertia[body] = model.body_inertia[body] * inertia
-    new.body_invweight0[body] = model.body_invweight0[body] / (mass, inertia)
-    for name, power in (("dof_invweight0", -1), ("dof_M0", 1)):
-        values, old = getattr(new, name), getattr(model, name)
-        values[dof : dof + 3] = old[dof : dof + 3] * mass**power
-        values[dof + 3 : dof + 6] = old[dof + 3 : dof + 6] * inertia**power
+    new.body_mass[body] = model.body_mass[body] * ratio**3
+    new.body_inertia[body] = model.body_inertia[body] * ratio**5
+    mujoco.mj_setConst(new, data)
     return new
 
 

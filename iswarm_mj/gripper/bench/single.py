@@ -16,7 +16,6 @@ from iswarm_mj.gripper.bench.base import Watch
 from iswarm_mj.gripper.bench.leap_laws import Hanging, leap
 from iswarm_mj.gripper.bench.model import layout, plugin_numbers, resized, start, usual_model
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS
 from iswarm_mj.gripper.units import MS, UM
 
 _HANGING = "ball_voltage", "charge", "to_probe", "to_plate", "leak", "up", "down"
@@ -37,7 +36,7 @@ class SingleBench:
     def __init__(self, timestep: float):
         """Prepare a bench on which `place` begins a trial."""
         keep_no_log()
-        self._usual = usual_model(timestep, PROBE_RADIUS)
+        self._usual = usual_model(timestep)
         self.model, self.data, self.timestep = copy.copy(self._usual), mujoco.MjData(self._usual), timestep
         self.where, self.at = layout(self.model), plugin.state_indices(self.model)
         self._times = [self.at[_TOOL, "last"], self.at[_PLATE, "last"], self.at[_PLATE, "first"]]
@@ -54,7 +53,7 @@ class SingleBench:
         cannot move, so that after a few steps nothing is left of what was before.
         """
         data, where = self.data, self.where
-        self.model = resized(self._usual, trial.radius, self.model)
+        self.model = resized(self._usual, trial.radius, (self.model, data))
         mujoco.mj_resetData(self.model, data)
         data.qpos[:], self._looked = start(self.model, trial, gaps), 0.0
         self._touch = 2 * trial.radius / UM - where.tip_height

@@ -3,8 +3,12 @@
 from functools import cache
 from threading import Lock
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 
+from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench import script
@@ -14,6 +18,7 @@ from iswarm_mj.gripper.bench.script import START, Ramp, hangs
 from iswarm_mj.gripper.bench.single import SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.utils.arrays import Array
 
 TIMESTEP = 2e-6
 """Twice that of the bench: voltages change by less than 1 %, the speed of a landing by less than 4 %
@@ -123,3 +128,36 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
         succeeded, found.duration[place], found.impact[place] = known[row]
         (found.lifted if is_lift else found.released)[place] = succeeded
     return found
+
+
+def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+    """Outcomes of trials in MuJoCo's C engine, by a callback from a program of JAX.
+
+    The callback is skipped in steps in which no world makes an attempt. All numbers go as one array and come back as
+    one, since each array costs time.
+    """
+
+    def call(numbers: jax.Array) -> np.ndarray:
+        lifts, releases, *others = np.asarray(numbers)
+        found = outcomes(gripper.release_gap, Attempts(lifts > 0, releases > 0, *others))
+        return np.stack(found).astype(np.float32)
+
+    def on_host(numbers: Array) -> Array:
+        return jax.pure_callback(call, _places(numbers), numbers)
+
+    @custom_vmap
+    def decide(numbers: Array) -> Array:
+        return jax.lax.cond(numbers[:2].any(), on_host, lambda a: jnp.zeros_like(a, shape=_places(a).shape), numbers)
+
+    @decide.def_vmap
+    def _(count: int, is_batched: list[bool], numbers: Array) -> tuple[Array, bool]:
+        del count, is_batched
+        return jnp.moveaxis(decide(jnp.moveaxis(numbers, 0, 1)), 1, 0), True
+
+    lifted, released, postponed, *others = decide(jnp.stack([jnp.asarray(a, jnp.float32) for a in attempts]))
+    return Outcomes(lifted > 0, released > 0, postponed > 0, *others)
+
+
+def _places(numbers: Array) -> jax.ShapeDtypeStruct:
+    """Shape (5, ..., K) of the outcomes of attempts (7, ..., K)."""
+    return jax.ShapeDtypeStruct((len(Outcomes._fields), *numbers.shape[1:]), jnp.float32)

@@ -6,6 +6,7 @@ import numpy as np
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.laws.detachment import (
+    BALL_DENSITY,
     CONTACT_GAP,
     PROBE_RADIUS,
     VARIATION_OBJECT_SUBSTRATE,
@@ -31,6 +32,8 @@ class Trial(NamedTuple):
     """Effective electrical gap of a touching tool [m]."""
     probe_radius: float = PROBE_RADIUS
     """[m]"""
+    density: float = BALL_DENSITY
+    """Of the ball [kg/m^3]."""
     misalignment: float = 0.0
     """Lateral offset of the tool's axis from the ball's [m]."""
     contacts: Contacts = Contacts()

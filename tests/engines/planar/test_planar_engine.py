@@ -255,6 +255,20 @@ class TestAccuracy:
         assert [plane.tolerance for plane in planes] == [0.01, 0.0025]
 
 
+def test_each_step_of_a_jam_is_solved_whatever_it_begins_with(small):
+    """In a phase the solver begins with the impulses of the step before, in phases of one step with none."""
+    rng, engine = np.random.default_rng(8), engine_of(small, tolerance=1e-10)
+    bodies = placed(engine, place_robots(small.arena, 60, rng)[None])
+    for _ in range(20):
+        bodies = moved(engine, bodies, -0.5 * bodies.poses * (1, 1, 0)).bodies
+    velocity, steps = np.where(np.arange(60)[:, None] < 30, 1.0, -1.0) * (1, 0.3, 0.2), bodies
+    for _ in range(6):
+        steps = moved(engine, steps, velocity, 1).bodies
+    motion = moved(engine, bodies, velocity, 6)
+    np.testing.assert_allclose(motion.bodies.poses, steps.poses, atol=1e-6)
+    assert pairs_of(motion.touching).sum() > 60
+
+
 class TestManyWorlds:
     def test_threads_and_companions_do_not_matter(self, small):
         """Worlds of different size, on one thread, on two, and each alone."""

@@ -16,10 +16,8 @@ from iswarm_mj.engines.planar.gpu.near_pairs import find_near_pairs
 from iswarm_mj.engines.planar.gpu.records import N_ROWS, bodies_of, numbers_of
 from iswarm_mj.engines.planar.gpu.solver import solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
-from iswarm_mj.utils.errors import FaultKind
 
 _SKIN = wp.constant(physics.SKIN)
-_TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
 _BOXES_AT_ONCE = 4  # obstacles that all robots of a world touch on average, at most
 
 
@@ -173,8 +171,6 @@ def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
                 found = wp.atomic_max(touching, k, bodies[0], partner)
                 partner = wp.where(found == partner, 0, wp.min(found, partner))
                 k += 1
-            if partner > 0:
-                wp.atomic_or(w.count, FAILURE, _TOO_MANY)
 
 
 def rooms(n_robots: int, n_boxes: int) -> tuple[int, int]:

@@ -1,0 +1,205 @@
+"""The gripper's bench on the page: a trial in slow motion with its forces as arrows, and a live force curve."""
+
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from iswarm_mj.gripper.bench.force_curve import force_curve
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.tracing import trace_trial
+from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
+from iswarm_mj.gripper.laws import detachment as usual
+from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb
+from iswarm_mj.output.trace_lines import NN, UM
+from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
+from iswarm_mj.player.controls import declared
+from iswarm_mj.player.widgets import spots, widget
+from iswarm_mj.utils.constraints import Within, validate
+
+_ROOT = "/bench"
+FORCES = (("electrostatic", YELLOW), ("adhesion to the tool", GREEN), ("adhesion to the plate", ORANGE))
+SAMPLES = 600
+"""Of a trial that is shown; they are dense where the ball moves."""
+SHOWN_S = 15.0
+"""In which a trial is shown [s]."""
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """A ball and a tool. Lengths are in micrometres, as on the page."""
+
+    voltage: Annotated[float, Within(0, 80, "V")] = 40.0
+    """Of the tool while it lifts, and in the force curve [V]."""
+    relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
+    """Of the air [%]."""
+    radius: Annotated[float, Within(10, 50, "µm")] = 15.0
+    """Of the ball [µm]."""
+    probe_radius: Annotated[float, Within(2, 50, "µm")] = usual.PROBE_RADIUS * UM
+    """Of the tool's flat face [µm]."""
+    work_tool_object: Annotated[float, Within(0.1, 100, "mJ/m²")] = usual.WORK_TOOL_OBJECT * 1e3
+    """Work of adhesion between tool and ball at 10 % RH [mJ/m²]."""
+    work_object_substrate: Annotated[float, Within(0.1, 100, "mJ/m²")] = usual.WORK_OBJECT_SUBSTRATE * 1e3
+    """Work of adhesion between ball and plate at 10 % RH [mJ/m²]."""
+    gap: Annotated[float, Within(1, 20, "µm")] = usual.RELEASE_GAP * UM
+    """Between ball and plate at the release [µm]."""
+
+    def __post_init__(self):
+        validate(self)
+
+    @property
+    def trial(self) -> Trial:
+        """The ball on the bench."""
+        works = self.work_tool_object * 1e-3, self.work_object_substrate * 1e-3
+        return Trial(self.radius / UM, *works, self.relative_humidity, probe_radius=self.probe_radius / UM)
+
+    def trace(self) -> Trace:
+        """Return the trial with this voltage, thinned."""
+        return thinned(trace_trial(self.trial, Protocol(), self.voltage, self.gap / UM), SAMPLES)
+
+    def curve(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the force on the tool [nN], approaching and retracting, at gaps [µm] from the smallest on.
+
+        Attraction is negative. Where a direction has no sample at a gap, there is NaN.
+        """
+        rows = force_curve(self.trial, Protocol(), self.voltage)
+        gap, force = (np.array([row[name] for row in rows]) for name in ("gap", "total"))
+        is_back = np.array([row["direction"] == "retract" for row in rows])
+        order = np.argsort(gap, kind="stable")
+        there, back = (np.where(is_back == side, force * NN, np.nan)[order] for side in (False, True))
+        return gap[order] * UM, there, back
+
+
+def outcome(trace: Trace) -> str:
+    """Return what became of the ball: whether the tool lifted it, and at which voltage it let go."""
+    names = [trace.phases[k] for k in trace.phase]
+    if "ramp" not in names:
+        return "The ball stays on the plate: the tool pulls less than the plate holds."
+    ramp = np.array([name == "ramp" for name in names])
+    released = trace.gap_plate[-1] < 1e-7
+    end = f"let go at {trace.voltage[ramp].max():.0f} V" if released else "did not let go"
+    return f"The tool lifted the ball, and {end}."
+
+
+class Bench:
+    """Nodes and controls of the bench.
+
+    Attributes:
+        settings: of the ball and the tool.
+        trace: of the trial that is shown; None before the first.
+    """
+
+    def __init__(self, server: Any, size: float):
+        """Make the nodes, which are hidden, and the controls, in the present container.
+
+        Args:
+            server: of viser.
+            size: of a ball of 15 um in the scene.
+        """
+        self.settings, self.trace, self._scale = BenchSettings(), None, size / 30
+        self._due, self._began, self._shown = {"curve"}, 0.0, -1
+        drawn, gui, k = server.scene, server.gui, self._scale
+        self._root = drawn.add_frame(_ROOT, show_axes=False, visible=False)
+        self._ball = drawn.add_icosphere(f"{_ROOT}/ball", 1.0, rgb(ORANGE), subdivisions=4, cast_shadow=False)
+        self._mark = drawn.add_icosphere(f"{_ROOT}/mark", 1.0, (40, 40, 40), cast_shadow=False)
+        self._probe = drawn.add_cylinder(f"{_ROOT}/probe", 1.0, k * PROBE_LENGTH, rgb(PALE), opacity=0.7)
+        self._probe.cast_shadow = False
+        drawn.add_box(f"{_ROOT}/plate", rgb(WALL), (150 * k, 150 * k, 2 * k), position=(0, 0, -k), cast_shadow=False)
+        colours, radii = np.array([rgb(colour) for _, colour in FORCES], np.uint8), [0.8 * k, 2 * k, 4 * k]
+        sizes = dict(zip(("shaft_radius", "head_radius", "head_length"), radii, strict=True))
+        self._arrows = drawn.add_arrows(f"{_ROOT}/forces", np.zeros((3, 2, 3), np.float32), colours, **sizes)
+        self._try = gui.add_button("Lift and release the ball", icon="player-play")
+        self._try.on_click(lambda _: self._due.add("trial"))
+        self._said = gui.add_markdown("")
+        self._moment = gui.add_slider("moment [%]", 0.0, 100.0, 0.1, 0.0)
+        self._plays = gui.add_checkbox("plays", True)
+        for control in declared(self.settings):
+            widget(gui, control, partial(self._moved, control.name))
+        gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
+        axes = ({"label": "gap between tool and ball [µm]"}, {"label": "force [nN]"})
+        lines = (("approach", GREEN), ("retract", BLUE))
+        series = [{"label": name, "stroke": colour, "width": 2, "spanGaps": True} for name, colour in lines]
+        nothing = (np.arange(2.0), np.zeros(2), np.zeros(2))
+        self._curve = gui.add_uplot(
+            nothing, ({"label": "gap"}, *series), title="Force on the tool; attraction is negative", axes=axes,
+            scales={"x": {"time": False}}, height=220,
+        )  # fmt: skip
+        self.show()
+
+    @property
+    def visible(self) -> bool:
+        """Whether the bench is in the scene."""
+        return self._root.visible
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._root.visible = value
+
+    def hold(self, moment: float) -> None:
+        """Stop at a moment of the trial [%], and show it."""
+        self._plays.value, self._moment.value = False, moment
+        self.show()
+
+    def _moved(self, name: str, value: Any) -> None:
+        self.settings = replace(self.settings, **{name: float(value)})
+        self.trace = None
+        self._due.add("curve")
+        self.show()
+
+    def work(self) -> bool:
+        """Compute what is due; return whether anything was."""
+        if "curve" in self._due:
+            self._due.discard("curve")
+            gap, approach, retract = self.settings.curve()
+            self._curve.data = (gap, approach, retract)
+        elif "trial" in self._due:
+            self._said.content = "Computing some 25 000 physics steps of 1 µs ..."
+            settings = self.settings
+            trace = settings.trace()
+            self._due.discard("trial")
+            if settings == self.settings:
+                self.trace, self._began = trace, time.monotonic()
+                self._said.content = outcome(trace)
+        else:
+            return False
+        return True
+
+    def show(self) -> None:
+        """Draw the moment that is due."""
+        trace, k = self.trace, self._scale
+        if trace is None:
+            self._place(self.settings)
+            return
+        n = len(trace.time)
+        if self._plays.value:
+            self._moment.value = round(100 * ((time.monotonic() - self._began) / SHOWN_S % 1), 1)
+        sample = min(n - 1, int(self._moment.value / 100 * n))
+        if sample == self._shown:
+            return
+        self._shown, where = sample, trial_shapes(one_sample(trace, sample))
+        self._ball.position, self._mark.position, self._probe.position = (
+            tuple(k * part[0]) for part in (where.ball, where.mark, where.probe)
+        )
+        self._ball.color = rgb(ORANGE if trace.on_plate_potential[sample] else GREEN)
+        ends = np.stack([where.origins, where.origins + where.arrows], axis=2)[0]
+        self._arrows.points = (k * ends).astype(np.float32)
+        phase, volts = trace.phases[trace.phase[sample]], trace.voltage[sample]
+        self._said.content = f"{outcome(trace)}\n\n{1e3 * trace.time[sample]:.2f} ms · {phase} · {volts:.1f} V"
+
+    def _place(self, settings: BenchSettings) -> None:
+        """Put tool and ball where a trial begins."""
+        k, self._shown = self._scale, -1
+        radius = k * settings.radius
+        self._ball.radius, self._mark.radius, self._probe.radius = radius, 0.08 * radius, k * settings.probe_radius
+        self._ball.position, self._mark.position = (0, 0, radius), (0.3 * radius, -0.8 * radius, 1.52 * radius)
+        self._probe.position = (0, 0, 2 * radius + k * (5 + PROBE_LENGTH / 2))
+        self._ball.color, self._arrows.points = rgb(ORANGE), np.zeros((3, 2, 3), np.float32)
+
+
+def one_sample(trace: Trace, sample: int) -> Trace:
+    """Return a trace of one of the samples."""
+    parts = {name: v[sample : sample + 1] for name, v in trace._asdict().items() if isinstance(v, np.ndarray)}
+    return trace._replace(**parts)

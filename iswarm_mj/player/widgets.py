@@ -1,0 +1,61 @@
+"""Parts of the panel: a control as an input of viser, a legend, a command that can be copied."""
+
+import html
+import math
+from collections.abc import Callable
+from typing import Any
+
+from iswarm_mj.output.palette import Rgb
+from iswarm_mj.player.controls import Control
+
+_WIDEST = 400.0
+"""Range that a slider can show."""
+
+
+def widget(gui: Any, control: Control, moved: Callable[[Any], None]) -> Any:
+    """Return an input for a control: a choice, a box to tick, a slider, or a number where the range is wide.
+
+    Args:
+        gui: of a viser server.
+        control: a setting.
+        moved: called with the new value when somebody changes it in a browser.
+    """
+    value, hint = control.value, control.text or None
+    if control.choices:
+        handle = gui.add_dropdown(control.label, control.choices, initial_value=value, hint=hint)
+    elif isinstance(value, bool):
+        handle = gui.add_checkbox(control.label, value, hint=hint)
+    elif control.high - control.low <= _WIDEST:
+        step = 1 if isinstance(value, int) else (control.high - control.low) / 200
+        handle = gui.add_slider(control.label, control.low, control.high, step, value, hint=hint)
+    else:
+        low, high = (None if math.isinf(end) else end for end in (control.low, control.high))
+        step = 1 if isinstance(value, int) else 10.0 ** math.floor(math.log10(abs(value) or 1.0) - 1)
+        handle = gui.add_number(control.label, value, min=low, max=high, step=step, hint=hint)
+    handle.on_update(lambda event: moved(handle.value) if event.client is not None else None)
+    return handle
+
+
+def show(handle: Any, name: str, value: Any) -> None:
+    """Send what has changed alone."""
+    if getattr(handle, name) != value:
+        setattr(handle, name, value)
+
+
+def spots(entries: list[tuple[str, Rgb]]) -> str:
+    """Return a legend of labels and colours, in HTML."""
+    found = "".join(
+        f'<span style="white-space:nowrap;margin-right:.8em"><span style="display:inline-block;width:.8em;height:.8em;'
+        f'border-radius:2px;margin-right:.3em;background:rgb{colour}"></span>{html.escape(label)}</span> '
+        for label, colour in entries
+    )
+    return f'<div style="font-size:.8em;line-height:1.6;padding:.3em .8em">{found}</div>'
+
+
+def copied(text: str) -> str:
+    """A command with a button that copies it."""
+    copy = "navigator.clipboard.writeText(this.previousElementSibling.textContent);this.textContent='Copied'"
+    style = "white-space:pre-wrap;word-break:break-word;font-size:.8em;margin:0 0 .4em;padding:.5em;border-radius:4px"
+    shown = f'<pre style="{style};background:rgba(128,128,128,.15)">{html.escape(text)}</pre>'
+    button = f'<button onclick="{copy}" style="cursor:pointer;padding:.2em .8em">Copy</button>'
+    return f'<div style="padding:.3em .8em">{shown}{button}</div>'

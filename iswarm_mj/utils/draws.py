@@ -1,0 +1,96 @@
+"""Random numbers that all robots of a world need in a step, drawn at once.
+
+JAX computes Threefry on CPUs by a loop of five steps, which compiles faster and takes several times as long. Here
+the rounds are written out, and both words of each block are used.
+"""
+
+import math
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int, UInt32
+
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.fusion import fusion_barrier
+
+_ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+_PARITY = 0x1BD11BDA
+_LEAST = float(np.nextafter(np.float32(-1), np.float32(0)))
+
+
+def threefry(
+    key: UInt32[Array, "2"], high: UInt32[Array, "*N"], low: UInt32[Array, "*N"]
+) -> tuple[UInt32[Array, "*N"], UInt32[Array, "*N"]]:
+    """Threefry-2x32 with 20 rounds (Salmon et al. 2011, Proc. SC11, 16).
+
+    Args:
+        key: two words.
+        high: first word of the counter.
+        low: second word.
+    """
+    words = key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY)
+    x, y = high + words[0], low + words[1]
+    for group in range(5):
+        for rotation in _ROTATIONS[group % 2]:
+            x = x + y
+            y = ((y << rotation) | (y >> (32 - rotation))) ^ x
+        x, y = x + words[(group + 1) % 3], y + words[(group + 2) % 3] + jnp.uint32(group + 1)
+    return x, y
+
+
+class Draws(NamedTuple):
+    """Independent random numbers of places, as robots or their sides; each part is a pair of arrays."""
+
+    uniform: tuple[Float[Array, "n *N"], Float[Array, "n *N"]]
+    """In [0, 1), multiples of 2^-23."""
+    normal: tuple[Float[Array, "m *N"], Float[Array, "m *N"]]
+    """Of mean 0 and variance 1."""
+
+
+@partial(jax.jit, static_argnames=("n_uniform", "n_normal", "shape"))
+def _drawn(words: Array, n_uniform: int, n_normal: int, shape: tuple[int, ...]) -> Draws:
+    n = n_uniform + n_normal
+    place = jax.lax.iota(jnp.uint32, math.prod(shape)).reshape(shape)
+    low = n * place + jnp.arange(n, dtype=jnp.uint32).reshape(n, *(1 for _ in shape))
+    blocks = threefry(words, jnp.zeros_like(low), low)
+    one = jnp.float32(1).view(jnp.uint32)
+    first, second = ((bits >> 9 | one).view(jnp.float32) - 1.0 for bits in blocks)
+    return Draws((first[:n_uniform], second[:n_uniform]), (normal(first[n_uniform:]), normal(second[n_uniform:])))
+
+
+def draw(key: Array, shape: tuple[int, ...], n_uniform: int = 0, n_normal: int = 0) -> Draws:
+    """Return random numbers, those of a place whatever the number of places along the first axis.
+
+    Args:
+        key: random key of any generator of JAX; of which the first 64 bits count.
+        shape: places.
+        n_uniform: numbers of each place in each of two arrays.
+        n_normal: the same.
+    """
+    drawn = partial(_drawn, n_uniform=n_uniform, n_normal=n_normal, shape=shape)
+    return fusion_barrier(drawn, jax.random.key_data(key)[:2])
+
+
+def split(key: Array, n: int, first: Int[Array, ""] | int = 0) -> Array:
+    """Return n keys (n,), the same as those from 0 on where others are asked for that begin elsewhere.
+
+    Args:
+        key: as of `draw`.
+        n: number of keys.
+        first: of them.
+    """
+    low = jnp.asarray(first, jnp.uint32) + jnp.arange(n, dtype=jnp.uint32)
+    words = threefry(jax.random.key_data(key)[:2], jnp.ones_like(low), low)
+    return jax.random.wrap_key_data(jnp.stack(words, axis=-1), impl="threefry2x32")
+
+
+def normal(uniform: Float[Array, "*N"]) -> Float[Array, "*N"]:
+    """Return standard normal numbers, by the inverse of their distribution function.
+
+    Args:
+        uniform: draws from [0, 1).
+    """
+    return math.sqrt(2) * jax.lax.erf_inv(jnp.maximum(2.0 * uniform - 1.0, _LEAST))

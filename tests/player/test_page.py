@@ -1,0 +1,118 @@
+"""The page without a browser: where it listens, what it draws, what a click does; replays; the bench."""
+
+import base64
+import re
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import psutil
+import pytest
+import zstandard
+
+from iswarm_mj import SwarmConfig, play
+from iswarm_mj.config import ArenaConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.output.saved import load
+from iswarm_mj.player.bench import BenchSettings, outcome
+from iswarm_mj.player.page import close_server, open_server
+from iswarm_mj.player.panel import DROP, LIFE
+from iswarm_mj.player.replay import Film, write_replay
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.clean import clean
+
+CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
+
+
+@pytest.fixture
+def played():
+    played = play(CONFIG, robots=20, seed=3, engine=PlanarSettings(), port=8310)
+    yield played
+    played.close()
+
+
+def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
+    other = open_server(8310)
+    try:
+        assert other.request_share_url() is None
+        found = {c.laddr for c in psutil.Process().net_connections() if c.status == psutil.CONN_LISTEN}
+        ports = {int(played.url.rpartition(":")[2]), other.get_port()}
+        assert len(ports) == 2 and {address.port for address in found} >= ports
+        assert {address.ip for address in found if address.port in ports} == {"127.0.0.1"}
+    finally:
+        close_server(other)
+    assert played.url in played._repr_html_()
+
+
+def test_clicks_select_kill_and_drop(played):
+    session, panel = played.session, played._page._panel
+    session.advance()
+    x, y = session.snapshots[-1].frames.pose[0, 5, :2] * 1e3
+    panel.clicked(x + 0.1, y, 1.6)
+    assert panel.view.selected == 5
+    panel.update()
+    assert "**Robot 5**" in panel.described and "| remembers |" in panel.described
+    panel.click = LIFE
+    panel.clicked(x, y, 1.6)
+    panel.click = DROP
+    panel.clicked(0.0, 20.0, 1.6)
+    for _ in range(200):
+        if len(session.made) == 2:
+            break
+        time.sleep(0.05)  # the page's own thread works
+    assert [change.what for change in session.made] == ["kill", "ball"]
+    assert not session.is_alive[5]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    out = tmp_path_factory.mktemp("run")
+    settings = RunSettings(20, 12, 3)
+    clean(Run(CONFIG, settings=settings, engine=PlanarSettings()), settings, out)
+    return load(out)
+
+
+def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
+    write_replay(run, Film(2, 10, speed=4.0, title="A <b> & c"), tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert "<title>A &lt;b&gt; &amp; c</title>" in text
+    assert not re.findall(r"""(?:src|href)=["']?(?:https?:)?//""", text)
+    data = base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]+)"', text)[1])
+    inner = zstandard.ZstdDecompressor().decompress(data[8:], max_output_size=int.from_bytes(data[:8], "little"))
+    size = int.from_bytes(inner[:8], "little")
+    content = msgspec.msgpack.decode(inner[8 : 8 + size])
+    assert content["durationSeconds"] == pytest.approx((8 * 2 + 1) / 8)
+    lengths = content["binaryBufferLengths"]
+    starts = np.append(0, np.cumsum([-(-length // 8) * 8 for length in lengths]))
+    buffers = [inner[-int(starts[-1]) :][s : s + n] for s, n in zip(starts, lengths, strict=False)]
+    poses = {np.frombuffer(b, np.float32).tobytes() for b in buffers if len(b) == 20 * 12}
+    expected = np.column_stack([run.arrays["pose"][10, :, :2] * 1e3, np.full(20, 0.5)])
+    found = [np.frombuffer(one, np.float32).reshape(20, 3) for one in poses]
+    assert min(np.abs(one - expected).max() for one in found) <= 1 / 128 + 1e-4
+
+
+@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(by="red")])
+def test_impossible_replays(run, film, tmp_path):
+    with pytest.raises(UserError):
+        write_replay(run, film, tmp_path / "page.html")
+    assert not list(Path(tmp_path).iterdir())
+
+
+def test_the_force_curve_follows_voltage_and_humidity():
+    def pull_off(**settings):
+        return -np.nanmin(BenchSettings(**settings).curve()[2])
+
+    assert pull_off(voltage=0) < pull_off(voltage=20)
+    assert pull_off(voltage=20) < pull_off(voltage=20, relative_humidity=50)
+    gap, there, back = BenchSettings().curve()
+    assert (np.diff(gap) >= 0).all() and np.isfinite(there).sum() + np.isfinite(back).sum() == len(gap)
+
+
+def test_the_outcome_of_a_trial():
+    assert "stays on the plate" in outcome(BenchSettings(voltage=5).trace())
+    assert "let go" in outcome(BenchSettings(voltage=45).trace())
+    with pytest.raises(UserError):
+        BenchSettings(radius=500)
