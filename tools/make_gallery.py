@@ -40,7 +40,7 @@ class Card(NamedTuple):
 
 SMALL = "--arena.size 24 --arena.dust-area-offset 7 --arena.dust-area-size 5 --arena.n-dust 36"
 CARDS = {
-    "cleaning": Card("clean --steps 100", Film(40, 90)),
+    "cleaning": Card("clean --steps 100", Film(45, 85, frames_per_step=1)),
     "hops": Card(
         "clean --genome type2 --steps 100",
         Film(60, 90, frames_per_step=1, by="hops to dump", title="Colours are hop counts to the dump"),
@@ -105,7 +105,7 @@ def swarm(name: str) -> None:
         run = load(place)
         draw, _ = swarm_film(run, card.film)
         if name == next(iter(CARDS)):
-            write_replay(run, card.film._replace(last=100, title="280 robots clean the floor"), OUT / f"{name}.html")
+            write_replay(run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html")
     server = open_server(8400)
     try:
         light(server.scene)

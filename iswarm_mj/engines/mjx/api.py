@@ -11,7 +11,7 @@ import mujoco
 
 with contextlib.redirect_stdout(io.StringIO()):
     from mujoco import mjx
-    from mujoco.mjx._src import collision_driver, scan, solver  # table of contact functions; body trees
+    from mujoco.mjx._src import collision_driver, scan, solver  # table of contact functions; body trees; solver
     from mujoco.mjx._src.support import mul_m  # the product with the inertia matrix
 
 __all__ = ["collision_driver", "mjx", "mul_m", "put_model", "scan", "solver"]
