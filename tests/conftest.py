@@ -3,6 +3,7 @@
 import os
 from importlib.metadata import version
 
+import psutil
 import pytest
 from jaxtyping import install_import_hook
 
@@ -88,13 +89,18 @@ def pytest_configure(config):
         os.environ.setdefault("XLA_FLAGS", " ".join(QUICK))
 
 
+MOST_MEMORY = 1.5e9
+"""Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _programs_go():
-    """Compiled programs of a file of tests go with it; all that JAX compiled would take gigabytes in the end."""
+    """All that JAX compiled would take gigabytes in the end."""
     import jax  # after iswarm_mj, which sets the level of XLA's log before JAX does
 
     yield
-    jax.clear_caches()
+    if psutil.Process().memory_info().rss > MOST_MEMORY:
+        jax.clear_caches()
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import normal, uniform_pairs
+from iswarm_mj.utils.draws import draw
 
 
 class Balls(NamedTuple):
@@ -182,7 +182,7 @@ def _attempts(
     """
     releases = ends & balls.is_held
     asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
-    works, places = map(normal, uniform_pairs(key, 2, balls.radius.shape))
+    works, places = draw(key, balls.radius.shape, n_normal=2).normal
     miss = gripper.tool_error * jnp.hypot(*places)
     return Attempts(
         ends & balls.is_lying,

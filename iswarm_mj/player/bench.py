@@ -114,8 +114,8 @@ class Bench:
         self._try = gui.add_button("Lift and release the ball", icon="player-play")
         self._try.on_click(lambda _: self._due.add("trial"))
         self._said = gui.add_markdown("")
-        self._time = gui.add_slider("moment [%]", 0.0, 100.0, 0.1, 0.0)
-        self._runs = gui.add_checkbox("plays", True)
+        self._moment = gui.add_slider("moment [%]", 0.0, 100.0, 0.1, 0.0)
+        self._plays = gui.add_checkbox("plays", True)
         for control in declared(self.settings):
             widget(gui, control, partial(self._moved, control.name))
         gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
@@ -137,6 +137,11 @@ class Bench:
     @visible.setter
     def visible(self, value: bool) -> None:
         self._root.visible = value
+
+    def hold(self, moment: float) -> None:
+        """Stop at a moment of the trial [%], and show it."""
+        self._plays.value, self._moment.value = False, moment
+        self.show()
 
     def _moved(self, name: str, value: Any) -> None:
         self.settings = replace(self.settings, **{name: float(value)})
@@ -169,9 +174,9 @@ class Bench:
             self._place(self.settings)
             return
         n = len(trace.time)
-        if self._runs.value:
-            self._time.value = round(100 * ((time.monotonic() - self._began) / SHOWN_S % 1), 1)
-        sample = min(n - 1, int(self._time.value / 100 * n))
+        if self._plays.value:
+            self._moment.value = round(100 * ((time.monotonic() - self._began) / SHOWN_S % 1), 1)
+        sample = min(n - 1, int(self._moment.value / 100 * n))
         if sample == self._shown:
             return
         self._shown, where = sample, trial_shapes(one_sample(trace, sample))

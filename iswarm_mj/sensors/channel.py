@@ -10,7 +10,7 @@ from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Message, Payload, corrupt
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import normal, uniform_pairs
+from iswarm_mj.utils.draws import draw
 
 
 class Received(NamedTuple):
@@ -40,17 +40,17 @@ def exchange(conditions: Conditions, payload: Payload, content: dict[str, Any], 
     sent = payload.pack(Message(jnp.arange(n_leds)[None], jax.tree.map(lambda a: a[:, None], content)), n_leds)
     if not content:  # all robots send the same
         sent = jnp.broadcast_to(sent, (len(links.sender), n_leds))
-    draws, more = uniform_pairs(key, 3, links.sender.shape)
+    ((wrong, first), (second, breaks)), ((noise,), _) = draw(key, links.sender.shape, n_uniform=2, n_normal=1)
     damaged = corrupt(
         sent[links.sender, links.led],
-        draws,
+        jnp.stack([wrong, first, second]),
         conditions.error_in_communication,
         conditions.independent_bit_errors,
     )
     message, is_right = payload.unpack(damaged, n_leds)
-    arrives = links.valid & (more[0] >= conditions.p_communication_break)
+    arrives = links.valid & (breaks >= conditions.p_communication_break)
     is_heard = arrives & (is_right | ~jnp.asarray(conditions.parity_check))
     if n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
         is_heard &= message.led < n_leds
-    error = conditions.error_distance_measure * normal(more[1])
+    error = conditions.error_distance_measure * noise
     return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0), sent)

@@ -136,7 +136,10 @@ def columns(name: str, field: Field) -> list[str]:
 
 
 def corrupt(
-    bits: UInt32[Array, "*N"], uniform: Float[Array, "3 *N"], error: Array | float, independent: Array | bool = True
+    bits: UInt32[Array, "*N"],
+    uniform: Float[Array, "3 *N"],
+    error: Array | float,
+    independent: Array | bool = True,
 ) -> UInt32[Array, "*N"]:
     """Messages after transmission over a noisy channel, a share `error` of them with at least one wrong bit.
 
@@ -153,8 +156,9 @@ def corrupt(
     clean = 1.0 - error
     rate = -jnp.expm1(jnp.log1p(-error) / 32)
     one_at_most = jnp.where(independent, clean + 32 * rate * (1.0 - rate) ** 31, 1.0)
-    first = jnp.minimum((uniform[1] * 32).astype(jnp.uint32), 31)
-    second = (first + 1 + jnp.minimum((uniform[2] * 31).astype(jnp.uint32), 30)) % 32
-    one, count = jnp.uint32(1), uniform[0]
+    count, one_place, other_place = uniform
+    first = jnp.minimum((one_place * 32).astype(jnp.uint32), 31)
+    second = (first + 1 + jnp.minimum((other_place * 31).astype(jnp.uint32), 30)) % 32
+    one = jnp.uint32(1)
     flips = jnp.where(count >= clean, one << first, 0) | jnp.where(count >= one_at_most, one << second, 0)
     return bits ^ flips.astype(jnp.uint32)

@@ -13,7 +13,7 @@ from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.draws import normal, uniform_pairs
+from iswarm_mj.utils.draws import draw
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -50,7 +50,7 @@ def actuate(
     """
     acts = swarm.is_alive & ~waits
     turn, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
-    (turning,), (walking,) = map(normal, uniform_pairs(key, 1, command.turn.shape))
+    (turning,), (walking,) = draw(key, command.turn.shape, n_normal=1).normal
     moves = (command.turn != 0.0) | (command.forward != 0.0)
     turned = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * turning, 0.0)
     slip = conditions.error_step * walking * jnp.clip(command.forward, -step, step)

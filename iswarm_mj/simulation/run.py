@@ -250,7 +250,7 @@ class Run:
         """
         params, state = self.arrays()
         self._loop.replace(params, edit(state.swarm))
-        self._status = self._loop.status()
+        self._snapshot = None
 
     @property
     def task_state(self) -> Any:

@@ -17,8 +17,8 @@ from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_s
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, arrived, best_offer, heard
+from iswarm_mj.utils import draws
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import normal, uniform_pairs
 from iswarm_mj.utils.geometry import wrapped
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
 from iswarm_mj.utils.units import mm_from_rd
@@ -67,9 +67,8 @@ class Target(NamedTuple):
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
     """Draw the random numbers of a step."""
-    one, other = uniform_pairs(key, 3 + n_sides, (n_robots,))
-    odometry = normal(jnp.stack([one[2], other[2]], axis=-1))
-    return Draws(one[0], other[0], one[1], other[1], one[3:].T, other[3:].T, odometry)
+    (one, other), (turn, step) = draws.draw(key, (n_robots,), n_uniform=2 + n_sides, n_normal=1)
+    return Draws(one[0], other[0], one[1], other[1], one[2:].T, other[2:].T, jnp.stack([turn[0], step[0]], axis=-1))
 
 
 def learn(

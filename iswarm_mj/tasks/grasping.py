@@ -7,7 +7,7 @@ from iswarm_mj.gripper.handling import Balls, carry, handle, loaded, working
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.draws import split, uniform_pairs
+from iswarm_mj.utils.draws import draw, split
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -27,7 +27,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
     dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
     floor = sense(inputs.poses, tips, balls.position, balls.is_lying, dump_size, reach)
     fall_key, attempt_key = split(key, 2)
-    falls = uniform_pairs(fall_key, 1, balls.is_held.shape)[0][0] < conditions.drop_rate
+    falls = draw(fall_key, balls.is_held.shape, n_uniform=1).uniform[0][0] < conditions.drop_rate
     balls, grasp_failed = handle(
         gripper,
         conditions,

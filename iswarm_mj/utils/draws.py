@@ -6,6 +6,7 @@ the rounds are written out, and both words of each block are used.
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -40,34 +41,44 @@ def threefry(
     return x, y
 
 
-@partial(jax.jit, static_argnames=("n", "shape"))
-def _pairs(words: Array, n: int, shape: tuple[int, ...]) -> tuple[Array, Array]:
+class Draws(NamedTuple):
+    """Independent random numbers of places, as robots or their sides; each part is a pair of arrays."""
+
+    uniform: tuple[Float[Array, "n *N"], Float[Array, "n *N"]]
+    """In [0, 1), multiples of 2^-23."""
+    normal: tuple[Float[Array, "m *N"], Float[Array, "m *N"]]
+    """Of mean 0 and variance 1."""
+
+
+@partial(jax.jit, static_argnames=("n_uniform", "n_normal", "shape"))
+def _drawn(words: Array, n_uniform: int, n_normal: int, shape: tuple[int, ...]) -> Draws:
+    n = n_uniform + n_normal
     place = jax.lax.iota(jnp.uint32, math.prod(shape)).reshape(shape)
     low = n * place + jnp.arange(n, dtype=jnp.uint32).reshape(n, *(1 for _ in shape))
     blocks = threefry(words, jnp.zeros_like(low), low)
     one = jnp.float32(1).view(jnp.uint32)
     first, second = ((bits >> 9 | one).view(jnp.float32) - 1.0 for bits in blocks)
-    return first, second
+    return Draws((first[:n_uniform], second[:n_uniform]), (normal(first[n_uniform:]), normal(second[n_uniform:])))
 
 
-def uniform_pairs(key: Array, n: int, shape: tuple[int, ...]) -> tuple[Float[Array, "n *N"], Float[Array, "n *N"]]:
-    """Return two arrays of independent numbers in [0, 1), multiples of 2^-23.
-
-    What a place of `shape` gets does not depend on how many there are along its first axis.
+def draw(key: Array, shape: tuple[int, ...], n_uniform: int = 0, n_normal: int = 0) -> Draws:
+    """Return random numbers, those of a place whatever the number of places along the first axis.
 
     Args:
         key: random key of any generator of JAX; of which the first 64 bits count.
-        n: numbers of each place in each array.
-        shape: places, as robots or their sides.
+        shape: places.
+        n_uniform: numbers of each place in each of two arrays.
+        n_normal: the same.
     """
-    return fusion_barrier(partial(_pairs, n=n, shape=shape), jax.random.key_data(key)[:2])
+    drawn = partial(_drawn, n_uniform=n_uniform, n_normal=n_normal, shape=shape)
+    return fusion_barrier(drawn, jax.random.key_data(key)[:2])
 
 
 def split(key: Array, n: int, first: Int[Array, ""] | int = 0) -> Array:
     """Return n keys (n,), the same as those from 0 on where others are asked for that begin elsewhere.
 
     Args:
-        key: as of `uniform_pairs`.
+        key: as of `draw`.
         n: number of keys.
         first: of them.
     """

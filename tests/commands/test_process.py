@@ -98,6 +98,7 @@ class TestPlanarInBatches:
         assert (content["engine"], content["impl"], content["refinement"]) == ("planar", "warp", 2)
         assert len(content["devices"]) == 1 and content["n_worlds"] == 2
 
+    @pytest.mark.slow
     def test_kernels_need_no_cache(self, here):
         (here / "file").touch()
         env = os.environ | {"WARP_CACHE_PATH": str(here / "file" / "cache"), "TMPDIR": str(here)}

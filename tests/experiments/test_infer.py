@@ -1,6 +1,7 @@
 """Which readings agree with the paper: the design, the statements, and the support in made-up rows."""
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -24,7 +25,6 @@ from iswarm_mj.experiments.studies.infer import (
     ALONE,
     DEFAULTS,
     DENSITIES,
-    EXPERIMENT,
     FACTORS,
     NAMED_REPEATS,
     SETTINGS,
@@ -57,8 +57,13 @@ def outcome(entry, like_the_paper):
     return Outcome(Measures(goal if time else goal - 20, goal, collisions, time or 300.0, time), time or job.steps, 0.0)
 
 
-def rows_where(like_the_paper, combinations=N):
-    return [row_of(e, outcome(e, like_the_paper(e.labels))) for e in entries(combinations, Plan())]
+@cache
+def listed():
+    return entries(N, Plan())
+
+
+def rows_where(like_the_paper):
+    return [row_of(e, outcome(e, like_the_paper(e.labels))) for e in listed()]
 
 
 def types_of(rows):
@@ -83,10 +88,9 @@ class TestDesign:
             assert names <= together | {"drive.max_turn", "drive.turn_substeps"}
 
     def test_each_combination_is_run_on_all_figures_and_both_types(self):
-        listed = entries(N, Plan())
-        sampled = [e for e in listed if e.labels["reading"] is None]
+        sampled = [e for e in listed() if e.labels["reading"] is None]
         assert len(sampled) == N * len(SETTINGS) == N * (2 + len(DENSITIES) + 2)
-        assert len(listed) - len(sampled) == (len(READINGS) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
+        assert len(listed()) - len(sampled) == (len(READINGS) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
         for entry in sampled[:24]:
             config = SwarmConfig()
             for name in FACTORS:
@@ -104,7 +108,7 @@ class TestDesign:
     def test_the_paper_s_reading_is_run_with_each_other_value_alone(self):
         """In the same layouts."""
         runs = {}
-        for entry in entries(N, Plan()):
+        for entry in listed():
             if entry.labels["reading"] == "paper":
                 runs.setdefault(entry.labels["combination"], []).append(entry)
         plain, *changed = [runs[place] for place in sorted(runs, reverse=True)]
@@ -114,17 +118,6 @@ class TestDesign:
             assert [e.job.seed for e in one] == [e.job.seed for e in plain]
             (told,) = [(name, one[0].labels[name]) for name in FACTORS if one[0].labels[name]]
             assert one[0].job.config == varied(READINGS["paper"], FACTORS[told[0]][told[1]])
-
-
-@pytest.mark.parametrize("reading", READINGS)
-def test_labels_say_what_runs_whatever_the_plan(reading):
-    """As of `iswarm infer --reading initial`, too."""
-    for entry in EXPERIMENT.entries(Plan(config=READINGS[reading])):
-        if entry.labels["reading"] is None:
-            config = entry.job.config
-            assert config.strategy.avoidance_sides == entry.labels["avoidance_sides"]
-            assert config.strategy.priority_repulsion == entry.labels["priority_repulsion"]
-            assert f"{config.arena.dust_area_offset:g} rd" == entry.labels["dust_offset"]
 
 
 class TestStatements:
@@ -167,17 +160,6 @@ class TestStatements:
 
 
 class TestSupport:
-    def test_a_choice_that_decides_is_supported_and_no_other_one(self):
-        rows = rows_where(lambda labels: labels["reading"] == "paper" or labels["avoidance_sides"] == "front")
-        every = combinations_of(rows)
-        sample = [c for c in every if c.reading is None]
-        kept = accepted(sample)
-        assert len(kept) == 2 and len(sample) == N
-        sides = support(sample, kept, "avoidance_sides", ["front", "all"])
-        assert sides["front"].estimate == 1.0 and sides["all"].estimate == 0.0
-        for shares in (support(sample, kept, name, list(levels)) for name, levels in FACTORS.items()):
-            assert sum(share.estimate for share in shares.values()) == pytest.approx(1.0)
-
     def test_a_default_gives_way_to_what_is_supported_and_does_no_worse_alone(self):
         """Of the supported the one with the largest share, in thirds; without support or counts none."""
         shares = {"a": Interval(0.1, 0.05, 0.2), "b": Interval(0.5, 0.4, 0.6), "c": Interval(0.6, 0.5, 0.7)}

@@ -101,8 +101,8 @@ def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     np.testing.assert_array_equal(np.asarray(theirs.lifted)[away], np.asarray(ours.lifted)[away])
     np.testing.assert_array_equal(np.asarray(theirs.released)[away], np.asarray(ours.released)[away])
     landed = np.asarray(ours.released & theirs.released)
-    times = [np.asarray(found.duration)[landed].mean() for found in (theirs, ours)]
-    assert times[0] == pytest.approx(times[1], rel=0.03)
+    ratio = np.asarray(theirs.duration)[landed] / np.asarray(ours.duration)[landed]
+    assert np.median(ratio) == pytest.approx(1, rel=0.03)  # how long single balls bounce is chaotic
     np.testing.assert_allclose(np.asarray(theirs.impact)[landed], np.asarray(ours.impact)[landed], rtol=0.3)
 
 

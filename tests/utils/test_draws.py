@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from iswarm_mj.utils.draws import normal, split, threefry, uniform_pairs
+from iswarm_mj.utils.draws import draw, normal, split, threefry
 
 KEY = jax.random.key(7)
 
@@ -23,17 +23,18 @@ def test_known_answers():
 
 
 def test_both_arrays_are_uniform_and_independent():
-    one, other = (np.asarray(draws, float).ravel() for draws in uniform_pairs(KEY, 100, (1000,)))
-    for draws in (one, other, (one + other) % 1, (one - other) % 1):
-        assert draws.min() >= 0 and draws.max() < 1
-        assert stats.kstest(draws, "uniform").pvalue > 1e-3
+    one, other = (np.asarray(draws, float).ravel() for draws in draw(KEY, (1000,), 100).uniform)
+    for numbers in (one, other, (one + other) % 1, (one - other) % 1):
+        assert numbers.min() >= 0 and numbers.max() < 1
+        assert stats.kstest(numbers, "uniform").pvalue > 1e-3
     assert stats.kstest((one[:-1] + one[1:]) % 1, "uniform").pvalue > 0.01
 
 
 def test_a_batch_draws_what_each_world_draws():
     keys = jax.random.split(KEY, 6)
-    batch = jax.jit(jax.vmap(lambda key: uniform_pairs(key, 2, (5, 4))))(keys)
-    np.testing.assert_array_equal(np.swapaxes(batch, 0, 1), [uniform_pairs(key, 2, (5, 4)) for key in keys])
+    batch = jax.jit(jax.vmap(lambda key: draw(key, (5, 4), 2, 1)))(keys)
+    each = jax.tree.map(lambda *a: np.stack(a), *(draw(key, (5, 4), 2, 1) for key in keys))
+    jax.tree.map(np.testing.assert_array_equal, batch, each)
 
 
 def test_numbers_become_normal():
@@ -47,15 +48,15 @@ def test_keys_go_on_where_others_end():
     keys = jax.random.key_data(split(KEY, 6, first=2))
     np.testing.assert_array_equal(keys, jax.random.key_data(split(KEY, 8))[2:])
     assert len(np.unique(keys, axis=0)) == 6
-    assert not np.isin(np.asarray(keys), np.asarray(uniform_pairs(KEY, 1, (8,))).view(np.uint32)).any()
+    assert not np.isin(np.asarray(keys), np.asarray(draw(KEY, (8,), 1).uniform).view(np.uint32)).any()
 
 
 @pytest.mark.parametrize("generator", ["threefry2x32", "rbg"])
 def test_keys_of_any_generator_do(generator):
-    draws = [uniform_pairs(key, 1, (3,))[0] for key in jax.random.split(jax.random.key(0, impl=generator), 2)]
+    draws = [draw(key, (3,), 1).uniform[0] for key in jax.random.split(jax.random.key(0, impl=generator), 2)]
     assert (draws[0] != draws[1]).all()
 
 
 def test_more_robots_change_nothing():
-    few, many = (uniform_pairs(KEY, 3, (n, 4)) for n in (5, 9))
-    np.testing.assert_array_equal(few, np.asarray(many)[:, :, :5])
+    few, many = (draw(KEY, (n, 4), 3, 1) for n in (5, 9))
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a, b[:, :5]), few, many)

@@ -7,7 +7,7 @@ from pathlib import Path
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis import beyond_statements, statements
 from iswarm_mj.experiments.analysis import measures as m
-from iswarm_mj.experiments.analysis.beyond_statements import DEFAULT, changes
+from iswarm_mj.experiments.analysis.beyond_statements import DEFAULT, TRIALS, changes
 from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Finding, Rows
 from iswarm_mj.experiments.analysis.measures import by, select
 from iswarm_mj.experiments.analysis.plots import (
@@ -79,8 +79,12 @@ def _resolved_grasps(rows: Rows, path: Path) -> list[Path]:
     label, measures = f"voltage while lifting, at {damp:g} % RH", (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK)
     for name, mine in by(select(rows, relative_humidity=damp), "type").items():
         at = path.with_name(f"{path.name}_{name}")
-        drawn += draw_bars(mine, ["grasp_voltage", "resolution"], label, "{:g} V\n{}".format, at, measures)
+        drawn += draw_bars(mine, ["grasp_voltage", "resolution"], label, _grip, at, measures)
     return drawn
+
+
+def _grip(voltage: float, resolution: str) -> str:
+    return f"{voltage:g} V\n{'trials' if resolution == TRIALS else 'balance'}"
 
 
 _UNTIL = "until 66 of 72 balls or 1200 steps"

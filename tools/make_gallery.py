@@ -1,0 +1,164 @@
+"""Make the moving pictures of the documentation from seeds: docs/replays/, and docs/play.gif of the page itself.
+
+`python tools/make_gallery.py [NAME ...]` runs each scene and writes what it looks like as an animated picture; of the
+first also a replay that can be turned. Needs Debian's chromium and ffmpeg, and `pip install playwright`.
+"""
+
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from iswarm_mj.commands.main import main as iswarm
+from iswarm_mj.output.saved import load
+from iswarm_mj.player.bench import Bench
+from iswarm_mj.player.page import Page, close_server, open_server
+from iswarm_mj.player.replay import Film, swarm_film, write_replay
+from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.session import Session
+from iswarm_mj.player.view import aim, light
+
+ROOT = Path(__file__).parents[1]
+OUT = ROOT / "docs" / "replays"
+WIDTH, HEIGHT, PER_SECOND = 800, 550, 8
+CROP = (80, 110, 720, 510)
+"""Of what is rendered, since the arena does not fill it: 640 x 400 pixels."""
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
+
+
+class Card(NamedTuple):
+    command: str
+    film: Film
+
+
+SMALL = "--arena.size 24 --arena.dust-area-offset 7 --arena.dust-area-size 5 --arena.n-dust 36"
+CARDS = {
+    "cleaning": Card("clean --steps 100", Film(45, 85, frames_per_step=1)),
+    "hops": Card(
+        "clean --genome type2 --steps 100",
+        Film(60, 90, frames_per_step=1, by="hops to dump", title="Colours are hop counts to the dump"),
+    ),
+    "foraging": Card(
+        "run --task foraging --strategy forager --robots 60 --steps 150",
+        Film(110, 140, frames_per_step=1, draws=("trails", "home")),
+    ),
+    "aggregation": Card(
+        "run --task aggregation --strategy beeclust --robots 120 --steps 410",
+        Film(380, 410, frames_per_step=1, draws=()),
+    ),
+    "six": Card(f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60", Film(30, 60, frames_per_step=1)),
+}
+"""Runs and what is shown of them; the first can be turned, on the first page."""
+BENCH, PAGE = "bench", "page"
+
+
+def images(url: str) -> Iterator[Any]:
+    """A page in Chromium."""
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.goto(url)
+        yield page
+        browser.close()
+
+
+def rendered(server: Any) -> Image.Image:
+    """What the first browser of a server shows, without its panel."""
+    server.flush()
+    time.sleep(0.15)  # until it has what was sent
+    client = next(iter(server.get_clients().values()))
+    shown = Image.fromarray(client.get_render(HEIGHT, WIDTH, transport_format="png"))
+    paper = Image.new("RGBA", shown.size, "white")
+    paper.alpha_composite(shown.convert("RGBA"))
+    return paper.convert("RGB").crop(CROP)
+
+
+def scenes(server: Any, draw: Any) -> list[Image.Image]:
+    found = []
+    for _ in images(f"http://127.0.0.1:{server.get_port()}"):
+        while not server.get_clients():
+            time.sleep(0.1)
+        time.sleep(3)
+        found = [rendered(server) for _ in draw(server)]
+    return found
+
+
+def write(path: Path, pictures: list[Image.Image], per_second: float) -> None:
+    """Write an animated picture."""
+    first, *rest = pictures
+    more = {"save_all": True, "append_images": rest, "duration": round(1000 / per_second), "loop": 0}
+    first.save(path, quality=60, method=6, **more)
+    print(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(pictures)} pictures", flush=True)
+
+
+def swarm(name: str) -> None:
+    card = CARDS[name]
+    with tempfile.TemporaryDirectory() as place:
+        iswarm([*shlex.split(card.command), "--out", place])
+        run = load(place)
+        draw, _ = swarm_film(run, card.film)
+        if name == next(iter(CARDS)):
+            write_replay(run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html")
+    server = open_server(8400)
+    try:
+        light(server.scene)
+        write(OUT / f"{name}.webp", scenes(server, draw), card.film.speed * card.film.frames_per_step)
+    finally:
+        close_server(server)
+
+
+def bench() -> None:
+    """A ball that is lifted and released."""
+    server = open_server(8400)
+    try:
+        light(server.scene)
+        aim(server.initial_camera, Session(Scenario(robots=1)).scene, True)
+        shown = Bench(server, 139 / 6)
+        shown.visible, shown.trace = True, shown.settings.trace()
+
+        def draw(_: Any) -> Iterator[float]:
+            for moment in range(0, 100, 2):
+                shown.hold(moment)
+                yield 0.1
+
+        write(OUT / f"{BENCH}.webp", scenes(server, draw), PER_SECOND)
+    finally:
+        close_server(server)
+
+
+def page() -> None:
+    """The page itself, as a GIF."""
+    session = Session(Scenario())
+    shown = Page(session, 8400)
+    try:
+        with tempfile.TemporaryDirectory() as place:
+            for browser in images(shown.url):
+                browser.set_viewport_size({"width": 1000, "height": 600})
+                time.sleep(4)
+                browser.locator("[class*=mantine-Notification] button").first.click()  # software rendering
+                for k in range(36):
+                    session.post(session.advance)
+                    while session.step < k + 1 or session.shown < k + 1:
+                        time.sleep(0.05)
+                    time.sleep(0.7)
+                    browser.screenshot(path=f"{place}/{k:03}.png")
+            palette = "split[a][b];[a]palettegen=max_colors=64:stats_mode=diff[p];[b][p]paletteuse=dither=none"
+            out = ROOT / "docs" / "play.gif"
+            command = f"ffmpeg -v error -y -framerate 8 -i {place}/%03d.png -vf scale=800:-1:flags=lanczos,{palette}"
+            subprocess.run([*shlex.split(command), str(out)], check=True)
+            print(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
+    finally:
+        shown.close()
+
+
+if __name__ == "__main__":
+    OUT.mkdir(exist_ok=True)
+    for wanted in sys.argv[1:] or [*CARDS, BENCH, PAGE]:
+        {BENCH: bench, PAGE: page}.get(wanted, lambda wanted=wanted: swarm(wanted))()
