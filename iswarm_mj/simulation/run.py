@@ -269,7 +269,7 @@ class Run:
 
     def progress(self) -> np.ndarray:
         """Return the progress of the task in each world (B,)."""
-        return self._state.progress
+        return np.asarray(self._state.progress)
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""

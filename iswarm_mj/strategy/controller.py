@@ -80,9 +80,9 @@ def learn(
     def listen(own: VectorMemory, sent: VectorMemory, tie: Array) -> VectorMemory:
         sent = sent._replace(known=sent.known & observation.is_heard)
         side = best_offer(sent.hop, sent.known, rules.use_hop_count, tie)
-        by = sent, observation.bearing, observation.distance, observation.led
-        offer = heard(*jax.tree.map(lambda a: a[jnp.arange(len(side)), side], by), sides)
-        return adopt(own.where(~forgets), offer, rules.use_hop_count)
+        message = sent, observation.bearing, observation.distance, observation.led
+        vector, bearing, distance, led = jax.tree.map(lambda a: a[jnp.arange(len(side)), side], message)
+        return adopt(own.where(~forgets), heard(vector, bearing, distance, led, sides), rules.use_hop_count)
 
     return memory._replace(
         dust=arrived(listen(memory.dust, observation.payload["dust"], draws.dust_tie), observation.at_dust),

@@ -11,6 +11,8 @@ from helpers_small import SMALL
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.planar.gpu.surroundings import near_places
+from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.reception import read_light
 
 ROBOT = read_robot()
@@ -43,6 +45,16 @@ def bricks(rng, *densities):
     poses = np.stack([crowd(rng, density) for density in densities])
     poses[..., :2] += rng.uniform(-0.2, 0.2, poses[..., :2].shape) + np.array([-11, 13])
     return poses
+
+
+def test_lists_have_room_for_all_robots_near_one():
+    """Side by side without a gap, as many fit around a robot; beyond that the lists do not grow with the swarm."""
+    _, engine = engines(OpticsConfig())
+    within, plane = search_radius(engine.light, engine.plane), engine.plane
+    places = np.arange(-20, 21)
+    apart = np.hypot(2 * plane.half_x * places[:, None], 2 * plane.half_y * places)
+    room = [near_places(1, n, within, plane)["near"][1] for n in (50, 1000, 100_000)]
+    assert room[0] == 49 and (apart <= within).sum() < room[1] == room[2] < 999
 
 
 @pytest.mark.parametrize("line_of_sight", [True, False])
