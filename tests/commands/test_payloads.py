@@ -89,6 +89,7 @@ def test_in_turn_news_goes_further_within_a_step():
                 "--steps=6",
                 "--engine=planar",
                 "--robots=25",
+                "--seed=1",
                 f"--strategy.update-order={order}",
             )
             == 0

@@ -234,7 +234,7 @@ def test_rewards_are_of_the_task():
 
 def test_the_goal_ends_an_episode():
     env = make_env(n_robots=60, config=SMALL, n_worlds=1, engine=PlanarSettings(1), steps=400, stop_at=1)
-    state, rng = env.reset(KEYS[:1]), np.random.default_rng(1)
+    state, rng = env.reset(KEYS[:1]), np.random.default_rng(2)
     while not state.done[0]:
         state = env.step(state, rng.uniform(-0.2, 1, (1, 60, 2)))
     assert state.info["is_finished"][0] and not state.info["truncated"][0] and state.metrics["delivered"][0] >= 1

@@ -116,8 +116,10 @@ def test_closing_it_early_stops_the_workers(monkeypatch):
 
 
 SCRIPT = """
-import os, sys, time
+import os, signal, sys, time
 from iswarm_mj.utils.pool import unordered
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in a shell's background
 
 def work(number):
     if "HAS_WORKED" in os.environ:  # so that the end comes within calls
