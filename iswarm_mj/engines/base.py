@@ -28,6 +28,7 @@ class Phase(NamedTuple):
     """Consecutive physics steps in which servos hold the same velocities."""
 
     n_substeps: int
+    """Of `config.drive.timestep` each."""
     velocity: Callable[[Array], Array]
     """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s, rad/s]."""
 

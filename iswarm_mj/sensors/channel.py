@@ -1,4 +1,7 @@
-"""The channel between robots: everything that a robot learns from others passes through its 32-bit messages."""
+"""The channel between robots: all that robots tell each other passes through 32-bit messages.
+
+What light itself shows, its bearing and whose LED it is, comes from the engines (`sensors.links`).
+"""
 
 from typing import Any, NamedTuple
 
