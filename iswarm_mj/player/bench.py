@@ -17,6 +17,7 @@ from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rg
 from iswarm_mj.output.trace_lines import NN, UM
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
 from iswarm_mj.player.controls import declared
+from iswarm_mj.player.view import linear
 from iswarm_mj.player.widgets import spots, widget
 from iswarm_mj.utils.constraints import Within, validate
 
@@ -108,7 +109,7 @@ class Bench:
         self._probe = drawn.add_cylinder(f"{_ROOT}/probe", 1.0, k * PROBE_LENGTH, rgb(PALE), opacity=0.7)
         self._probe.cast_shadow = False
         drawn.add_box(f"{_ROOT}/plate", rgb(WALL), (150 * k, 150 * k, 2 * k), position=(0, 0, -k), cast_shadow=False)
-        colours, radii = np.array([rgb(colour) for _, colour in FORCES], np.uint8), [0.8 * k, 2 * k, 4 * k]
+        colours, radii = linear(np.array([rgb(colour) for _, colour in FORCES])), [0.6 * k, 1.2 * k, 2 * k]
         sizes = dict(zip(("shaft_radius", "head_radius", "head_length"), radii, strict=True))
         self._arrows = drawn.add_arrows(f"{_ROOT}/forces", np.zeros((3, 2, 3), np.float32), colours, **sizes)
         self._try = gui.add_button("Lift and release the ball", icon="player-play")

@@ -78,7 +78,7 @@ class SwarmView:
             vector.stem: drawn.add_arrows(
                 f"{_ROOT}/{vector.stem}",
                 _FLAT,
-                rgb(hues[k % len(hues)]),
+                linear(np.array(rgb(hues[k % len(hues)]), np.uint8)),
                 shaft_radius=0.04 * length,
                 head_radius=0.12 * length,
                 head_length=0.25 * length,
@@ -110,7 +110,7 @@ class SwarmView:
 
     def _batch(self, name: str, mesh: trimesh.Trimesh, n: int, colour: tuple[int, int, int]) -> Any:
         turns, places = _upright(n), np.zeros((n, 3), np.float32)
-        colours = np.tile(_linear(np.array(colour, np.uint8)), (n, 1))
+        colours = linear(np.array(colour, np.uint8))  # one for all, until each has its own
         return self._drawn.add_batched_meshes_simple(
             f"{_ROOT}/{name}", mesh.vertices, mesh.faces, turns, places, batched_colors=colours, lod="off",
             cast_shadow=False, receive_shadow=False, flat_shading=True,
@@ -149,9 +149,9 @@ class SwarmView:
         if key == self._step:
             return
         self._step = key
-        self.nodes["robots"].batched_colors = _linear(arrays.colours(scene, after, is_alive, self.by, energy))
+        self.nodes["robots"].batched_colors = linear(arrays.colours(scene, after, is_alive, self.by, energy))
         if self._balls is not None:
-            self._balls.batched_colors = _linear(now.ball_colour)
+            self._balls.batched_colors = linear(now.ball_colour)
         ends = arrays.arrows(scene, after, now.centre)
         for stem, node in self._arrows.items():
             is_shown = stem in self.shows and len(ends[stem]) > 0
@@ -189,8 +189,8 @@ def _upright(n: int) -> np.ndarray:
     return np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1))
 
 
-def _linear(colours: np.ndarray) -> np.ndarray:
-    """Colours of instances, which viser 1.1 takes for linear ones and not for those of a screen."""
+def linear(colours: np.ndarray) -> np.ndarray:
+    """Return colours of instances and arrows, which viser 1.1 takes for linear ones and not for those of a screen."""
     return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)
 
 

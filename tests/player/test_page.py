@@ -71,7 +71,7 @@ def test_clicks_select_kill_and_drop(played):
 def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
     settings = RunSettings(20, 12, 3)
-    clean(Run(CONFIG, settings=settings, engine=PlanarSettings()), settings, out)
+    clean(Run(CONFIG, settings=settings, engine=PlanarSettings()), out)
     return load(out)
 
 
