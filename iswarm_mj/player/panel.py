@@ -69,6 +69,7 @@ class Panel:
         self._layout: list[str] = []
         self._shown: tuple[Any, ...] = ()
         self._plots: dict[str, Any] = {}
+        self._compared, self._pending = (session.wanted, session.now), []
         self.click = SELECT
 
     @property
@@ -183,9 +184,11 @@ class Panel:
         )
         if self._play.label != label:
             self._play.label, self._play.icon, self._play.color = label, icon, colour
-        pending = [
-            c.label for c, d in zip(controls(session.wanted), controls(session.now), strict=False) if c.value != d.value
-        ]
+        if (settings := (session.wanted, session.now)) != self._compared:
+            self._compared = settings
+            now = {control.name: control.value for control in controls(session.now)}
+            wanted = controls(session.wanted)
+            self._pending = [control.label for control in wanted if control.value != now.get(control.name)]
         lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots"]
         if session.is_busy and math.isinf(session.rate):
             lines.append("Compiling the first control step; it is kept for the next run of this size.")
@@ -193,8 +196,8 @@ class Panel:
             lines[0] += f" · up to {session.rate:.0f} steps/s"
         if session.is_over:
             lines.append("Nothing is left to do.")
-        if pending:
-            lines.append(f"**Reset** applies: {', '.join(pending)}.")
+        if self._pending:
+            lines.append(f"**Reset** applies: {', '.join(self._pending)}.")
         show(self._status, "content", "\n\n".join(lines))
         show(self._legend, "content", spots(arrays.legend(session.scene, view.by, session.is_alive)))
         show(self._command, "content", copied(session.command()))

@@ -4,6 +4,7 @@ import inspect
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -107,9 +108,9 @@ class Scenario:
     def named(self, offer: Offer) -> str:
         """Return the name of its strategy or its task, as flags take it; of a genome, of the preset it was made of."""
         if offer is TASKS:
-            return self.task_name or _name(TASKS, self.task)
+            return self.task_name or _name(TASKS, type(self.task))
         if self.strategy is not None:
-            return self.strategy_name or _name(STRATEGIES, self.strategy)
+            return self.strategy_name or _name(STRATEGIES, type(self.strategy))
         return next((name for name, preset in PRESETS.items() if preset == self.genome), "type1")
 
     def values(self) -> dict[str, Any]:
@@ -168,10 +169,10 @@ def _different(given: Any, usual: Any) -> dict[str, Any]:
     return {name: getattr(given, name) for name in _names(given) if getattr(given, name) != getattr(usual, name)}
 
 
-def _name(offer: Offer, given: Any) -> str:
-    """How a command line names the class of a strategy or a task."""
-    cls = type(given)
-    if found := offered(offer, cls.__name__, set(_names(given))):
+@cache
+def _name(offer: Offer, cls: type) -> str:
+    """How a command line names a class of strategies or tasks."""
+    if found := offered(offer, cls.__name__, {f.name for f in fields(cls)} if is_dataclass(cls) else set()):
         return found
     try:
         return f"{inspect.getsourcefile(cls)}:{cls.__name__}"

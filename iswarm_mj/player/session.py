@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -94,6 +95,7 @@ class Session:
         self.lines: dict[str, list[float]] = {}
         self._every = 1
         self.version += 1
+        self._laps: deque[float] = deque(maxlen=9)
         self._alive = np.asarray(run.start.swarm.is_alive)[0, 0]
         self._seen(run.start, None)
 
@@ -158,7 +160,8 @@ class Session:
         record, before = self.run.advance(), self.snapshots[-1].record
         took = time.perf_counter() - began
         if self.step:  # the first step compiles
-            self.rate = 1 / took if math.isinf(self.rate) else 1 / (0.9 / self.rate + 0.1 * took)
+            self._laps.append(took)
+            self.rate = 1 / median(self._laps)
         assert record is not None  # world 0 is recorded
         self._seen(record, before)
         if self._recorder is not None:
