@@ -203,8 +203,7 @@ def _set(node: Any, name: str, value: np.ndarray) -> None:
 def light(drawn: Any) -> None:
     """Set lights by which colours look as in the palette, and no more."""
     drawn.configure_default_lights(enabled=False)
-    # Not None: viser 1.1 goes back to its bright map when a replay starts anew, and then would not take it away.
-    drawn.configure_environment_map(hdri="studio", environment_intensity=0.0)
+    drawn.configure_environment_map(hdri=None)
     drawn.add_light_ambient("/lights/ambient", intensity=2.2)
     drawn.add_light_directional("/lights/sun", intensity=1.3, position=(-1.0, -2.0, 4.0))
 
