@@ -113,5 +113,8 @@ def _laid(balls: Balls, ball: int, place: np.ndarray) -> Balls:
 
 def _balls_changed(change: Callable[[Balls], Balls], state: Any) -> Any:
     """A task's state in which its balls are changed, wherever they are in it."""
-    is_balls = lambda part: isinstance(part, Balls)  # noqa: E731
+
+    def is_balls(part: Any) -> bool:
+        return isinstance(part, Balls)
+
     return jax.tree.map(lambda part: change(part) if is_balls(part) else part, state, is_leaf=is_balls)
