@@ -19,6 +19,10 @@ from iswarm_mj.player.view import SwarmView, aim, light
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write
 
+_LOADER, _RESET = "e.textContent=code", r'.replace(/[\w$]+\.useEnvironment\.set\([\w$]+\(\)\);/,"")'
+"""Where the HTML of viser starts its client, and what removes one statement of it. viser 1.1 restores its bright default
+lights and environment map whenever a replay starts again (`resetScene` in FilePlayback.tsx)."""
+
 Draw = Callable[[Any], Iterator[float]]
 """Draws what changes on a server, and yields how long each picture is shown [s]."""
 
@@ -99,7 +103,7 @@ def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = Fal
 </style><div id="about"><b>{html.escape(title)}</b> {spots}</div>"""
     text = serialized(draw).as_html(dark_mode=dark)
     text = re.sub("<title>.*?</title>", lambda _: f"<title>{html.escape(title)}</title>", text, count=1)
-    return text.replace("<body>", f"<body>{about}", 1)
+    return text.replace(_LOADER, _LOADER + _RESET, 1).replace("<body>", f"<body>{about}", 1)
 
 
 def write_replay(run: SavedRun, film: Film, out: Path) -> None:
