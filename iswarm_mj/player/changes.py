@@ -5,12 +5,15 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.tasks.protocol import balls_of
+from iswarm_mj.tasks.signatures import as_task
+from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -63,6 +66,22 @@ class Change(NamedTuple):
         except ValueError:
             raise UserError(f"the change {self} must name a place, as 60:ball=3.5,-2") from None
         return x, y
+
+
+class LiveRun(Run):
+    """A run whose task may change, too."""
+
+    def retask(self, task: Any) -> None:
+        """Give the world a task of the same class and the same static fields, from the next control step on.
+
+        Raises:
+            UserError: a field is out of range.
+        """
+        validate(task)
+        given = jax.tree.map(lambda a: jnp.broadcast_to(a, (1, *a.shape)), as_task(task))
+        params, state = self.arrays()
+        self._loop.replace(params._replace(task=given), state.swarm)
+        self.task, self._job = task, self._job._replace(task=given)
 
 
 def edit(run: Run, change: Change) -> None:

@@ -55,10 +55,10 @@ def is_live(scenario: Scenario, name: str) -> bool:
     if group:
         rules = Rules._fields if scenario.strategy is None and group == "strategy" else ()
         return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
-    if scenario.strategy is None:
-        return name in Rules._fields and name not in AT_START
-    own = {f.name: f for f in fields(scenario.strategy)} if is_dataclass(scenario.strategy) else {}
-    return name in own and not is_static_field(type(scenario.strategy), own[name])
+    if scenario.strategy is None and name in Rules._fields:
+        return name not in AT_START
+    owned = [(given, f) for given in (scenario.strategy, scenario.task) if is_dataclass(given) for f in fields(given)]
+    return any(f.name == name and not is_static_field(type(given), f) for given, f in owned)
 
 
 def controls(scenario: Scenario) -> list[Control]:

@@ -12,12 +12,18 @@ import numpy as np
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
 from iswarm_mj.player.bench import Bench
-from iswarm_mj.player.panel import GRIPPER, Panel
+from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 
 HOST, PORT = "127.0.0.1", 8080
 """Where the page is; the first port from there on that is free."""
+_NARROW = """<style>@media (max-width: 36em) {
+#root { height: 45% !important; }
+#root .mantine-Paper-root[style*="fixed"] { width: 100% !important; max-height: 55% !important; }
+#root [style*="20em"] { width: 100% !important; }
+}</style>"""
+"""In a narrow window the panel lies beneath the arena, and not on it."""
 FRAME_S, PANEL_S = 1 / 25, 0.3
 """Between two drawings of the swarm, and of the panel [s]."""
 
@@ -55,7 +61,8 @@ class Page:
         self.url = f"http://{HOST}:{self._server.get_port()}"
         session.shown = 0.0
         server = self._server
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.configure_theme(**THEME)
+        server.gui.add_html(_NARROW)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(380)
         look.light(server.scene)
@@ -67,6 +74,7 @@ class Page:
         self._panel.rebuild()
         self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
         server.scene.on_click()(self._clicked)
+        server.on_client_connect(self._connected)
         self._error: BaseException | None = None
         self._stop = threading.Event()
         self._threads = [
@@ -137,9 +145,24 @@ class Page:
         """Show the swarm or the bench, and let all browsers look at it."""
         is_bench = shown == GRIPPER
         self._panel.bench.visible, self._view.visible = is_bench, not is_bench
+        look.aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
         for client in self._server.get_clients().values():
-            look.aim(client.camera, self.session.scene, is_bench)
-        look.aim(self._server.initial_camera, self.session.scene, is_bench)
+            self._aim(client)
+
+    def _connected(self, client: Any) -> None:
+        """Let a browser look at all of the arena, again when its window changes its shape."""
+        aspect = 0.0
+
+        @client.camera.on_update
+        def _(camera: Any) -> None:
+            nonlocal aspect
+            if camera.aspect != aspect:
+                aspect = camera.aspect
+                self._aim(client)
+
+    def _aim(self, client: Any) -> None:
+        """Let a browser look at what is shown, all of it."""
+        look.aim(client.camera, self.session.scene, client.camera.aspect, self._panel.bench.visible)
 
     def _clicked(self, event: Any) -> None:
         """Find the place on the robots' tops that was clicked on."""

@@ -20,7 +20,7 @@ from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write
 
 _LOADER, _RESET = "e.textContent=code", r'.replace(/[\w$]+\.useEnvironment\.set\([\w$]+\(\)\);/,"")'
-"""Where the HTML of viser starts its client, and what removes one statement of it. viser 1.1 restores its bright default
+"""Where viser's HTML starts its client, and what removes one statement from it: viser 1.1 restores its bright default
 lights and environment map whenever a replay starts again (`resetScene` in FilePlayback.tsx)."""
 
 Draw = Callable[[Any], Iterator[float]]
@@ -96,6 +96,7 @@ def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = Fal
     )
     ink, paper = ("#eee", "rgba(30,30,30,.75)") if dark else ("#222", "rgba(255,255,255,.8)")
     about = f"""<style>
+@media (max-aspect-ratio: 4/3) {{ #root {{ height: 75vw !important; }} }}
 #about {{ position: fixed; top: 0; left: 0; right: 0; z-index: 10; pointer-events: none; padding: .5rem .8rem;
   font: 13px/1.5 system-ui, sans-serif; color: {ink}; background: {paper}; }}
 #about span {{ white-space: nowrap; margin-right: .7em; }}

@@ -12,7 +12,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import ENGINES, engine_settings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.simulation.run import Run
+from iswarm_mj.player.changes import LiveRun
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
 from iswarm_mj.strategy.library import STRATEGIES, Offer, find, offered
@@ -53,14 +53,14 @@ class Scenario:
         arena, density = self.config.arena, self.genome.density_of_robots
         return robots_for(arena, density, "density_of_robots") if self.robots is None else self.robots
 
-    def run(self) -> Run:
+    def run(self) -> LiveRun:
         """Return the run at its start.
 
         Raises:
             UserError: settings that do not fit each other.
         """
         settings = RunSettings(self.n_robots, STEPS, self.seed)
-        return Run(
+        return LiveRun(
             self.config,
             self.genome,
             settings,

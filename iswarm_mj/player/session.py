@@ -180,15 +180,15 @@ class Session:
         self._begin(wanted)
         self.waiting = []
 
-    def set(self, name: str, text: str) -> None:
+    def set(self, name: str, value: Any) -> None:
         """Change a setting, at once where that is possible, else from the next reset on.
 
         Raises:
             UserError: it is out of range, or contradicts another one.
         """
-        self.wanted = self.wanted.set(name, parsed(self.wanted, name, text))
+        self.wanted = self.wanted.set(name, value)
         if self.step and is_live(self.now, name):
-            self.change(name, text)
+            self.change(name, str(value).lower() if isinstance(value, bool) else str(value))
 
     def change(self, what: str, value: str) -> None:
         """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
@@ -199,6 +199,9 @@ class Session:
         else:
             now = self.now.set(what, parsed(self.now, what, value))
             self.run.change(now.config, now.genome, now.strategy)
+            if now.task != self.now.task:
+                self.run.retask(now.task)
+                self.world = RecordedWorld(self.run, 0)
             self.now, self.wanted = now, self.wanted.set(what, now.get(what))
             self.made = [one for one in self.made if one[:2] != change[:2]]
         self.made.append(change)

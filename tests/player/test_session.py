@@ -75,9 +75,9 @@ def test_play_pause_step_and_reset():
 
 def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
     session = steps(Session(SCENARIO), 2)
-    session.set("p_vector_forget", "0.75")
-    session.set("optics.error_in_communication", "0.5")
-    session.set("use_hop_count", "false")
+    session.set("p_vector_forget", 0.75)
+    session.set("optics.error_in_communication", 0.5)
+    session.set("use_hop_count", False)
     params, _ = session.run.arrays()
     np.testing.assert_array_equal(params.strategy.rules.p_vector_forget, np.float32([0.75]))
     np.testing.assert_array_equal(params.conditions.error_in_communication, np.float32([0.5]))
@@ -105,15 +105,21 @@ def test_the_command_of_another_task_and_strategy_repeats_it():
     session = steps(Session(scenario), 4)
     assert session.command().startswith("iswarm run ")
     assert_same(copied(session).run, session.run)
+    before = session.snapshots[-1].frames.task["area_bright"]
+    session.set("spot_radius", 3.0)  # of the task, while it runs
+    steps(session, 3)
+    np.testing.assert_allclose(session.snapshots[-1].frames.task["area_bright"][..., 2], 0.75 * before[..., 2])
+    assert [str(change) for change in session.made] == ["4:spot_radius=3.0"]
+    assert_same(copied(session).run, session.run)
 
 
 def test_settings_without_effect_until_reset():
     session = steps(Session(SCENARIO), 1)
-    session.set("robots", "15")
+    session.set("robots", 15)
     assert session.run.settings.n_robots == 20 and session.now.n_robots == 20
     session.reset()
     assert session.run.settings.n_robots == 15
-    session.set("arena.size", "30")  # before the first step: at once
+    session.set("arena.size", 30.0)  # before the first step: at once
     session.work()
     assert session.run.config.arena.size == 30
 
