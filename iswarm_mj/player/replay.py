@@ -94,11 +94,12 @@ def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = Fal
     spots = " ".join(
         f'<span><i style="background:rgb{colour}"></i>{html.escape(label)}</span>' for label, colour in legend if label
     )
-    ink, paper = ("#eee", "rgba(30,30,30,.75)") if dark else ("#222", "rgba(255,255,255,.8)")
+    ink, paper = ("#eee", "#1e1e1e") if dark else ("#222", "#fff")
     about = f"""<style>
-@media (max-aspect-ratio: 4/3) {{ #root {{ height: 75vw !important; }} }}
-#about {{ position: fixed; top: 0; left: 0; right: 0; z-index: 10; pointer-events: none; padding: .5rem .8rem;
-  font: 13px/1.5 system-ui, sans-serif; color: {ink}; background: {paper}; }}
+body {{ display: flex; flex-direction: column; background: {paper}; }}
+#root {{ flex: 1; min-height: 0; }}
+@media (max-aspect-ratio: 4/3) {{ #root {{ flex: 0 0 75vw; }} }}
+#about {{ padding: .5rem .8rem; font: 13px/1.5 system-ui, sans-serif; color: {ink}; }}
 #about span {{ white-space: nowrap; margin-right: .7em; }}
 #about i {{ display: inline-block; width: .75em; height: .75em; border-radius: 2px; margin-right: .3em; }}
 </style><div id="about"><b>{html.escape(title)}</b> {spots}</div>"""
