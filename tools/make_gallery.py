@@ -121,7 +121,7 @@ def bench() -> None:
         light(server.scene)
         aim(server.initial_camera, Session(Scenario(robots=1)).scene, True)
         shown = Bench(server, 139 / 6)
-        shown.visible, shown.trace = True, shown.settings.trace()
+        shown.root.visible, shown.trace = True, shown.settings.trace()
 
         def draw(_: Any) -> Iterator[float]:
             for moment in range(0, 100, 2):

@@ -1,5 +1,6 @@
 """`iswarm play`."""
 
+import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -7,6 +8,7 @@ from typing import Annotated, ClassVar
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.progress import waiting
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,9 @@ class Play(WithTask):
         """Run the command."""
         config, genome, n_robots = self.checked()
         from iswarm_mj.player.changes import Change
+        from iswarm_mj.player.page import Page
         from iswarm_mj.player.scenario import Scenario
-        from iswarm_mj.player.serve import serve
+        from iswarm_mj.player.session import Session
 
         is_genome = self.own is None or isinstance(self.own, Genome)
         scenario = Scenario(
@@ -47,4 +50,11 @@ class Play(WithTask):
             None if is_genome else self.controller,
             self.task_name,
         )
-        serve(scenario, [Change.parse(text) for text in self.changes], self.out, self.port, self.open)
+        with waiting("placing the robots"):
+            session = Session(scenario, [Change.parse(text) for text in self.changes], self.out)
+        page = Page(session, self.port)
+        session.is_playing = True
+        print(f"{page.url} shows the swarm, on this machine alone; Ctrl-C ends it.", flush=True)
+        if self.open:
+            webbrowser.open(page.url)
+        page.wait()

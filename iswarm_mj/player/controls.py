@@ -51,18 +51,21 @@ class Control(NamedTuple):
 
 def is_live(scenario: Scenario, name: str) -> bool:
     """Whether a setting may change while a run goes on: what programs take as arrays, see `PER_WORLD_FIELDS`."""
-    group, _, own = name.rpartition(".")
-    if group:
-        rules = Rules._fields if scenario.strategy is None and group == "strategy" else ()
-        return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
-    if scenario.strategy is None and name in Rules._fields:
-        return name not in AT_START
-    owned = [(given, f) for given in (scenario.strategy, scenario.task) if is_dataclass(given) for f in fields(given)]
-    return any(f.name == name and not is_static_field(type(given), f) for given, f in owned)
+    match scenario.paths().get(name):
+        case ("config", group, own):
+            rules = Rules._fields if scenario.strategy is None and group == "strategy" else ()
+            return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
+        case ("genome", own):
+            return own in Rules._fields and own not in AT_START
+        case ("strategy" | "task" as part, own):
+            cls = type(getattr(scenario, part))
+            return not is_static_field(cls, next(f for f in fields(cls) if f.name == own))
+    return False
 
 
 def controls(scenario: Scenario) -> list[Control]:
     """Return the controls of all settings that have an effect in a scenario."""
+    rules = scenario.rules
     found = [
         Control("seed", "World", scenario.seed, 0, 2**32 - 2, text=field_docs(RunSettings)["seed"]),
         Control("task", "World", scenario.named(TASKS), choices=_offers(TASKS, scenario), text="What the robots do."),
@@ -70,28 +73,20 @@ def controls(scenario: Scenario) -> list[Control]:
         Control("robots", "World", scenario.n_robots, 1, 200_000, text="Number of robots."),
         Control("engine", "World", scenario.engine.name, choices=tuple(ENGINES), text="Physics engine."),
     ]
-    if scenario.strategy is None:
-        found += _of(scenario, scenario.genome, "", "Rules of the strategy")
-    else:
-        found += _of(scenario, scenario.strategy, "", f"Rules of {type(scenario.strategy).__name__}")
-    found += _of(scenario, scenario.task, "", f"Task {type(scenario.task).__name__}")
-    unused = set(getattr(scenario.task, "unused", ())) | ({"strategy"} if scenario.strategy is not None else set())
-    for group, part in vars(scenario.config).items():
-        if group not in unused:
-            found += [one for one in _of(scenario, part, f"{group}.", group.capitalize()) if one.name not in unused]
+    unused = set(getattr(scenario.task, "unused", ())) | ({"strategy"} if rules == "strategy" else set())
+    whose = "the strategy" if rules == "genome" else type(scenario.strategy).__name__
+    parts = [("", getattr(scenario, rules), f"Rules of {whose}")]
+    parts += [("", scenario.task, f"Task {type(scenario.task).__name__}")]
+    parts += [(f"{k}.", part, k.capitalize()) for k, part in vars(scenario.config).items() if k not in unused]
+    for prefix, part, group in parts:
+        named = [(prefix + one.name, one) for one in declared(part) if prefix + one.name not in unused]
+        found += [one._replace(name=name, group=group, is_live=is_live(scenario, name)) for name, one in named]
     return found
 
 
 def _offers(offer: Offer, scenario: Scenario) -> tuple[str, ...]:
     """Names of strategies or tasks that packages offer, and that of the scenario."""
     return tuple(dict.fromkeys([scenario.named(offer), *sorted(p.name for p in entry_points(group=offer.group))]))
-
-
-def _of(scenario: Scenario, given: Any, prefix: str, group: str) -> Iterator[Control]:
-    """Controls of a part of a scenario, whose names have a prefix."""
-    for control in declared(given):
-        name = prefix + control.name
-        yield control._replace(name=name, group=group, is_live=is_live(scenario, name))
 
 
 def declared(given: Any) -> Iterator[Control]:

@@ -149,9 +149,8 @@ class Panel:
                 with folders[key]:
                     self._handles[control.name] = widget(self._gui, control, partial(self._moved, control))
         self.synchronise()
-        energy = session.snapshots[-1].record.swarm.energy
-        ways = arrays.ways_to_colour(session.scene, session.snapshots[-1].frames, energy is not None)
-        self._by.options = tuple(ways)
+        snapshot = session.snapshots[-1]
+        self._by.options = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
         view.by = self._by.value
         self._draws.options = ("links", "trails", *view.vectors)
         for plot in self._plots.values():
@@ -209,7 +208,7 @@ class Panel:
             lines.append("Compiling the first control step; it is kept for the next run of this size.")
         elif math.isfinite(session.rate):
             lines[0] += f" · up to {session.rate:.0f} steps/s"
-        if session.is_over:
+        if session.run.is_over:
             lines.append("Nothing is left to do.")
         if self._pending:
             lines.append(f"**Reset** applies: {', '.join(self._pending)}.")
@@ -227,13 +226,14 @@ class Panel:
             self._draw_plots()
 
     def _draw_plots(self) -> None:
-        lines = dict(self._session.lines)
-        steps = np.array(lines.pop("step"))
+        lines = {name: list(values) for name, values in self._session.lines.items()}
+        n = min(map(len, lines.values()))  # another thread adds to them
+        steps = np.array(lines.pop("step")[-n:])
         for name, values in lines.items():
-            data = (steps[: len(values)], np.array(values[: len(steps)]))
+            data = (steps, np.array(values[-n:]))
             if name in self._plots:
                 self._plots[name].data = data
-            elif len(values) > 1:
+            elif n > 1:
                 with self._graphs:
                     self._plots[name] = self._gui.add_uplot(
                         data,

@@ -57,7 +57,7 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
     end = int(frames.step[-1])
     last = end if film.last is None else film.last
     check("last", last, f"a control step after the first one, up to {end}", film.first < last <= end)
-    ways = arrays.ways_to_colour(scene, frames[:1], False)
+    ways = arrays.ways_to_colour(scene, frames[:1])
     check("colour_by", film.by, f"one of {', '.join(ways)}", film.by in ways)
 
     def draw(server: Any) -> Iterator[float]:

@@ -30,6 +30,7 @@ class SwarmView:
     Attributes:
         by: what colours robots, one of `scene.ways_to_colour`.
         shows: which of `links`, `trails` and the names of vectors are drawn.
+        root: node of all.
         nodes: of the robots, hulls and fronts.
         selected: robot with a ring; None for none.
         is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays are small.
@@ -46,7 +47,7 @@ class SwarmView:
         self.is_coarse = False
         self._drawn, self._step = drawn, None
         drawn.remove_by_name(_ROOT)
-        self._root = drawn.add_frame(_ROOT, show_axes=False)
+        self.root = drawn.add_frame(_ROOT, show_axes=False)
         for boxes in shapes.arena_boxes(scene):
             for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
                 drawn.add_box(
@@ -92,15 +93,6 @@ class SwarmView:
         self._ring = drawn.add_mesh_simple(
             f"{_ROOT}/ring", ring.vertices, ring.faces, color=(20, 20, 20), visible=False
         )
-
-    @property
-    def visible(self) -> bool:
-        """Whether the swarm is in the scene."""
-        return self._root.visible
-
-    @visible.setter
-    def visible(self, value: bool) -> None:
-        self._root.visible = value
 
     @property
     def vectors(self) -> list[str]:

@@ -48,7 +48,7 @@ def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
 
 
 def test_clicks_select_kill_and_drop(played):
-    session, panel = played.session, played._page._panel
+    session, panel = played.session, played._panel
     session.advance()
     x, y = session.snapshots[-1].frames.pose[0, 5, :2] * 1e3
     panel.clicked(x + 0.1, y, 1.6)
