@@ -3,7 +3,7 @@
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.strategy.genome import Genome
@@ -29,11 +29,10 @@ class Play(WithTask):
     out: Path = Path("runs/play")
     """Directory for recordings that are made on the page."""
 
-    def run(self) -> None:
-        """Run the command."""
+    def session(self) -> Any:
+        """Return the run at its start, as a `Session`."""
         config, genome, n_robots = self.checked()
         from iswarm_mj.player.changes import Change
-        from iswarm_mj.player.page import Page
         from iswarm_mj.player.scenario import Scenario
         from iswarm_mj.player.session import Session
 
@@ -51,7 +50,13 @@ class Play(WithTask):
             self.task_name,
         )
         with waiting("placing the robots"):
-            session = Session(scenario, [Change.parse(text) for text in self.changes], self.out)
+            return Session(scenario, [Change.parse(text) for text in self.changes], self.out)
+
+    def run(self) -> None:
+        """Run the command."""
+        session = self.session()
+        from iswarm_mj.player.page import Page
+
         page = Page(session, self.port)
         session.is_playing = True
         print(f"{page.url} shows the swarm, on this machine alone; Ctrl-C ends it.", flush=True)

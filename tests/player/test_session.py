@@ -1,5 +1,6 @@
 """What is done on the page is a run: bit by bit that of `Run`, and of the command that is copied."""
 
+import re
 import shlex
 
 import jax
@@ -40,11 +41,8 @@ def steps(session: Session, n: int) -> Session:
 
 def copied(session: Session) -> Session:
     """The session of the command that is copied, after the same number of steps."""
-    command = parse(shlex.split(session.command())[1:])
-    scenario = Scenario(*command.checked()[:2], robots=command.robots, seed=command.seed, task=command.task)
-    scenario = Scenario(**vars(scenario) | {"engine": command.engine_settings(1), "strategy": command.own})
-    changes = [Change.parse(text) for text in getattr(command, "changes", ())]
-    return steps(Session(scenario, changes), session.step)
+    command = re.sub(r"^iswarm (run|play)|--steps \d+", "", session.command())
+    return steps(parse(["play", *shlex.split(command)]).session(), session.step)
 
 
 def test_a_session_is_a_run():
