@@ -60,6 +60,8 @@ class Rules(ConstructorRegistry):
             return None
         if cls is self._command:
             return self._of_command(info.default)
+        if own is not None and not isinstance(own, type) and not is_dataclass(own):  # whole, as a learned policy
+            return StructConstructorSpec(lambda: own, ())
         made = [_flag(cls, *member) for member in _members(cls, info.default if own in (None, cls) else own)]
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 

@@ -94,7 +94,7 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
         listed = f"its {offer.plural} are {', '.join(classes)}"
         there = listed if classes else f"it has no class with a method {offer.method}"
         raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
-    if not isinstance(found, type) and not is_dataclass(found):
+    if not (isinstance(found, type) or is_dataclass(found) or hasattr(found, "for_world")):
         raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.protocol}")
     return found
 
