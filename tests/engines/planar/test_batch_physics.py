@@ -143,8 +143,7 @@ class TestPairsInContact:
             command = Command(rng.uniform(-0.6, 0.6, (2, 60)), rng.uniform(0.0, np.sqrt(2), (2, 60)))
             phases = drive_phases(SMALL.drive, Command(*map(rounded, command)))
             plain, batch = (
-                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool))
-                for engine in engines(FINE)
+                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool)) for engine in engines(FINE)
             )
             np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 10)
             np.testing.assert_array_equal(batch.touching, plain.touching)
@@ -160,9 +159,7 @@ class TestBits:
 
     def test_repeats_are_the_same(self):
         start, velocity, present = self.start(np.random.default_rng(8))
-        one, again = (
-            both_move(start, velocity, present=present, refinement=FINE)[1] for _ in range(2)
-        )
+        one, again = (both_move(start, velocity, present=present, refinement=FINE)[1] for _ in range(2))
         assert same_bits(one, again) and one.touching.any(axis=(1, 2)).all()
 
     def test_companions_do_not_matter(self):
