@@ -61,7 +61,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         own = {} if engine is None else {"physics": _engine(engine)}
         own |= _own({word: value for word, value in words.items() if SETTINGS.get(word) in settable and value})
         replaced = {"own": "override", "physics": "physics"}  # by a strategy, and by an engine
-        gone = [getattr(default, replaced[part]) for part in own if part in replaced]
+        gone = [getattr(default, replaced[part], None) for part in own if part in replaced]
         known = {name: value for name, value, owner, _ in settings(default) if all(owner is not one for one in gone)}
         for found in own.values():
             known |= _flags_of(found, name, known)

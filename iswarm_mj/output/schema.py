@@ -172,7 +172,8 @@ class Frames:
         "record.links.led", Column("led", "", "LED that sends, counted as the sides", shown=LINKS)
     )
     link_bearing: Float[np.ndarray, "T N S"] = quantity(
-        "record.links.bearing", Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured")
+        "record.links.measured_bearing",
+        Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured"),
     )
     link_distance: Float[np.ndarray, "T N S"] = quantity(
         "record.measured_distance", Column("measured_distance", "m", "as the receiver measured it")
