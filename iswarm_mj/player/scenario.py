@@ -11,8 +11,8 @@ from typing import Any
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.registry import ENGINES, engine_settings
-from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.engines.registry import ENGINES, OFFER, find_engine
+from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.player.changes import LiveRun
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
@@ -24,8 +24,6 @@ from iswarm_mj.tasks.library import TASKS
 
 STEPS = 1_000_000
 """Control steps of a run at most."""
-_OF_MACHINE = {"threads", "chunk", "devices"}
-"""Settings of engines on which results do not depend."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +51,11 @@ class Scenario:
         """Number of robots."""
         arena, density = self.config.arena, self.genome.density_of_robots
         return robots_for(arena, density, "density_of_robots") if self.robots is None else self.robots
+
+    @property
+    def engine_name(self) -> str:
+        """As --engine takes it."""
+        return self.engine.name if self.engine.name in ENGINES else _name(OFFER, type(self.engine))
 
     @property
     def rules(self) -> str:
@@ -83,7 +86,7 @@ class Scenario:
         """Return the value of a setting."""
         if name in ("strategy", "task"):
             return self.named(STRATEGIES if name == "strategy" else TASKS)
-        return self.engine.name if name == "engine" else self.at(self.paths().get(name, (name,)))
+        return self.engine_name if name == "engine" else self.at(self.paths().get(name, (name,)))
 
     def set(self, name: str, value: Any) -> "Scenario":
         """Return this scenario with another value of a setting.
@@ -92,8 +95,7 @@ class Scenario:
             UserError: it is out of range.
         """
         if name == "engine":
-            same = value == self.engine.name
-            return self if same else replace(self, engine=engine_settings(value, impl=ENGINES[value].usual_impl()))
+            return self if value == self.engine_name else replace(self, engine=find_engine(value).usual())
         if name == "strategy":
             found = _made(STRATEGIES, value)
             if isinstance(found, Genome):
@@ -114,15 +116,14 @@ class Scenario:
 
     def values(self) -> dict[str, Any]:
         """Return the settings that differ from the defaults of `iswarm run`, by the names of its flags."""
-        base, engine = self.named(STRATEGIES), self.engine.name
-        known = PRESETS.get(base, TYPE1)
-        usual = Scenario(genome=known, engine=engine_settings(engine, impl=ENGINES[engine].usual_impl()))
+        base, engine = self.named(STRATEGIES), self.engine_name
+        usual = Scenario(genome=PRESETS.get(base, TYPE1), engine=type(self.engine).usual())
         found = {"seed": self.seed or None, "robots": self.robots, "robot": self.robot_file}
         found["task"] = self.named(TASKS) if self.task != CLEANING else None
         found[self.rules] = base if base != "type1" else None
-        found["engine"] = engine if engine != Scenario().engine.name else None
+        found["engine"] = engine if engine != Scenario().engine_name else None
         differ = {name: self.at(path) for name, path in self.paths().items() if self.at(path) != usual.at(path)}
-        left_out = _OF_MACHINE | ({"density_of_robots"} if self.robots is not None else set())
+        left_out = OF_MACHINE | ({"density_of_robots"} if self.robots is not None else set())
         found |= {k: v for k, v in differ.items() if isinstance(v, _STATED) and k not in left_out}
         return {k: v for k, v in found.items() if v is not None}
 
@@ -156,7 +157,7 @@ def _made(offer: Offer, name: str) -> Any:
 
 @cache
 def _name(offer: Offer, cls: type) -> str:
-    """How a command line names a class of strategies or tasks."""
+    """How a command line names a class of strategies, tasks or engines."""
     if found := offered(offer, cls.__name__, set(_names(cls))):
         return found
     try:

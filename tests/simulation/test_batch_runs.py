@@ -169,5 +169,5 @@ class TestRefusals:
     def test_without_the_package(self, monkeypatch):
         found = importlib.util.find_spec
         monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "warp" else found(name, *a))
-        with pytest.raises(UserError, match=r"impl warp needs the package warp-lang; .*iswarm-mj\[warp\]"):
+        with pytest.raises(UserError, match=r"`impl` warp needs the package warp-lang; .*iswarm-mj\[warp\]"):
             Run(TINY, TYPE1, settings(), warp())
