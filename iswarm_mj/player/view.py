@@ -225,9 +225,9 @@ def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, is_low: bool = False) 
         is_low: look at the middle from the side.
     """
     size = scene.arena_size * shapes.MILLIMETRES
-    target, from_ = ((0, 0, 0.12 * size), (0.0, -0.93, 0.37)) if is_low else ((0, 0, 0), (0.0, -0.62, 0.78))
+    target, from_ = ((0, 0, 0.12 * size), (0, -0.93, 0.37)) if is_low else ((0, -0.05 * size, 0), (0, -0.62, 0.78))
     right, ahead = np.array([1.0, 0, 0]), -np.array(from_)
-    corners = 0.53 * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)])
+    corners = 0.53 * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) - target
     high = np.tan(camera.fov / 2)  # of what is seen, over its distance
     needed = np.maximum(np.abs(corners @ right) / (aspect * high), np.abs(corners @ np.cross(right, ahead)) / high)
     away = 0.59 * size if is_low else float(max(needed - corners @ ahead))
