@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -39,10 +40,12 @@ def steps(session: Session, n: int) -> Session:
     return session
 
 
-def copied(session: Session) -> Session:
-    """The session of the command that is copied, after the same number of steps."""
+def assert_copies_repeat(session: Session, path: Path) -> None:
+    """The command that is copied and the file that is saved give the same state after as many steps."""
     command = re.sub(r"^iswarm (run|play)|--steps \d+", "", session.command())
-    return steps(parse(["play", *shlex.split(command)]).session(), session.step)
+    path.write_text(re.sub(r"steps = \d+", "", session.toml()))
+    for arguments in (shlex.split(command), ["--config", str(path)]):
+        assert_same(steps(parse(["play", *arguments]).session(), session.step).run, session.run)
 
 
 def test_a_session_is_a_run():
@@ -71,7 +74,7 @@ def test_play_pause_step_and_reset():
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
+def test_a_setting_changes_the_world_and_what_is_copied_repeats_it(tmp_path):
     session = steps(Session(SCENARIO), 2)
     session.set("p_vector_forget", 0.75)
     session.set("optics.error_in_communication", 0.5)
@@ -90,25 +93,25 @@ def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
         "5:kill=4",
         "5:ball=2.5,-1.5",
     ]
-    assert_same(copied(session).run, session.run)
+    assert_copies_repeat(session, tmp_path / "play.toml")
     unchanged = steps(Session(SCENARIO), 8)
     assert not np.array_equal(unchanged.snapshots[-1].frames.pose, session.snapshots[-1].frames.pose)
 
 
-def test_the_command_of_another_task_and_strategy_repeats_it():
+def test_what_is_copied_of_another_task_and_strategy_repeats_it(tmp_path):
     arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
     task = Aggregation(spot_radius=4.0, spot_offset=7.0)
     own = {"strategy": Beeclust(longest_wait=20.0), "task": task, "robots": 12, "engine": PlanarSettings()}
     scenario = Scenario(SwarmConfig(arena), **own)
     session = steps(Session(scenario), 4)
     assert session.command().startswith("iswarm run ")
-    assert_same(copied(session).run, session.run)
+    assert_copies_repeat(session, tmp_path / "play.toml")
     before = session.snapshots[-1].frames.task["area_bright"]
     session.set("spot_radius", 3.0)  # of the task, while it runs
     steps(session, 3)
     np.testing.assert_allclose(session.snapshots[-1].frames.task["area_bright"][..., 2], 0.75 * before[..., 2])
     assert [str(change) for change in session.made] == ["4:spot_radius=3.0"]
-    assert_same(copied(session).run, session.run)
+    assert_copies_repeat(session, tmp_path / "play.toml")
 
 
 def test_settings_without_effect_until_reset():
