@@ -101,24 +101,16 @@ def declared(given: Any) -> Iterator[Control]:
 
 
 def parsed(scenario: Scenario, name: str, text: str) -> Any:
-    """Return the value of a setting that a text states.
+    """Return the value of a setting that a text states, for a change while the run goes on.
 
     Raises:
-        UserError: there is no such control, or the text is no value of its type.
+        UserError: the setting cannot change so, or the text is no value of its type.
     """
-    known = {one.name: one for one in controls(scenario)}
-    if name not in known:
-        raise UserError(f"there is no setting {name} to change; allowed are {', '.join(known)}")
-    control = known[name]
-    if control.choices:
-        if text not in control.choices:
-            raise ConfigError(name, text, f"one of {', '.join(control.choices)}")
-        return text
-    if isinstance(control.value, bool):
-        if text not in ("true", "false"):
-            raise ConfigError(name, text, "true or false")
-        return text == "true"
+    live = {one.name: one.value for one in controls(scenario) if one.is_live}
+    if name not in live:
+        raise UserError(f"{name} cannot change while the run goes on; {', '.join(live)} can")
+    kind = type(live[name])
     try:
-        return int(text) if isinstance(control.value, int) else float(text)
-    except ValueError:
-        raise ConfigError(name, text, "a number") from None
+        return {"true": True, "false": False}[text] if kind is bool else kind(text)
+    except (KeyError, ValueError):
+        raise ConfigError(name, text, f"like {str(live[name]).lower()}") from None

@@ -16,6 +16,7 @@ from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.view import SwarmView, aim, light
+from iswarm_mj.player.widgets import spots
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write
 
@@ -91,18 +92,13 @@ def serialized(draw: Draw) -> Any:
 
 def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = False) -> str:
     """Return the HTML of a replay."""
-    spots = " ".join(
-        f'<span><i style="background:rgb{colour}"></i>{html.escape(label)}</span>' for label, colour in legend if label
-    )
     ink, paper = ("#eee", "#1e1e1e") if dark else ("#222", "#fff")
     about = f"""<style>
-body {{ display: flex; flex-direction: column; background: {paper}; }}
+body {{ display: flex; flex-direction: column; }}
+body {{ background: {paper}; color: {ink}; font: 16px system-ui, sans-serif; }}
 #root {{ flex: 1; min-height: 0; }}
 @media (max-aspect-ratio: 4/3) {{ #root {{ flex: 0 0 75vw; }} }}
-#about {{ padding: .5rem .8rem; font: 13px/1.5 system-ui, sans-serif; color: {ink}; }}
-#about span {{ white-space: nowrap; margin-right: .7em; }}
-#about i {{ display: inline-block; width: .75em; height: .75em; border-radius: 2px; margin-right: .3em; }}
-</style><div id="about"><b>{html.escape(title)}</b> {spots}</div>"""
+</style>{spots(legend, title)}"""
     text = serialized(draw).as_html(dark_mode=dark)
     text = re.sub("<title>.*?</title>", lambda _: f"<title>{html.escape(title)}</title>", text, count=1)
     return text.replace(_LOADER, _LOADER + _RESET, 1).replace("<body>", f"<body>{about}", 1)

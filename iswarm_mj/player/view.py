@@ -13,6 +13,7 @@ from iswarm_mj.output.palette import GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.widgets import show
 from iswarm_mj.utils.obstacles import Obstacle
 from iswarm_mj.utils.units import RD
 
@@ -155,7 +156,7 @@ class SwarmView:
         ends = arrays.arrows(scene, after, now.centre)
         for stem, node in self._arrows.items():
             is_shown = stem in self.shows and len(ends[stem]) > 0
-            _set(node, "points", ends[stem] if is_shown else _FLAT)
+            show(node, "points", ends[stem] if is_shown else _FLAT)
         for name, node in self._areas.items():
             places = now.areas[name]
             _lay(node, np.column_stack([places, places[:, 2], np.zeros(len(places))]), 1.5 * shapes.SHEET)
@@ -169,7 +170,7 @@ class SwarmView:
         if "trails" in self.shows:
             lines["trails"] = arrays.trails(self.scene, past)
         for name, node in self._lines.items():
-            _set(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
+            show(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
 
     def _rounded(self, values: np.ndarray) -> np.ndarray:
         return np.round(values * _GRAIN) / np.float32(_GRAIN) if self.is_coarse else values
@@ -191,20 +192,14 @@ def _lay(node: Any, places: Float[np.ndarray, "M 5"], z: float) -> None:
     """Put the instances of a node, squares or discs of half width 1, at x, y, half widths [mm] and yaws [rad]."""
     x, y, half_x, half_y, yaw = places.T
     zero = np.zeros_like(x)
-    _set(node, "batched_positions", np.column_stack([x, y, zero + z]))
-    _set(node, "batched_wxyzs", np.column_stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)]))
-    _set(node, "batched_scales", np.column_stack([half_x, half_y, zero + 1]))
+    show(node, "batched_positions", np.column_stack([x, y, zero + z]))
+    show(node, "batched_wxyzs", np.column_stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)]))
+    show(node, "batched_scales", np.column_stack([half_x, half_y, zero + 1]))
 
 
 def linear(colours: np.ndarray) -> np.ndarray:
     """Return colours of instances and arrows, which viser 1.1 takes for linear ones and not for those of a screen."""
     return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)
-
-
-def _set(node: Any, name: str, value: np.ndarray) -> None:
-    """Change what a node shows, unless it shows that."""
-    if not np.array_equal(getattr(node, name), value):
-        setattr(node, name, value)
 
 
 def light(drawn: Any) -> None:
