@@ -78,8 +78,12 @@ class Session:
             out: directory for recordings.
 
         Raises:
-            UserError: settings that do not fit each other.
+            UserError: settings or changes that do not fit each other.
         """
+        changed = scenario
+        for change in changes:
+            if change.what not in EDITS:
+                changed = changed.set(change.what, parsed(changed, change.what, change.value))
         self.wanted, self.waiting, self._out = scenario, sorted(changes, key=lambda change: change.step), out
         self.version, self.is_playing, self.is_busy, self.shown, self.rate = 0, False, False, math.inf, math.inf
         self.messages: SimpleQueue[str] = SimpleQueue()

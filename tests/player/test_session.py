@@ -169,6 +169,12 @@ def test_impossible_changes_change_nothing(what, value):
     assert session.messages.get_nowait()
 
 
+@pytest.mark.parametrize("text", ["4:robots=3", "4:p_vector_forget=2", "4:nothing=1", "4:use_hop_count=1"])
+def test_impossible_changes_begin_no_session(text):
+    with pytest.raises(UserError):
+        Session(SCENARIO, [Change.parse(text)])
+
+
 @pytest.mark.parametrize("text", ["", "5", "x:kill=1", "5:kill", "-1:kill=2"])
 def test_texts_that_are_no_changes(text):
     with pytest.raises(UserError, match="STEP:SETTING=VALUE"):
