@@ -147,7 +147,7 @@ def page() -> None:
                         time.sleep(0.05)
                     time.sleep(0.7)
                     browser.screenshot(path=f"{place}/{k:03}.png")
-            palette = "split[a][b];[a]palettegen=max_colors=64:stats_mode=diff[p];[b][p]paletteuse=dither=none"
+            palette = "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=none"
             out = ROOT / "docs" / "play.gif"
             command = f"ffmpeg -v error -y -framerate 8 -i {place}/%03d.png -vf scale=800:-1:flags=lanczos,{palette}"
             subprocess.run([*shlex.split(command), str(out)], check=True)

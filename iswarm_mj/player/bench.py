@@ -62,16 +62,15 @@ class BenchSettings:
         return thinned(trace_trial(self.trial, Protocol(), self.voltage, self.gap / UM), SAMPLES)
 
     def curve(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the force on the tool [nN], approaching and retracting, at gaps [µm] from the smallest on.
+        """Return heights of the tool's face [µm] from the lowest on, and the forces on it, approaching and retracting [nN].
 
-        Attraction is negative. Where a direction has no sample at a gap, there is NaN.
+        The height is 0 where the tool first touches the ball. Attraction is negative. Forces are interpolated.
         """
-        rows = force_curve(self.trial, Protocol(), self.voltage)
-        gap, force = (np.array([row[name] for row in rows]) for name in ("gap", "total"))
-        is_back = np.array([row["direction"] == "retract" for row in rows])
-        order = np.argsort(gap, kind="stable")
-        there, back = (np.where(is_back == side, force * NN, np.nan)[order] for side in (False, True))
-        return gap[order] * UM, there, back
+        rows = sorted(force_curve(self.trial, Protocol(), self.voltage), key=lambda row: row["tip"])
+        heights = np.unique([row["tip"] for row in rows])
+        sides = [[row for row in rows if row["direction"] == name] for name in ("approach", "retract")]
+        there, back = (np.interp(heights, *np.array([(row["tip"], row["total"]) for row in side]).T) for side in sides)
+        return heights * UM, there * NN, back * NN
 
 
 def outcome(trace: Trace) -> str:
@@ -102,7 +101,7 @@ class Bench:
             size: of a ball of 15 um in the scene.
         """
         self.settings, self.trace, self._scale = BenchSettings(), None, size / 30
-        self._due, self._began, self._shown = {"curve"}, 0.0, -1
+        self._due, self._began, self._shown = set[str](), 0.0, -1
         drawn, gui, k = server.scene, server.gui, self._scale
         self.root = drawn.add_frame(_ROOT, show_axes=False, visible=False)
         self._ball = drawn.add_icosphere(f"{_ROOT}/ball", 1.0, rgb(ORANGE), subdivisions=4, cast_shadow=False)
@@ -121,15 +120,20 @@ class Bench:
         for control in declared(self.settings):
             widget(gui, control, partial(self._moved, control.name))
         gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
-        axes = ({"label": "gap between tool and ball [µm]"}, {"label": "force [nN]"})
+        axes = ({"label": "height of the tool above touch [µm]"}, {"label": "force [nN]"})
         lines = (("approach", GREEN), ("retract", BLUE))
-        series = [{"label": name, "stroke": colour, "width": 2, "spanGaps": True} for name, colour in lines]
+        series = [{"label": name, "stroke": colour, "width": 2} for name, colour in lines]
         nothing = (np.arange(2.0), np.zeros(2), np.zeros(2))
         self._curve = gui.add_uplot(
-            nothing, ({"label": "gap"}, *series), title="Force on the tool; attraction is negative", axes=axes,
+            nothing, ({"label": "height"}, *series), title="Force on the tool; attraction is negative", axes=axes,
             scales={"x": {"time": False}}, height=220,
         )  # fmt: skip
         self.show()
+
+    def turn(self, is_shown: bool) -> None:
+        """Show or hide it."""
+        self.root.visible = is_shown
+        self._due |= {"curve"} if is_shown else set()
 
     def hold(self, moment: float) -> None:
         """Stop at a moment of the trial [%], and show it."""

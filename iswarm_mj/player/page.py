@@ -1,4 +1,4 @@
-"""The page: a server on this machine alone, a thread that simulates, and a loop that draws."""
+"""The page: a server on this machine alone, threads that simulate the swarm and the bench, and one that draws."""
 
 import io
 import math
@@ -77,9 +77,8 @@ class Page:
         server.on_client_connect(self._connected)
         self._error: BaseException | None = None
         self._stop = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._loop, args=(work,), daemon=True) for work in (session.work, self._tick)
-        ]
+        works = session.work, self._panel.bench.work, self._tick
+        self._threads = [threading.Thread(target=self._loop, args=(work,), daemon=True) for work in works]
         for thread in self._threads:
             thread.start()
 
@@ -151,7 +150,8 @@ class Page:
     def _turn_to(self, shown: str) -> None:
         """Show the swarm or the bench, and let all browsers look at it."""
         is_bench = shown == GRIPPER
-        self._panel.bench.root.visible, self._view.root.visible = is_bench, not is_bench
+        self._panel.bench.turn(is_bench)
+        self._view.root.visible = not is_bench
         look.aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
         for client in self._server.get_clients().values():
             self._aim(client)

@@ -2,6 +2,7 @@
 
 import base64
 import re
+import time
 from pathlib import Path
 from threading import Event
 
@@ -24,7 +25,15 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
 
+SECONDS = 120
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
+
+
+def wait(holds):
+    end = time.monotonic() + SECONDS
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
 
 @pytest.fixture
@@ -72,6 +81,19 @@ def test_clicks_select_kill_and_drop(played):
     assert session.wanted.n_robots == 19 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
 
 
+def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
+    bench, pull_offs = played._panel.bench, []
+    for humidity in (10.0, 50.0):
+        before = bench._curve.data
+        bench._moved("relative_humidity", humidity)
+        wait(lambda before=before: bench._curve.data is not before)
+        pull_offs.append(-bench._curve.data[2].min())
+    assert pull_offs[0] < pull_offs[1]
+    bench._due.add("trial")
+    wait(lambda: bench.trace is not None)
+    assert bench.trace.voltage.max() >= 40
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
@@ -108,12 +130,14 @@ def test_impossible_replays(run, film, tmp_path):
 
 def test_the_force_curve_follows_voltage_and_humidity():
     def pull_off(**settings):
-        return -np.nanmin(BenchSettings(**settings).curve()[2])
+        return -BenchSettings(**settings).curve()[2].min()
 
     assert pull_off(voltage=0) < pull_off(voltage=20)
     assert pull_off(voltage=20) < pull_off(voltage=20, relative_humidity=50)
-    gap, there, back = BenchSettings().curve()
-    assert (np.diff(gap) >= 0).all() and np.isfinite(there).sum() + np.isfinite(back).sum() == len(gap)
+    height, there, back = BenchSettings(voltage=0).curve()
+    assert (np.diff(height) > 0).all() and np.isfinite([there, back]).all()
+    assert there.max() > 100 > -100 > back.min()  # pressed, then pulled off
+    assert max(abs(there[-1]), abs(back[-1])) < 1  # of no voltage far away
 
 
 def test_the_outcome_of_a_trial():
