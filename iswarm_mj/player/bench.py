@@ -62,7 +62,7 @@ class BenchSettings:
         return thinned(trace_trial(self.trial, Protocol(), self.voltage, self.gap / UM), SAMPLES)
 
     def curve(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return heights of the tool's face [µm] from the lowest on, and the forces on it, approaching and retracting [nN].
+        """Return rising heights of the tool's face [µm], and the forces on it [nN], approaching and retracting.
 
         The height is 0 where the tool first touches the ball. Attraction is negative. Forces are interpolated.
         """
