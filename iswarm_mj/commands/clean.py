@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.swarm import Swarm, WithTask
 from iswarm_mj.config import SwarmConfig
@@ -48,15 +48,22 @@ class Clean(Swarm):
 
     def run(self) -> None:
         """Run the command."""
-        config, genome, n_robots = self.checked()
-        from iswarm_mj.workflows.clean import clean
-
-        stop_at = self.goal(config)
-        recorded = self.record_worlds if self.record else ()
-        settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
         with locked(self.out):  # refused before anything is compiled
             pass
-        clean(self.run_of(config, genome, settings), self.out, self.record_grasps)
+        run = self._made(self.record_worlds if self.record else ())
+        from iswarm_mj.workflows.clean import clean
+
+        clean(run, self.out, self.record_grasps)
+
+    def unrecorded(self) -> Any:
+        """Return the `Run` at its start, of which nothing is recorded."""
+        return self._made(())
+
+    def _made(self, recorded: tuple[int, ...]) -> Any:
+        config, genome, n_robots = self.checked()
+        stop_at = self.goal(config)
+        settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
+        return self.run_of(config, genome, settings)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from iswarm_mj.commands.parser import parse as parsed
 from iswarm_mj.commands.play import Play
 from iswarm_mj.commands.recorded import Inspect, Picture, Replay, Video
 from iswarm_mj.commands.report import Report, Reproduce
+from iswarm_mj.commands.sweep import Sweep
 from iswarm_mj.commands.train import Train
 from iswarm_mj.utils.errors import SimulationFault, UserError, printable, shown
 from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
@@ -33,6 +34,7 @@ COMMANDS: dict[str, type] = {
             Clean,
             Run,
             Play,
+            Sweep,
             Inspect,
             Picture,
             Bench,
@@ -59,6 +61,8 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: help or the version was printed, or tyro has explained why it cannot read the arguments.
     """
     name, *rest = arguments or [""]
+    if name == "sweep":  # which knows some flags, and hands on the others
+        return Sweep.parse(rest)
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
         return parsed(name, COMMANDS[name], rest)
@@ -108,7 +112,7 @@ def _kept(command: Any) -> str:
             return "; anything recorded so far is kept"
         case Evolve() | Train():
             return "; finished generations and runs are kept; pass --resume to continue"
-        case Experiment() | Infer() | Reproduce():
+        case Experiment() | Infer() | Reproduce() | Sweep():
             return "; finished runs are kept; repeat the command to continue"
     return ""
 

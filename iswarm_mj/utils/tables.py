@@ -68,3 +68,9 @@ def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
             f"{path} is not a readable table of iswarm; give the directory of a finished run or run it again."
         ) from None
     return table.to_pylist(), settings
+
+
+def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return lines of cells as text, in columns of equal width."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return ["  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)) for line in lines]

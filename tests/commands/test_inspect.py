@@ -98,3 +98,13 @@ def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
     (tmp_path / "result.json").write_text(json.dumps({**content, "version": "\x1b[2J", "faults": ["\x1b[2J"]}))
     main(["inspect", str(tmp_path)])
     assert "\x1b" not in capfd.readouterr().out
+
+
+def test_several_runs_are_one_table(run, tmp_path):
+    for name, collisions in (("a", [2, 4]), ("b", [None, 7])):
+        content = json.loads((run / "result.json").read_text()) | {"collisions": collisions, "strategy": "?"}
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "result.json").write_text(json.dumps(content))
+    head, *lines = inspection(tmp_path).splitlines()
+    assert head.split()[0] == "directory" and head.split()[-1] == "collisions"
+    assert [line.split()[-1] for line in lines] == ["3", "7"]

@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from iswarm_mj.experiments.analysis.evolution import best_of
@@ -12,16 +13,18 @@ from iswarm_mj.experiments.report.results import SEARCH, TRIALS, as_named
 from iswarm_mj.experiments.runner.experiment import RUNS
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT
+from iswarm_mj.experiments.runner.sweep import SWEEP
+from iswarm_mj.experiments.runner.sweep import summary as sweep_summary
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.tables import read_table
+from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows.clean import summary
 from iswarm_mj.workflows.grasp import CURVES
 
 _JOURNALS = {RUNS: "an experiment", CHECKPOINT: "a search"}
-_TABLES = (SEARCH, TRIALS, CURVES, *(experiment.table for experiment in EXPERIMENTS.values()))
+_TABLES = (SEARCH, TRIALS, CURVES, SWEEP, *(experiment.table for experiment in EXPERIMENTS.values()))
 _KNOWN = (RESULT, *_TABLES, *_JOURNALS)
 _MAX_LISTED = 20
 FILES = {
@@ -55,8 +58,29 @@ def inspection(directory: Path) -> str:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
     if directory in found:
         return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
+    if len(found) > 1 and all((place / RESULT).is_file() for place in found):
+        return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
     paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
     return "\n\n".join(map("\n".join, paragraphs))
+
+
+def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """A line for each run, with means over its worlds."""
+
+    def mean(value: Any) -> str:
+        known = [v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)]
+        return f"{fmean(known):.5g}" if known else "-"
+
+    measures = ("delivered", "finished_at", "collisions")
+    lines = [
+        ["directory", "rules", "engine", "robots", "worlds", "steps", *(name.replace("_", " ") for name in measures)]
+    ]
+    for place, content in runs.items():
+        own = content.get("strategy")
+        rules = own.get("class") if isinstance(own, Mapping) else "genome"
+        facts = (rules, *(content.get(name) for name in ("engine", "n_robots", "n_worlds", "steps")))
+        lines.append([str(place), *map(str, facts), *(mean(content.get(name)) for name in measures)])
+    return aligned(lines)
 
 
 def _about(directory: Path) -> Iterator[str]:
@@ -104,6 +128,12 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
 def _table(path: Path) -> list[str]:
     """Of an experiment, a search, trials or curves."""
     rows, settings = read_table(path)
+    if path.name == SWEEP:
+        arguments = shlex.join([settings["command"], *settings["arguments"]])
+        return [
+            f"sweep of {arguments}, {len(rows)} worlds, version {settings['version']}",
+            *sweep_summary(rows, settings["over"]),
+        ]
     of = f"{len(rows)} runs, version {settings.get('version')}, seed {settings.get('seed')}"
     name = settings.get("experiment")
     if path.name == SEARCH:

@@ -1,0 +1,123 @@
+"""`iswarm sweep`: runs with several values of their flags."""
+
+import hashlib
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tyro
+
+from iswarm_mj.commands.clean import Clean, Run
+from iswarm_mj.commands.flags import flag
+from iswarm_mj.commands.parser import parse
+from iswarm_mj.utils.constraints import check, validate
+from iswarm_mj.utils.errors import SimulationFault
+
+MOST_RUNS = 10_000
+_FORM = "FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7 or genome=type1,evolved"
+_COMMANDS: dict[str, type] = {"clean": Clean, "run": Run}
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Run clean or run, with its flags, for several values of any of them: a table of all worlds, and a figure."""
+
+    command: tyro.conf.Positional[Literal["clean", "run"]] = "clean"
+    """The command whose flags vary."""
+    over: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FLAG=VALUES")] = ()
+    """What varies, each with each: FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7."""
+    again: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Repeat runs that --out already holds."""
+    out: Path = Path("runs/sweep")
+    """Directory for the results; an interrupted sweep resumes there."""
+
+    def __post_init__(self):
+        validate(self)
+
+    @classmethod
+    def parse(cls, arguments: Sequence[str]) -> "SweepOf":
+        """Return the sweep that arguments describe, see `parser.parse`."""
+        own, given = cls._split(arguments)
+        return SweepOf(**vars(parse("sweep", cls, own)), given=given)
+
+    @staticmethod
+    def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+        """Return the arguments of the sweep, and those of its command."""
+        parser = ArgumentParser(add_help=False, allow_abbrev=False)
+        parser.add_argument("--over", nargs="*")
+        parser.add_argument("--out", nargs="?")
+        switches = ["--again", "-h", "--help", "--help-all"]
+        for name in switches:
+            parser.add_argument(name, action="store_true")
+        own, rest = parser.parse_known_args(list(arguments))
+        command, rest = (rest[:1], rest[1:]) if rest and not rest[0].startswith("-") else ([], rest)
+        words = [*command, *(name for name in switches if getattr(own, name.lstrip("-").replace("-", "_")))]
+        words += [] if own.over is None else ["--over", *own.over]
+        return words + ([] if own.out is None else ["--out", own.out]), tuple(rest)
+
+
+@dataclass(frozen=True)
+class SweepOf(Sweep):
+    """A sweep of a command with its arguments."""
+
+    given: tuple[str, ...] = ()
+    """Arguments of the command."""
+
+    def run(self) -> None:
+        """Run the command."""
+        from iswarm_mj.experiments.runner.sweep import Variant, summary, sweep
+
+        over = {name: values for name, values in map(_values, self.over)}
+        check("over", self.over, f"one or more of {_FORM}, each flag once", 0 < len(over) == len(self.over))
+        n_runs = int(np.prod([len(values) for values in over.values()]))
+        check("over", f"{n_runs} runs", f"values that make at most {MOST_RUNS} runs", n_runs <= MOST_RUNS)
+        variants = []
+        for values in product(*over.values()):
+            own = [word for name, value in zip(over, values, strict=True) for word in (flag(name), value)]
+            arguments = [*self.given, *own]
+            command: Any = parse(self.command, _COMMANDS[self.command], arguments)
+            labels = {name: _number(value) for name, value in zip(over, values, strict=True)}
+            identity = repr((self.command, arguments, *map(_content, arguments)))
+            variants.append(Variant(labels, identity, command.unrecorded))
+        about = {"command": self.command, "arguments": self.given, "over": list(over)}
+        rows = sweep(variants, self.out, about, self.again)
+        lines = *summary(rows, list(over)), "", f"medians over worlds; all worlds in {self.out / 'sweep.csv'}"
+        print("\n".join(lines))
+        if faults := [row["fault"] for row in rows if row["fault"]]:
+            raise SimulationFault(f"{len(faults)} of {len(rows)} worlds had a fault, the first: {faults[0]}")
+
+
+def _values(text: str) -> tuple[str, list[str]]:
+    """Name and values of a setting."""
+    name, _, values = text.partition("=")
+    parts = values.split(":")
+    try:
+        if len(parts) == 3 and "," not in values:
+            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+            found = [f"{value:.10g}" for value in np.linspace(start, stop, count)] if 1 < count <= MOST_RUNS else []
+        else:
+            found = list(dict.fromkeys(filter(None, values.split(","))))
+    except ValueError:
+        found = []
+    check("over", text, _FORM, bool(name) and bool(found))
+    return name.lstrip("-").replace("-", "_"), found
+
+
+def _content(word: str) -> str:
+    """What determines a run beside its arguments: a hash of the file that one of them names."""
+    path = Path(word.rpartition("=")[2].partition(":")[0])
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def _number(text: str) -> Any:
+    """A value as the table has it: a number where it is one."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

@@ -1,0 +1,148 @@
+"""Runs with several values of their settings: a row of a table for each world. Finished runs are kept."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from iswarm_mj.experiments.analysis.measures import by
+from iswarm_mj.experiments.runner.experiment import RUNS
+from iswarm_mj.experiments.runner.journal import Journal
+from iswarm_mj.experiments.runner.pool import progress
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.results import result
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.files import remove
+from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.tables import aligned, write_table
+
+SWEEP = "sweep.parquet"
+Row = dict[str, Any]
+_PANELS = ("finished_at", "delivered", "collisions", "mean_carriage_steps")
+"""Columns that the figure of a cleaning run shows; of another task, its metrics."""
+
+
+class Variant(NamedTuple):
+    """A run with one value of each setting that varies."""
+
+    labels: Mapping[str, Any]
+    """These values."""
+    identity: str
+    """All that determines the run."""
+    make: Callable[[], Run]
+
+
+def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], again: bool = False) -> list[Row]:
+    """Carry out runs, write their table and its figure; a run that `out` holds is not repeated.
+
+    Args:
+        variants: the runs.
+        out: sweep.parquet, sweep.csv and sweep.png go here, and the finished runs.
+        about: settings, for the table's metadata; `over` names those that vary.
+        again: discard the finished runs in `out`.
+
+    Returns:
+        A row for each world: values of what varies, world, measures and metrics; `fault`, what went wrong in it.
+
+    Raises:
+        UserError: `out` cannot be written, is in use, or holds something else.
+    """
+    keys = [(int(hashlib.sha256(one.identity.encode()).hexdigest()[:13], 16),) for one in variants]
+    with locked(out):
+        if again:
+            remove(out / RUNS)
+        with Journal(out / RUNS, {"kind": "sweep"}) as journal:
+            with progress(len(variants), "sweep", sum(key in journal.entries for key in keys)) as bar:
+                for key, one in zip(keys, variants, strict=True):
+                    if key not in journal.entries:
+                        journal.add(key, _rows(one.make()))
+                        bar.update()
+            found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in journal.entries[key]]
+        names = dict.fromkeys(name for _, row in found for name in row)
+        rows: list[Row] = [{**labels, **dict.fromkeys(names), **row} for labels, row in found]
+        write_table(out / SWEEP, rows, about, csv=True)
+        _draw(rows, list(about["over"]), out / "sweep")
+    return rows
+
+
+def _rows(run: Run) -> list[Row]:
+    """Carry out a run; a row for each of its worlds."""
+    while not run.is_over:
+        run.advance()
+    content = json.loads(json.dumps(result(run, 0.0)))
+    measured = {name: content[name] for name in (*Measures._fields, "fitness") if name in content}
+    each = {**content["metrics"], **measured}
+    n, faults = len(run.worlds), run.fault_of_each
+    values = {name: value if n > 1 else [value] for name, value in each.items()}
+    return [
+        {
+            "seed": content["seed"],
+            "world": world,
+            "n_robots": run.worlds[world].n_robots,
+            "max_steps": content["max_steps"],
+            "goal": content["stop_at"],
+            **{name: value[world] for name, value in values.items()},
+            "fault": None if faults[world] is None else str(faults[world]),
+        }
+        for world in range(n)
+    ]
+
+
+def summary(rows: Sequence[Mapping[str, Any]], over: Sequence[str]) -> list[str]:
+    """Return a table of medians, a line for each combination of the values that varied."""
+    columns = _columns(rows, over)
+    head = [*over, "worlds", *("finished" if name == "finished_at" else name for name in columns)]
+    lines = [head]
+    for key, group in by(rows, *over).items():
+        values = [_median(group, name) for name in columns]
+        shown = ["-" if value is None else f"{value:.4g}" for value in values]
+        lines.append([*map(str, key if len(over) > 1 else (key,)), str(len(group)), *shown])
+    return aligned(lines)
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], over: Sequence[str]) -> list[str]:
+    """Columns of measures that summary and figure show, at most four."""
+    names = list(rows[0])
+    first = names.index("goal") + 1
+    shown = [name for name in _PANELS if name in names] if "delivered" in names else names[first:-1]
+    return [name for name in shown if name not in over][:4]
+
+
+def _value(row: Mapping[str, Any], name: str) -> float | None:
+    """A measure of a world; one that is not finished takes the time limit."""
+    return row["max_steps"] if name == "finished_at" and row[name] is None else row[name]
+
+
+def _median(rows: Sequence[Mapping[str, Any]], name: str) -> float | None:
+    found = [value for value in (_value(row, name) for row in rows) if value is not None]
+    return float(np.median(found)) if found else None
+
+
+def _draw(rows: Sequence[Row], over: Sequence[str], path: Path) -> None:
+    """Draw medians and worlds over the first setting that varied, a line for each combination of the others."""
+    first, others = over[0], over[1:]
+    places = list(dict.fromkeys(row[first] for row in rows))
+    is_number = all(isinstance(place, int | float) and not isinstance(place, bool) for place in places)
+    at = {place: place if is_number else index for index, place in enumerate(places)}
+    columns = _columns(rows, over)
+    late = sum(row["finished_at"] is None for row in rows)
+    caption = f"Lines: medians; dots: worlds. {late} of {len(rows)} worlds had not finished at the time limit."
+    with figure(path, columns=len(columns), size=(3.6, 2.9), caption=caption) as panels:
+        for axes, name in zip(panels, columns, strict=True):
+            for key, line in (by(rows, *others) if others else {None: rows}).items():
+                label = ", ".join(map(str, key if isinstance(key, tuple) else (key,)))
+                groups = by(line, first)
+                x, y = zip(*((at[place], _median(group, name)) for place, group in groups.items()), strict=True)
+                y = [np.nan if value is None else value for value in y]
+                (drawn,) = axes.plot(x, y, "-", label=label)
+                found = [np.nan if value is None else value for value in (_value(row, name) for row in line)]
+                axes.plot([at[row[first]] for row in line], found, ".", color=drawn.get_color(), alpha=0.5)
+            axes.set(xlabel=first, ylabel="finished at step" if name == "finished_at" else name.replace("_", " "))
+            if not is_number:
+                axes.set_xticks(list(at.values()), list(map(str, places)))
+        if others:
+            panels[0].legend(title=", ".join(others), fontsize=7, title_fontsize=7)

@@ -1,0 +1,78 @@
+"""`iswarm sweep`: rows are those of single runs; finished runs are kept; what varies is checked first."""
+
+import re
+
+import pyarrow.csv
+import pytest
+from helpers_cli import ARENA_FLAGS, WALK, code_of, refused, result
+
+from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.runner import sweep as runner
+
+FLAGS = [*ARENA_FLAGS, "--engine=planar", "--steps=30", "--worlds=2"]
+
+
+def table(path="runs/sweep/sweep.csv"):
+    return pyarrow.csv.read_csv(path).to_pylist()
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """The runs that were carried out."""
+    runs, carry_out = [], runner._rows
+    monkeypatch.setattr(runner, "_rows", lambda run: (runs.append(run), carry_out(run))[1])
+    return runs
+
+
+def test_each_row_is_a_world_of_a_single_run(here, made, capfd):
+    over = ["--over", "robots=5,20", "drive.step-length=0.25:0.5:2"]
+    assert code_of("sweep", "clean", *FLAGS, *over) == 0
+    rows = table()
+    assert len(rows) == 8 and len(made) == 4
+    assert [(row["robots"], row["drive.step_length"], row["world"]) for row in rows[:4]] == [
+        *((5, 0.25, world) for world in range(2)),
+        *((5, 0.5, world) for world in range(2)),
+    ]
+    assert code_of("clean", *FLAGS, "--robots=20", "--drive.step-length=0.25", "--no-record") == 0
+    own = result()
+    assert [row["collisions"] for row in rows[4:6]] == own["collisions"] and max(own["collisions"]) > 0
+    assert [row["picked"] for row in rows[4:6]] == own["picked"] and max(own["picked"]) > 0
+    capfd.readouterr()
+    main(["inspect", "runs/sweep"])
+    text = capfd.readouterr().out
+    assert re.search(r"^ +20 +0.25 +2 ", text, re.M) and len(made) == 4
+
+
+def test_finished_runs_are_kept_unless_a_file_has_changed(here, made):
+    (here / "walk.py").write_text(WALK)
+    command = ["sweep", "clean", *FLAGS, "--robots=5", "--strategy=walk.py:Walk", "--over"]
+    assert code_of(*command, "speed=0.5,1") == 0 and len(made) == 2
+    first = table()
+    assert code_of(*command, "speed=0.5,1,1.5") == 0 and len(made) == 3
+    assert table()[:4] == first
+    (here / "walk.py").write_text(WALK.replace("memory + self.speed", "memory - self.speed"))
+    assert code_of(*command, "speed=0.5,1") == 0 and len(made) == 5
+
+
+def test_metrics_of_a_task_are_columns(here):
+    command = ["sweep", "run", "--task=aggregation", "--engine=planar", "--threads=1", "--steps=5", "--robots=12"]
+    assert code_of(*command, "--over", "strategy=beeclust", "seed=0,1", "--out=found") == 0
+    rows = table("found/sweep.csv")
+    assert [(row["strategy"], row["seed"]) for row in rows] == [("beeclust", 0), ("beeclust", 1)]
+    assert "delivered" not in rows[0] and any(isinstance(value, float) for value in rows[0].values())
+
+
+@pytest.mark.parametrize(
+    "over, words",
+    [
+        (["density"], r"--over must be FLAG=VALUE,VALUE,\.\.\. .* \(got 'density'\)"),
+        (["density=0.1:0.2:one"], "--over must be FLAG=VALUE"),
+        (["density=0.1,0.2", "density=0.3"], "each flag once"),
+        ([], "one or more of FLAG=VALUE"),
+        (["density=0.1,3"], r"--density must be above 0 and at most 1 \(got 3.0\)"),
+        (["seed=0:99:100", "robots=1:1000:1000"], "at most 10000 runs .got '?100000 runs"),
+        (["steps=1,2"], "--steps is given twice"),
+    ],
+)
+def test_what_varies_is_checked_first(here, capfd, over, words):
+    assert re.search(words, refused(capfd, here, "sweep", "clean", *FLAGS, "--over", *over))
