@@ -1,5 +1,6 @@
 """One small arena for all tests that run a swarm: JAX compiles once for each configuration and number of robots."""
 
+import gc
 import os
 from importlib.metadata import version
 
@@ -61,11 +62,14 @@ CHECKED = [
 install_import_hook(CHECKED, "helpers_types.check")
 
 from helpers_small import SMALL
+from helpers_types import begin_test
 from hypothesis import settings
 
 from iswarm_mj.utils.jax_setup import configure_jax
 
 configure_jax()
+gc.freeze()
+gc.set_threshold(50_000, 20, 20)  # as `iswarm` does
 settings.register_profile("repeatable", derandomize=True)  # the same examples each time
 settings.load_profile("repeatable")
 
@@ -101,6 +105,11 @@ def _programs_go():
     yield
     if psutil.Process().memory_info().rss > MOST_MEMORY:
         jax.clear_caches()
+
+
+@pytest.fixture(autouse=True)
+def _types_are_checked_anew():
+    begin_test()
 
 
 @pytest.fixture(scope="session")
