@@ -1,7 +1,7 @@
 """The learned strategy against the paper's, in the same fresh worlds, on the planar engine.
 
     python tools/compare_policies.py --seeds 24 --steps 400
-    python tools/compare_policies.py --paper --robots 283 --steps 800 --refinement 1 --only neural
+    python tools/compare_policies.py --paper --robots 283 --steps 800 --only neural
 
 Rows: the paper's type 1, the network, the network that says nothing (the weights of its signals are 0), and the
 untrained network with which training began. Columns: means over worlds with 95 % bootstrap intervals; how many worlds

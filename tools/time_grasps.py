@@ -29,7 +29,11 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 
-ENGINES = {"mujoco": MujocoSettings(1), "planar": PlanarSettings(1, refinement=1), "planar-fine": PlanarSettings(1)}
+ENGINES = {
+    "mujoco": MujocoSettings(1),
+    "planar": PlanarSettings(1, refinement=1),
+    "planar-fine": PlanarSettings(1, refinement=10),
+}
 GOAL, LIMIT = 66, 1200
 
 

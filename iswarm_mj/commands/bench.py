@@ -1,27 +1,22 @@
 """`iswarm bench`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.swarm import Swarm
-from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.utils.constraints import Needs, Within, constraint_of
-
-_IN_CHUNKS = Needs("is_compiled", why="with engines that take one step a call")
+from iswarm_mj.utils.constraints import Within
 
 
 @dataclass(frozen=True)
 class Bench(Swarm):
     """Time the control step and its parts on this machine; prints one JSON line."""
 
-    MAIN: ClassVar = ("robots", "worlds", "engine", "impl", "steps", "warm_up", "threads")
+    MAIN: ClassVar = ("robots", "worlds", "engine", "steps", "warm_up")
 
     steps: Annotated[int, Within(1, 100_000)] = 200
     """Number of timed control steps."""
     warm_up: Annotated[int, Within(1, 100_000)] = 20
-    """Control steps before the timing."""
-    chunk: Annotated[int, constraint_of(MjxSettings, "chunk"), _IN_CHUNKS] = 20
-    """Control steps that one call of a compiled program takes (--impl jax or warp); the first compiles and warms up."""
+    """Control steps before the timing; in compiled programs, whole chunks, of which the first compiles."""
 
     def run(self) -> None:
         """Run the command."""
@@ -29,7 +24,7 @@ class Bench(Swarm):
         from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.benchmark import bench
 
-        chunk = min(self.chunk, self.steps) if self.is_compiled else 1
+        chunk = 1 if self.physics.on_host else min(self.physics.chunk, self.steps)
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
         settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=())
-        bench(self.run_of(config, genome, settings, chunk), warm_up)
+        bench(replace(self, physics=self.physics.in_chunks(chunk)).run_of(config, genome, settings), warm_up)

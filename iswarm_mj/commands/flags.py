@@ -15,7 +15,7 @@ _SAME = {"n_robots": "robots", "n_worlds": "worlds", **{name: flag for flag, nam
 """Settings in messages whose flags are called otherwise."""
 _NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""
-_UNNAMED = ("override", "own", "own_task")
+_UNNAMED = ("override", "own", "own_task", "physics")
 """Groups whose flags have no prefix."""
 
 
@@ -55,10 +55,11 @@ def in_flags(error: UserError | SimulationFault, known: Collection[str]) -> str:
 
 
 def usual(command: Any) -> Any:
-    """Return a command with the defaults of its flags, those of its `reading` included."""
-    if not hasattr(command, "reading"):
-        return type(command)()
-    return type(command)(reading=command.reading, **vars(READINGS[command.reading]))
+    """Return a command with the defaults of its flags, those of its `reading` and of its engine included."""
+    given = {"physics": command.physics.usual()} if hasattr(command, "physics") else {}
+    if hasattr(command, "reading"):
+        given |= {"reading": command.reading, **vars(READINGS[command.reading])}
+    return type(command)(**given)
 
 
 def changed(command: Any) -> list[str]:

@@ -18,9 +18,8 @@ from iswarm_mj.engines.registry import EngineName, engines_with
 from iswarm_mj.experiments.runner.limits import Seed, Workers
 from iswarm_mj.utils.constraints import Needs, constraint_of
 
-_ENGINE = {name: Needs("engine", tuple(engines_with(name))) for name in ("refinement", "accuracy", "threads")}
+_ENGINE = {name: Needs("engine", tuple(engines_with(name))) for name in ("refinement", "threads")}
 Refinement: TypeAlias = Annotated[int, constraint_of(PlanarSettings, "refinement"), _ENGINE["refinement"]]
-Accuracy: TypeAlias = Annotated[float, constraint_of(PlanarSettings, "accuracy"), _ENGINE["accuracy"]]
 Threads: TypeAlias = Annotated[int, constraint_of(MujocoSettings, "threads"), _ENGINE["threads"]]
 
 

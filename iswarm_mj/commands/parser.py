@@ -1,4 +1,4 @@
-"""What arguments of a command say: its flags, those of own strategies and tasks, of a file, and of a reading."""
+"""What arguments of a command say: its flags, those of an engine, a strategy and a task, of a file, of a reading."""
 
 import sys
 from argparse import ArgumentParser
@@ -16,6 +16,10 @@ from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
 from iswarm_mj.commands.rules import Rules
 from iswarm_mj.config import READINGS
+from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
+from iswarm_mj.engines.registry import find_engine
+from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError, printable
 
 HELP = {"-h", "--help"}
@@ -43,7 +47,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
         file = ConfigFile.read(Path(path), named) if (path := _value("config", given)) is not None else None
-        words = {word: _value(word, given) for word in ("reading", *SETTINGS)}
+        words = {word: _value(word, given) for word in ("reading", "engine", *SETTINGS)}
         if file is not None:
             words = {word: value or file.word(word) for word, value in words.items()}
         settable = {f.name for f in fields(cls)}
@@ -52,20 +56,24 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
                 file.refuse(name, word)
         reading = READINGS.get(str(words["reading"])) if "reading" in settable else None
         default = cls() if reading is None else cls(reading=words["reading"], **vars(reading))
-        known = {name: value for name, value, *_ in settings(default)}
-        own = _own({word: value for word, value in words.items() if SETTINGS.get(word) in settable and value})
-        if "own" in own:  # in place of the genome
-            known = {
-                name: value
-                for name, value, owner, _ in settings(default)
-                if owner is not getattr(default, "override", None)
-            }
+        known = dict.fromkeys(settable)
+        engine = (words["engine"] or default.engine) if "physics" in settable else None
+        own = {} if engine is None else {"physics": _engine(engine)}
+        own |= _own({word: value for word, value in words.items() if SETTINGS.get(word) in settable and value})
+        replaced = {"own": "override", "physics": "physics"}  # by a strategy, and by an engine
+        gone = [getattr(default, replaced[part], None) for part in own if part in replaced]
+        known = {name: value for name, value, owner, _ in settings(default) if all(owner is not one for one in gone)}
         for found in own.values():
             known |= _flags_of(found, name, known)
+        keys = () if file is None or file.is_result else file.values
+        if engine is not None and (others := {*named, *keys} & {*OF_ENGINES} - {*known}):
+            raise UserError(f"{flag(min(others))} has no effect with --engine {engine}; leave it out")
         if file is not None:
             arguments = [*file.arguments(name, known, named), *arguments]
         asked = {*given} & {*HELP, *HELP_ALL}
-        rules = Rules(cls, own, everything=not asked or bool(asked & HELP_ALL))
+        everything = not asked or bool(asked & HELP_ALL)
+        shown = {part: one for part, one in own.items() if everything or part != "physics" or words["engine"]}
+        rules = Rules(cls, shown, everything)
         arguments = ["--help"] if asked else arguments
         named = {"prog": f"iswarm {name}", "description": cls.__doc__}
         return explained(tyro.cli, cls, default=default, registry=rules, args=arguments, **named)
@@ -101,6 +109,13 @@ def _value(word: str, arguments: Sequence[str]) -> str | None:
     return parser.parse_known_args(list(arguments))[0].value
 
 
+def _engine(name: str) -> EngineSettings:
+    """The settings of an engine for this machine, which are the defaults of its flags."""
+    found = find_engine(name)
+    with user_code(found.__name__):
+        return found.usual()
+
+
 def _own(named: dict[str, str]) -> dict[str, Any]:
     """The strategy and the task of these names, classes or objects, by the command's fields that hold them."""
     found = {}
@@ -122,7 +137,7 @@ def _own(named: dict[str, str]) -> dict[str, Any]:
 
 
 def _flags_of(found: Any, command: str, known: dict[str, Any]) -> dict[str, Any]:
-    """Flags of a strategy or a task and their defaults, None for those that must be given.
+    """Flags of an engine, a strategy or a task and their defaults, None for those that must be given.
 
     Raises:
         UserError: one is a flag of the command, too.

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
+from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Within
@@ -30,6 +31,7 @@ class Play(WithTask):
     def run(self) -> None:
         """Run the command."""
         config, genome, n_robots = self.checked()
+        refuse(self, ["chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
         from iswarm_mj.player.scenario import Scenario
         from iswarm_mj.player.serve import serve
@@ -42,7 +44,7 @@ class Play(WithTask):
             self.task,
             self.robots if self.density is None else n_robots,
             self.seed,
-            self.engine_settings(1),
+            self.physics,
             self.robot,
             None if is_genome else self.controller,
             self.task_name,

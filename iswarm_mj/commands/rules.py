@@ -17,8 +17,10 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+from iswarm_mj.engines.settings import Devices
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
+from iswarm_mj.utils.jax_setup import devices
 
 _UNIT = re.compile(r"\s*\[[^\]]*\]\.?$")
 
@@ -48,6 +50,7 @@ class Rules(ConstructorRegistry):
         self.struct_rule(self._struct)
         self.primitive_rule(_number)
         self.primitive_rule(_path)
+        self.primitive_rule(_devices)
 
     def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
         """Flags of a dataclass or a named tuple."""
@@ -57,11 +60,13 @@ class Rules(ConstructorRegistry):
             return None
         if cls is self._command:
             return self._of_command(info.default)
+        if own is not None and not isinstance(own, type) and not is_dataclass(own):  # whole, as a learned policy
+            return StructConstructorSpec(lambda: own, ())
         made = [_flag(cls, *member) for member in _members(cls, info.default if own in (None, cls) else own)]
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
-        hidden = {"own", "own_task"}
+        hidden = {"own", "own_task", "physics"}
         if "own" in self._own:  # in place of the genome
             hidden |= {"override"} | ({"genome"} if self._main else set())
         made = {
@@ -114,7 +119,7 @@ def _annotated(kind: Any, extra: object) -> Any:
 
 
 def _explained(cls: type) -> Callable[..., Any]:
-    """What makes a strategy or a task: the values are checked, and errors of its own code explained."""
+    """What makes a strategy, a task or an engine: the values are checked, and errors of its own code explained."""
     from iswarm_mj.strategy.user_code import user_code
 
     def make(**given: Any) -> Any:
@@ -155,3 +160,17 @@ def _path(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
         return Path(words[0])
 
     return PrimitiveConstructorSpec(1, "PATH", read, lambda value: isinstance(value, Path), lambda value: [str(value)])
+
+
+def _devices(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+    """Devices of JAX by their number, or all."""
+    if info.type != Devices:
+        return None
+
+    def read(words: list[str]) -> Devices:
+        return tuple(devices(words[0]))
+
+    def shown(value: Any) -> list[str]:
+        return ["all" if value is None else str(len(value))]
+
+    return PrimitiveConstructorSpec(1, "all|INT", read, lambda value: value is None or isinstance(value, tuple), shown)

@@ -1,6 +1,5 @@
 """Flags that the commands on a swarm share."""
 
-import importlib.util
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, cast
@@ -8,11 +7,9 @@ from typing import Annotated, Any, ClassVar, cast
 import tyro
 
 from iswarm_mj.commands.flags import refuse, usual
-from iswarm_mj.commands.options import Accuracy, ConfigOptions, Refinement, Threads
+from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.registry import ENGINES, EngineName, ImplName, engine_settings
+from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
@@ -26,19 +23,17 @@ GenomeOverrides = make_dataclass(
     frozen=True,
 )
 
+_ENGINE = f"Physics engine: {described()}; or a class in a file. Its settings become flags, see --engine ... --help."
+
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
-
-_OF_MJX = Needs("engine", ("mjx",))
-_COMPILED = Needs("is_compiled", why="but with --engine mjx, and planar with --impl warp")
-_ON_HOST = Needs("is_on_host", why="with --impl warp, which uses no threads")
 
 
 @dataclass(frozen=True)
 class Swarm(ConfigOptions):
     """Settings that the commands on a swarm share."""
 
-    MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine", "impl")
+    MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine")
     """Flags that `--help` shows."""
 
     controller: Annotated[str | None, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = None
@@ -56,30 +51,17 @@ class Swarm(ConfigOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
-    engine: EngineName = "mujoco"
-    """Physics engine: mujoco (C, on CPUs), planar (the same contacts solved in the plane, faster on CPUs and
-    many times so on NVIDIA GPUs), or mjx (batches compiled by JAX, on GPUs and CPUs)."""
-    impl: ImplName = "default"
-    """Implementation. Of planar: numba (CPUs) or warp (NVIDIA GPUs, the default where there is one). Of mjx: jax
-    (everywhere, the default) or warp (NVIDIA GPUs)."""
-    solver_iterations: Annotated[int, constraint_of(MjxSettings, "solver_iterations"), _OF_MJX] = (
-        MjxSettings.solver_iterations
-    )
-    contact_capacity: Annotated[float, constraint_of(MjxSettings, "contact_capacity"), _OF_MJX] = (
-        MjxSettings.contact_capacity
-    )
-    refinement: Refinement = PlanarSettings.refinement
-    accuracy: Accuracy = PlanarSettings.accuracy
-    devices: Annotated[str, _COMPILED] = "all"
-    """Devices that jax or warp distributes the worlds over: all, or a number of those that JAX sees."""
-    threads: Annotated[Threads, _ON_HOST] = 0
-    """Number of threads of mujoco and numba, 0 for one per core; results do not depend on it."""
+    engine: Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME", help=_ENGINE)] = "mujoco"
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
     own: Any = None
     """The strategy with the values of its flags, where `controller` names one; an object of `Genome`, or another."""
+    physics: Any = None
+    """The `EngineSettings` with the values of its flags; by default those of `engine` for this machine."""
 
     def __post_init__(self):
         validate(self)
+        if self.physics is None:
+            object.__setattr__(self, "physics", find_engine(self.engine).usual())
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """Return the configuration, the genome and the number of robots.
@@ -87,18 +69,13 @@ class Swarm(ConfigOptions):
         Raises:
             UserError: a setting is out of range, or contradicts another one.
         """
-        known = ENGINES[self.engine].implementations
-        constraint = f"{' or '.join(known) or 'left out'} with `engine` {self.engine}"
-        check("impl", self.impl, constraint, self.impl in ("default", *known))
-        if self.impl == "warp" and importlib.util.find_spec("warp") is None:
-            raise UserError("--impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
         if self.robots is not None or self.density is not None:
             refuse(self, ["density_of_robots"], "with `robots` or `density`")
         is_genome = isinstance(self.own, Genome)
         genome = self.own if is_genome else overridden(load_genome(self.genome), vars(self.override))
         config = self.config
         n_robots = self._n_robots(config, genome)
-        n_worlds = MAX_ROBOTS["devices" if self.is_compiled else "host"] // n_robots
+        n_worlds = MAX_ROBOTS["host" if self.physics.on_host else "devices"] // n_robots
         constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
         check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
         return config, genome, n_robots
@@ -109,21 +86,6 @@ class Swarm(ConfigOptions):
         from iswarm_mj.tasks.cleaning import CLEANING
 
         return CLEANING
-
-    @property
-    def implementation(self) -> str | None:
-        """The implementation of the engine that is used; None where there is only one."""
-        return ENGINES[self.engine].usual_impl() if self.impl == "default" else self.impl
-
-    @property
-    def is_compiled(self) -> bool:
-        """Whether control steps are taken in chunks, by a compiled program."""
-        return not engine_settings(self.engine, impl=self.implementation).on_host
-
-    @property
-    def is_on_host(self) -> bool:
-        """Whether threads of the CPU do all."""
-        return not self.is_compiled
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
         from iswarm_mj.engines.robot_file import read_robot
@@ -144,14 +106,13 @@ class Swarm(ConfigOptions):
         check_robots(config.arena, n_robots, cell)
         return n_robots
 
-    def run_of(self, config: SwarmConfig, genome: Genome, settings: RunSettings, chunk: int = 25) -> Any:
+    def run_of(self, config: SwarmConfig, genome: Genome, settings: RunSettings) -> Any:
         """Return the `Run` at its start.
 
         Args:
             config: as returned by `checked`.
             genome: as returned by `checked`.
             settings: of the run.
-            chunk: control steps that one call of a compiled program takes.
         """
         from iswarm_mj.simulation.run import Run
 
@@ -163,20 +124,11 @@ class Swarm(ConfigOptions):
                 config,
                 genome,
                 settings,
-                self.engine_settings(chunk),
+                self.physics,
                 strategy=None if isinstance(self.own, Genome) else self.own,
                 task=self.task,
                 robot_file=self.robot,
             )
-
-    def engine_settings(self, chunk: int) -> Any:
-        """Return the settings of the engine; `chunk` control steps are one call of a compiled program."""
-        from iswarm_mj.utils.jax_setup import devices
-
-        used = tuple(devices(self.devices)) if self.is_compiled else None
-        return engine_settings(
-            self.engine, **{**vars(self), "impl": self.implementation, "chunk": chunk, "devices": used}
-        )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""All engines. An engine is a folder with its settings, and its line here."""
+"""All engines. An engine is a folder with its settings, and its line here; or a class of a user."""
 
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal
@@ -6,24 +6,48 @@ from typing import TYPE_CHECKING, Any, Literal
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
+from iswarm_mj.strategy.library import Offer, find
+from iswarm_mj.utils.errors import UserError
 
 ENGINES: dict[str, type[EngineSettings]] = {
     settings.name: settings for settings in (MujocoSettings, PlanarSettings, MjxSettings)
 }
 """Settings of each engine by its name."""
 
-IDENTITY = ("engine", "impl", "refinement", "accuracy", "solver_iterations")
+OFFER = Offer("engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.engines.settings")
+
+SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fields(engine)))
+"""Names of all settings of these engines."""
+
+IDENTITY = ("engine", *(name for name in SETTINGS if name not in OF_MACHINE))
 """Keys of the `identity` of an engine; each has some of them."""
 
 if TYPE_CHECKING:
     EngineName = str
-    ImplName = str
 else:
     EngineName = Literal[tuple(ENGINES)]
-    ImplName = Literal[
-        "default", *dict.fromkeys(impl for engine in ENGINES.values() for impl in engine.implementations)
-    ]
+
+
+def find_engine(name: str) -> type[EngineSettings]:
+    """Return the settings of an engine.
+
+    Args:
+        name: of one of `ENGINES` or of an entry point `iswarm_mj.engines`, or `FILE.py:CLASS`.
+
+    Raises:
+        UserError: there is no such engine, or the file cannot be imported.
+    """
+    found = find(OFFER, name, ENGINES)
+    if not (isinstance(found, type) and issubclass(found, EngineSettings) and hasattr(found, "name")):
+        raise UserError(f"engine {name} must be a subclass of EngineSettings with a name; see {OFFER.protocol}")
+    return found
+
+
+def described() -> str:
+    """Return the names of all engines, each with the first line of its docstring."""
+    texts = {name: (engine.__doc__ or "").partition("\n")[0].rstrip(".") for name, engine in ENGINES.items()}
+    return ", ".join(f"{name} ({text})" for name, text in texts.items())
 
 
 def engine_settings(name: str, **given: Any) -> EngineSettings:

@@ -1,16 +1,23 @@
 """What every engine's settings can do: name the engine, estimate its memory, build it."""
 
+import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.utils.constraints import check, validate
+from iswarm_mj.utils.errors import UserError
 
 if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine, Engine
+
+Devices: TypeAlias = tuple[Any, ...] | None
+"""JAX devices that share the worlds of a compiled program; None for all visible ones."""
+OF_MACHINE = {"threads", "chunk", "devices"}
+"""Settings that results do not depend on."""
 
 
 class ModelSpec(NamedTuple):
@@ -30,7 +37,9 @@ class ModelSpec(NamedTuple):
 
 @dataclass(frozen=True)
 class EngineSettings(ABC):
-    """Settings of an engine: a frozen dataclass whose fields, with their docstrings, become flags of commands.
+    """Settings of an engine: a frozen dataclass whose fields, with defaults and docstrings, become flags of commands.
+
+    `--engine` shows the first line of the class's docstring. A field has an effect where its `Needs` are met.
 
     An engine acts on the host, one control step at a time on NumPy arrays, or inside programs that JAX compiles, which
     take a chunk of control steps. A class that can do one of these defines `host_engine` or `compiled_engine`; settings
@@ -39,19 +48,20 @@ class EngineSettings(ABC):
 
     name: ClassVar[str]
     """Of the engine, as `--engine` takes it."""
-    implementations: ClassVar[tuple[str, ...]] = ()
-    """Values of the setting `impl`, where there are several."""
 
     def __post_init__(self):
         validate(self)
+        if getattr(self, "impl", None) == "warp" and importlib.util.find_spec("warp") is None:
+            raise UserError("`impl` warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
         devices = getattr(self, "devices", None)
         is_given = isinstance(devices, tuple) and len(devices) > 0
         check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_given)
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Name and main settings, as results state them."""
-        return {"engine": self.name}
+        """Name and the settings that results depend on, as results state them."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in OF_MACHINE}
+        return {"engine": self.name, **own}
 
     @property
     def on_host(self) -> bool:
@@ -64,9 +74,9 @@ class EngineSettings(ABC):
         """Memory that each robot of each world takes at least [bytes]."""
 
     @classmethod
-    def usual_impl(cls) -> str | None:
-        """Return the value of the setting `impl` for this machine; None where there is only one implementation."""
-        return None
+    def usual(cls) -> Self:
+        """Return the settings for this machine, which are the defaults of the flags."""
+        return cls()
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
         """Return what makes an engine on the host for a number of worlds and of threads."""

@@ -13,12 +13,14 @@ if TYPE_CHECKING:
     from iswarm_mj.envs.gymnasium import SwarmVectorEnv as vector_env
     from iswarm_mj.envs.make import make_env
     from iswarm_mj.envs.pettingzoo import SwarmParallelEnv as parallel_env
+    from iswarm_mj.envs.policy import PolicyStrategy
     from iswarm_mj.envs.state import State
 
-__all__ = ["Env", "State", "make_env", "parallel_env", "single_env", "vector_env"]
+__all__ = ["Env", "PolicyStrategy", "State", "make_env", "parallel_env", "single_env", "vector_env"]
 
 _HOMES = {
     "Env": ("env", "Env"),
+    "PolicyStrategy": ("policy", "PolicyStrategy"),
     "State": ("state", "State"),
     "make_env": ("make", "make_env"),
     "parallel_env": ("pettingzoo", "SwarmParallelEnv"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -14,6 +15,7 @@ from iswarm_mj.envs.observations import Row, bounds
 from iswarm_mj.envs.state import State
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
 
 MOST_SEED = 2**32 - 1
 """Keys of JAX take no more bits of a seed."""
@@ -43,7 +45,10 @@ class Outcome(NamedTuple):
 
 
 class Worlds:
-    """An environment of B worlds as NumPy arrays, on any engine; keys come from a seed, as those of Gymnasium."""
+    """An environment of B worlds as NumPy arrays, on any engine; keys come from a seed, as those of Gymnasium.
+
+    Copies and pickles are made anew from the same settings: their first episode begins with `reset`.
+    """
 
     def __init__(self, n_worlds: int, **settings: Any):
         """Make the environment.
@@ -55,12 +60,17 @@ class Worlds:
         Raises:
             UserError: see `make_env`.
         """
+        self._settings = settings
         self.env = env = make_env(n_worlds=n_worlds, **settings)
         self.n_worlds, self._rng = n_worlds, np.random.default_rng()
         self.shape = env.n_robots, env.action_size
         mapped = (jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step)))
         self._reset, self._step = mapped if env.n_worlds is None else (env.reset, env.step)
         self._state: State | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes another one."""
+        return partial(Worlds, **self._settings), (self.n_worlds,)
 
     def spaces(self, space: Any, n_robots: int = 0) -> tuple[Any, Any]:
         """Return boxes of what robots observe and do.
@@ -88,6 +98,22 @@ class Worlds:
         self._state = self._reset(jax.random.split(jax.random.key(number), self.n_worlds))
         return np.array(self._state.obs)
 
+    def everything(self) -> Float[np.ndarray, "B E"]:
+        """Return all observations of a world, then x, y [rd] and yaw [rad] of all robots.
+
+        Raises:
+            UserError: no episode has begun.
+        """
+        state = self._begun("state")
+        poses = np.array(self.env.poses(state), np.float32) / (RD, RD, 1)
+        parts = (np.asarray(part).reshape(self.n_worlds, -1) for part in (state.obs, poses))
+        return np.concatenate([*parts], axis=1, dtype=np.float32)
+
+    def _begun(self, method: str) -> State:
+        if self._state is None:
+            raise UserError(f"{method} needs an episode; call reset first")
+        return self._state
+
     def step(self, action: Any) -> Outcome:
         """Take a step.
 
@@ -97,14 +123,13 @@ class Worlds:
         Raises:
             UserError: no episode has begun, or an action is not finite, lies beyond, or does not fit.
         """
-        if self._state is None:
-            raise UserError("step needs an episode; call reset first")
+        state = self._begun("step")
         values = np.asarray(checked(action, (self.n_worlds, *self.shape)))
         is_bad = ~(np.abs(values) <= 1.0 + 1e-6)
         if is_bad.any():
             place = tuple(map(int, np.argwhere(is_bad)[0]))
             raise UserError(f"an action must lie between -1 and 1 (got {values[place]} at {place}); clip it")
-        self._state = self._step(self._state, values)
+        self._state = self._step(state, values)
         # Copies: clients change observations in place.
         found: State = jax.tree.map(np.array, self._state._replace(data=None))
         is_finished, fault = found.info["is_finished"], found.info["fault"]

@@ -68,6 +68,10 @@ class Env:
             )
         return observations.split(self.observations, obs)
 
+    def poses(self, state: State) -> Any:
+        """Return where robots are (*B, N, 3), which they do not know: x, y [mm] and yaw [rad]."""
+        return self._engine.poses(state.data.world.bodies)
+
     def reset(self, key: jax.Array) -> State:
         """Begin an episode.
 

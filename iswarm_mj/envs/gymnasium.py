@@ -73,3 +73,7 @@ class SwarmEnv(gymnasium.Env):
         done = self._worlds.step(checked(action, self._worlds.shape)[None])
         info = {name: value[0] for name, value in done.info.items()}
         return done.obs[0], float(done.reward.sum()), bool(done.terminated[0]), bool(done.truncated[0]), info
+
+
+# As `gymnasium.make("iswarm_mj.envs.gymnasium:iswarm_mj/Cleaning-v0", n_robots=20)`.
+gymnasium.register("iswarm_mj/Cleaning-v0", entry_point=SwarmEnv, vector_entry_point=SwarmVectorEnv)

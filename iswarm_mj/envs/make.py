@@ -73,8 +73,8 @@ def make_env(
     check("n_starts", n_starts, "a whole number from 1 to 100000", is_whole(n_starts) and 1 <= n_starts <= 100_000)
     settings = RunSettings(n_robots, steps, seed, n_worlds=1 if n_worlds is None else n_worlds, stop_at=stop_at)
     layouts = [World(PRESETS["type1"], int(n_robots), int(seed), index) for index in range(n_starts)]
-    setup = set_up(config, settings, engine, _task(task), layouts, robot_file)
-    speaker: Any = Speaker(_payload(payload))
+    setup = set_up(config, settings, engine, task_of(task), layouts, robot_file)
+    speaker: Any = Speaker(as_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
     params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)
     poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
@@ -102,8 +102,12 @@ def make_env(
     return Env(core, made, settings.n_worlds if is_batch else None, on_host=False)
 
 
-def _task(given: Any) -> Any:
-    """A task by its name, or as it was given."""
+def task_of(given: Any) -> Any:
+    """Return a task by its name, or as it was given.
+
+    Raises:
+        UserError: it is none.
+    """
     if isinstance(given, str):
         given = CLEANING if given == "cleaning" else find_task(given)
         if isinstance(given, type):
@@ -113,7 +117,12 @@ def _task(given: Any) -> Any:
     return given
 
 
-def _payload(given: Any) -> Payload:
+def as_payload(given: Any) -> Payload:
+    """Return what messages carry: nothing for None, flags for a number of bits.
+
+    Raises:
+        UserError: it is no payload, or there are too many bits.
+    """
     if given is None or isinstance(given, Payload):
         return given or Payload()
     if isinstance(given, int) and not isinstance(given, bool):

@@ -70,6 +70,14 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             {agent: {name: value[0] for name, value in done.info.items()} for agent in agents},
         )
 
+    def state(self) -> np.ndarray:
+        """Return what a critic of all robots may know, as one array: all observations, then x, y [rd] and yaw [rad].
+
+        Raises:
+            UserError: no episode has begun.
+        """
+        return self._worlds.everything()[0]
+
     def render(self) -> None:
         """Nothing; recordings are made by `iswarm run`."""
 

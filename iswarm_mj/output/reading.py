@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import jaxtyped
 
-from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.schema import ARRAYS, Recorded
 from iswarm_mj.output.trajectory import (
     ABOUT,
     AREA,
@@ -29,10 +29,12 @@ from iswarm_mj.utils.memory import check_memory
 REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
 LARGEST_TRAJECTORY = 2**36
 """Size up to which a trajectory.npz is read, if its arrays fit into memory [bytes]."""
-_NEEDED: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
+_KNOWN: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
     SCENE + n: t for n, t in Scene.__annotations__.items()
 }
-"""Arrays without which a file is no trajectory, and their types."""
+"""Arrays that are read, and their types."""
+_NEEDED = {"step", "pose"} | {SCENE + name for name in Scene._fields if name not in Scene._field_defaults}
+"""Those without which a file is no trajectory; those of earlier versions lack others."""
 _NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
 """Fields of `Scene` that name further arrays, and their prefixes."""
 
@@ -55,6 +57,8 @@ def _of_a_run(path: Path, content: Any) -> dict[str, Any]:
 def read_trajectory(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`; no others are read.
 
+    Quantities that an earlier version did not record are missing.
+
     Raises:
         UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
     """
@@ -62,17 +66,17 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
         check_file(path, LARGEST_TRAJECTORY)
         with zipfile.ZipFile(path) as archive, np.load(path) as file:
             sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.infolist()}
-            names = [name for name in (*_NEEDED, ABOUT) if name in sizes]
+            names = [name for name in (*_KNOWN, ABOUT) if name in sizes]
             check_memory(sum(sizes[name] for name in names))
-            arrays = {name: file[name] for name in names}
+            arrays = Recorded({name: file[name] for name in names})
             own = {prefix + n for key, prefix in _NAMED.items() for n in arrays.get(SCENE + key, np.zeros(0)).tolist()}
             check_memory(sum(sizes[name] for name in own & sizes.keys()))
-            arrays |= {name: file[name] for name in sorted(own & sizes.keys())}
+            arrays.update({name: file[name] for name in sorted(own & sizes.keys())})
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
     except Exception as error:  # bytes that another program wrote may break each part of the reader
         raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
-    for name in (*_NEEDED, *sorted(own)):
+    for name in sorted(_NEEDED | own):
         if name not in arrays:
             raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}.")
     _check_shapes(path, arrays)
@@ -82,25 +86,25 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
 def _check_shapes(path: Path, arrays: Arrays) -> None:
     """Refuse arrays of other kinds of values, sizes that differ along the same axis, and balls without a size."""
     with jaxtyped("context"):
-        for name, kind in _NEEDED.items():
-            if hasattr(kind, "dim_str") and not isinstance(arrays[name], kind):
+        for name, kind in _KNOWN.items():
+            if hasattr(kind, "dim_str") and name in arrays and not isinstance(arrays[name], kind):
                 found = f"{arrays[name].dtype} {arrays[name].shape}"
                 raise UserError(
                     f"{path}: `{name}` ({found}) does not fit the other arrays as {kind.__name__}; {REMEDY}."
                 )
     for key, prefix in _NAMED.items():
         axes = arrays["pose"].shape[: 2 if key == "memory_names" else 1]
-        for name in arrays[SCENE + key].tolist():
+        for name in arrays.get(SCENE + key, np.zeros(0)).tolist():
             if arrays[prefix + name].shape[: len(axes)] != axes:
                 raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
-    columns = [math.prod(arrays[name].shape[2:]) for name in arrays[SCENE + "memory_names"].tolist()]
-    if not np.array_equal(arrays[SCENE + "memory_sizes"], columns):
+    names, sizes = (arrays.get(f"{SCENE}memory_{part}", np.zeros(0)) for part in ("names", "sizes"))
+    if not np.array_equal(sizes, [math.prod(arrays[name].shape[2:]) for name in names.tolist()]):
         raise UserError(f"{path}: `{SCENE}memory_sizes` does not fit what robots remember; {REMEDY}.")
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
     for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
-        if not np.isfinite(arrays[name]).all():
+        if name in arrays and not np.isfinite(arrays[name]).all():
             raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")
     if not np.all(arrays["scene_ball_radius"] > 0):
         raise UserError(f"{path}: `scene_ball_radius` must be above 0; {REMEDY}.")

@@ -204,9 +204,9 @@ def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
 
 
 def _scene(arrays: Arrays) -> Scene:
-    """Constants of a world."""
-    values: dict[str, Any] = {name: arrays[SCENE + name] for name in Scene._fields}
+    """Constants of a world; those that an earlier version did not write have their defaults."""
+    values: dict[str, Any] = {name: arrays[SCENE + name] for name in Scene._fields if SCENE + name in arrays}
     values = {name: value if value.ndim else value.item() for name, value in values.items()}
-    words = [name for name, usual in Scene._field_defaults.items() if isinstance(usual, tuple)]
+    words = [name for name in values if isinstance(Scene._field_defaults.get(name), tuple)]
     values |= {name: tuple(tuple(v) if isinstance(v, list) else v for v in values[name].tolist()) for name in words}
     return Scene(**values)

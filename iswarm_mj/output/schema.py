@@ -1,7 +1,7 @@
 """The schema of a recorded world: each quantity once, with its type, unit and meaning, and how a step record gives it.
 
 Trajectories, the tables of `iswarm_mj.load`, the numbers in recordings and docs/files.md follow from it: a field of
-`Frames` is all that a new quantity needs.
+`Frames` is all that a new quantity needs. Trajectories of earlier versions lack it, and can be read.
 """
 
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int, Int16, Shaped, UInt8, UInt32
 
 from iswarm_mj.output.trajectory import AREA, METRIC, Arrays
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM
 
 if TYPE_CHECKING:
@@ -41,6 +42,22 @@ class Observed(NamedTuple):
     """x, y [mm] and yaw [rad] as each step began; at the start those of the start."""
     control_period: float
     """Duration of a step [s]."""
+
+
+class NotRecorded(UserError):
+    """A trajectory of an earlier version lacks a quantity that is needed."""
+
+    def __init__(self, name: str):
+        """Describe what is wrong; `name` is the quantity."""
+        super().__init__(f"the trajectory has no `{name}`, which an earlier version did not record; repeat the run")
+
+
+class Recorded(dict[str, np.ndarray]):
+    """Arrays of a trajectory by their names; of a quantity that it lacks, the value raises `NotRecorded`."""
+
+    def __missing__(self, name: str) -> np.ndarray:
+        """Raise the error."""
+        raise NotRecorded(name) if name in ARRAYS else KeyError(name)
 
 
 class Column(NamedTuple):
@@ -102,6 +119,8 @@ def _ball_state(seen: Observed) -> Int[np.ndarray, "T K"]:
 class Frames:
     """T consecutive frames of one world with N robots, of S photodiode sectors, and K balls. SI units throughout.
 
+    A quantity that a trajectory of an earlier version lacks raises `NotRecorded`.
+
     Frame 0 is the start; frame t is the state after control step t. The axes of a quantity decide its table: T `steps`,
     T N `robots`, T K `balls`, T N S `links`.
     """
@@ -153,7 +172,8 @@ class Frames:
         "record.links.led", Column("led", "", "LED that sends, counted as the sides", shown=LINKS)
     )
     link_bearing: Float[np.ndarray, "T N S"] = quantity(
-        "record.links.bearing", Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured")
+        "record.links.measured_bearing",
+        Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured"),
     )
     link_distance: Float[np.ndarray, "T N S"] = quantity(
         "record.measured_distance", Column("measured_distance", "m", "as the receiver measured it")
@@ -196,7 +216,13 @@ class Frames:
         """Frames of these arrays; those with names of their own are the memory's, or with a prefix the task's."""
         task = {name: array for name, array in arrays.items() if name.startswith((AREA, METRIC))}
         memory = {name: array for name, array in arrays.items() if name not in ARRAYS and name not in task}
-        return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory, task=task)
+        frames = object.__new__(Frames)
+        vars(frames).update({name: arrays[name] for name in ARRAYS if name in arrays}, memory=memory, task=task)
+        return frames
+
+    def __getattr__(self, name: str) -> Any:
+        """Raise `NotRecorded`: the quantity is missing."""
+        raise NotRecorded(name) if name in ARRAYS else AttributeError(name)
 
     @staticmethod
     def observed(seen: Observed, memory: Arrays, task: Arrays) -> "Frames":
@@ -211,7 +237,8 @@ class Frames:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return all arrays by their names, those of memory and task included."""
-        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory) | dict(self.task)
+        own = {name: array for name, array in vars(self).items() if name in ARRAYS}
+        return Recorded(own | dict(self.memory) | dict(self.task))
 
     def __getitem__(self, steps: slice) -> "Frames":
         """Return some of the frames."""
@@ -219,7 +246,7 @@ class Frames:
 
 
 ARRAYS = {f.name: f for f in fields(Frames) if "get" in f.metadata}
-"""Quantities that all trajectories have, by their names."""
+"""Quantities of trajectories, by their names."""
 
 
 def _stored(name: str, seen: Observed) -> np.ndarray:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Shaped
 
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.message_columns import said
-from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, acted, axes_of, columns_of, numbers
+from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, NotRecorded, acted, axes_of, columns_of, numbers
 from iswarm_mj.output.trajectory import METRIC, SCENE, Arrays, Scene
 from iswarm_mj.sensors.messages import PRIORITY
 
@@ -18,8 +18,8 @@ Get = Callable[[Arrays], Shaped[np.ndarray, "..."]]
 Columns = list[tuple[Column, Get]]
 
 _ROWS = {
-    "robots": ("is_loaded", {"N": Column("robot", "", "its number")}),
-    "balls": ("ball_state", {"K": Column("ball", "", "its number")}),
+    "robots": ("pose", {"N": Column("robot", "", "its number")}),
+    "balls": ("ball_position", {"K": Column("ball", "", "its number")}),
     "links": (
         "link_valid",
         {
@@ -29,7 +29,7 @@ _ROWS = {
     ),
     "steps": ("step", {}),
 }
-"""Of each table an array of its shape, and the numbers along its axes after that of steps."""
+"""Of each table an array with its axes, and the numbers along those after that of steps."""
 
 
 def _distance(arrays: Arrays) -> Float[np.ndarray, "T N S"]:
@@ -101,7 +101,7 @@ def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
 def _own_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[str, Column, Get]]:
     """Columns that the strategy and the task name, with the prefixes of those whose names are taken."""
     if table == "robots":
-        for column, values in said(scene, arrays["message"]):
+        for column, values in said(scene, arrays["message"]) if "message" in arrays else ():
             is_flag = column.name == f"said_{PRIORITY}"
             own = column._replace(known=acted) if is_flag else column
             yield "said_", own, itemgetter("has_priority") if is_flag else lambda _, values=values: values
@@ -112,7 +112,7 @@ def _own_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[str
 
 
 def table_of(table: str, arrays: Arrays, scene: Scene) -> pa.Table:
-    """Return a table of one world.
+    """Return a table of one world, without the columns of quantities that an earlier version did not record.
 
     Args:
         table: its name, one of `TABLES`.
@@ -125,16 +125,19 @@ def table_of(table: str, arrays: Arrays, scene: Scene) -> pa.Table:
             column = column._replace(name=prefix + column.name)
         taken.add(column.name)
         found.append((column, get))
-    rows = arrays[_ROWS[table][0]]
-    select = rows if table == "links" else np.ones(rows.shape, bool)
-    parts = [pa.array(np.full(np.count_nonzero(select), scene.world, np.int32))]
+    name, along = _ROWS[table]
+    select = arrays[name] if table == "links" else np.ones(arrays[name].shape[: 1 + len(along)], bool)
+    columns, parts = [WORLD], [pa.array(np.full(np.count_nonzero(select), scene.world, np.int32))]
     for column, get in found:
-        values = get(arrays)
+        try:
+            values, known = get(arrays), column.known(arrays) if column.known else True
+        except NotRecorded:
+            continue
         values = np.array(column.words)[values] if column.words else values
-        unknown = np.ma.getmaskarray(values) | (~column.known(arrays) if column.known else False)
+        unknown = np.ma.getmaskarray(values) | np.logical_not(known)
         each = np.broadcast_to(np.ma.getdata(values), select.shape)[select]
         parts.append(pa.array(each, mask=np.broadcast_to(unknown, select.shape)[select]))
-    columns = WORLD, *(column for column, _ in found)
+        columns.append(column)
     about = [(column.name, {"unit": column.unit, "description": column.description}) for column in columns]
     fields = [pa.field(name, part.type, metadata=m) for (name, m), part in zip(about, parts, strict=True)]
     return pa.Table.from_arrays(parts, schema=pa.schema(fields))

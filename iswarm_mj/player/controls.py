@@ -63,12 +63,13 @@ def is_live(scenario: Scenario, name: str) -> bool:
 
 def controls(scenario: Scenario) -> list[Control]:
     """Return the controls of all settings that have an effect in a scenario."""
+    engines = tuple(dict.fromkeys((*ENGINES, scenario.engine_name)))
     found = [
         Control("seed", "World", scenario.seed, 0, 2**32 - 2, text=field_docs(RunSettings)["seed"]),
         Control("task", "World", scenario.named(TASKS), choices=_offers(TASKS, scenario), text="What the robots do."),
         Control("strategy", "World", scenario.named(STRATEGIES), choices=_offers(STRATEGIES, scenario), text="How."),
         Control("robots", "World", scenario.n_robots, 1, 200_000, text="Number of robots."),
-        Control("engine", "World", scenario.engine.name, choices=tuple(ENGINES), text="Physics engine."),
+        Control("engine", "World", scenario.engine_name, choices=engines, text="Physics engine."),
     ]
     if scenario.strategy is None:
         found += _of(scenario, scenario.genome, "", "Rules of the strategy")

@@ -10,8 +10,8 @@ from typing import Any
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.registry import ENGINES, engine_settings
-from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.engines.registry import ENGINES, OFFER, find_engine
+from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
@@ -23,8 +23,6 @@ from iswarm_mj.tasks.library import TASKS
 
 STEPS = 1_000_000
 """Control steps of a run at most."""
-_OF_MACHINE = {"threads", "chunk", "devices"}
-"""Settings of engines on which results do not depend."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +51,11 @@ class Scenario:
         arena, density = self.config.arena, self.genome.density_of_robots
         return robots_for(arena, density, "density_of_robots") if self.robots is None else self.robots
 
+    @property
+    def engine_name(self) -> str:
+        """As --engine takes it."""
+        return self.engine.name if self.engine.name in ENGINES else _name(OFFER, type(self.engine))
+
     def run(self) -> Run:
         """Return the run at its start.
 
@@ -77,7 +80,7 @@ class Scenario:
             return getattr(getattr(self.config, group), own)
         if name in ("strategy", "task"):
             return self.named(STRATEGIES if name == "strategy" else TASKS)
-        return self.engine.name if name == "engine" else getattr(getattr(self, _owner(self, name) or "", self), name)
+        return self.engine_name if name == "engine" else getattr(getattr(self, _owner(self, name) or "", self), name)
 
     def set(self, name: str, value: Any) -> "Scenario":
         """Return this scenario with another value of a setting.
@@ -90,8 +93,7 @@ class Scenario:
             part = replace(getattr(self.config, group), **{own: value})
             return replace(self, config=replace(self.config, **{group: part}))
         if name == "engine":
-            same = value == self.engine.name
-            return self if same else replace(self, engine=engine_settings(value, impl=ENGINES[value].usual_impl()))
+            return self if value == self.engine_name else replace(self, engine=find_engine(value).usual())
         if name == "strategy":
             found = _made(STRATEGIES, value)
             if isinstance(found, Genome):
@@ -125,12 +127,12 @@ class Scenario:
             found |= {"genome": base} | _different(self.genome, PRESETS[base])
         if self.robots is not None:
             found.pop("density_of_robots", None)
-        found |= {"engine": self.engine.name} | _different(self.engine, type(self.engine)())
+        found |= {"engine": self.engine_name} | _different(self.engine, type(self.engine)())
         usual = SwarmConfig()
         for group, part in vars(self.config).items():
             found |= {f"{group}.{k}": value for k, value in _different(part, getattr(usual, group)).items()}
         known = {"seed": 0, "genome": "type1", "engine": "mujoco"}
-        return {k: v for k, v in found.items() if v is not None and known.get(k) != v and k not in _OF_MACHINE}
+        return {k: v for k, v in found.items() if v is not None and known.get(k) != v and k not in OF_MACHINE}
 
 
 def _owner(scenario: Scenario, name: str) -> str | None:
@@ -171,7 +173,7 @@ def _different(given: Any, usual: Any) -> dict[str, Any]:
 
 @cache
 def _name(offer: Offer, cls: type) -> str:
-    """How a command line names a class of strategies or tasks."""
+    """How a command line names a class of strategies, tasks or engines."""
     if found := offered(offer, cls.__name__, {f.name for f in fields(cls)} if is_dataclass(cls) else set()):
         return found
     try:

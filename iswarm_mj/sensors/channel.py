@@ -56,4 +56,4 @@ def exchange(conditions: Conditions, payload: Payload, content: dict[str, Any], 
     if n_leds not in (4, 8):  # a wrong bit may name an LED that there is not
         is_heard &= message.led < n_leds
     error = conditions.error_distance_measure * noise
-    return Received(message, is_heard, links.distance * jnp.maximum(1.0 + error, 0.0), sent)
+    return Received(message, is_heard, links.true_distance * jnp.maximum(1.0 + error, 0.0), sent)

@@ -44,10 +44,11 @@ class Links(NamedTuple):
     """The side receives light."""
     led: Int[Array, "*B N S"]
     """int32, the sender's LED."""
-    bearing: Float[Array, "*B N S"]
-    """float32, measured direction of the sender in the receiver's frame [rad]."""
-    distance: Float[Array, "*B N S"]
-    """float32, true distance between the centres [mm]."""
+    measured_bearing: Float[Array, "*B N S"]
+    """float32, direction of the sender in the receiver's frame as its photodiodes show it [rad]: by `sector` that of
+    the side, by `power` from their two currents (`optics.receive_views`). It has no noise: strategies see this."""
+    true_distance: Float[Array, "*B N S"]
+    """float32, between the centres [mm]. Strategies see it with the noise of `channel.exchange`."""
 
 
 class Candidates(NamedTuple):
@@ -141,8 +142,8 @@ def find_links(
         sender=scatter(found.sender % n_robots, np.int32),
         valid=scatter(clear, np.bool_),
         led=scatter(found.reception.led, np.int32),
-        bearing=scatter(found.reception.bearing, np.float32),
-        distance=scatter(found.distance, np.float32),
+        measured_bearing=scatter(found.reception.bearing, np.float32),
+        true_distance=scatter(found.distance, np.float32),
     )
 
 

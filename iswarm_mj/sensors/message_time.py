@@ -64,7 +64,7 @@ def understood(optics: OpticsConfig, in_sight: Links, first_slot: Int[Array, "N"
     is_other = in_sight.valid[..., None, :] & ~jnp.eye(slot.shape[-1], dtype=bool)
     disturbs = is_other & (slot[..., None, :] == slot[..., :, None])
     if optics.capture_ratio:
-        disturbs &= in_sight.distance[..., None, :] < optics.capture_ratio * in_sight.distance[..., :, None]
+        disturbs &= in_sight.true_distance[..., None, :] < optics.capture_ratio * in_sight.true_distance[..., :, None]
     is_clear = in_sight.valid & is_on & ~disturbs.any(axis=-1)
     is_first = is_clear & (jnp.cumsum(is_clear, axis=-1) == 1)
     found = Links(*(jnp.where(is_first, values, 0).sum(axis=-1, dtype=values.dtype) for values in in_sight))

@@ -117,7 +117,7 @@ def perceive(
     message = received.message
     observation = Observation(
         is_heard=received.is_heard,
-        bearing=sight.links.bearing,
+        bearing=sight.links.measured_bearing,
         distance=received.distance,
         led=message.led,
         payload=message.payload,

@@ -13,14 +13,13 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.common import check_common
-from iswarm_mj.simulation.faults import decode, summary
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
+from iswarm_mj.simulation.standing import Standing
 from iswarm_mj.simulation.start import start_loop
-from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.state import StepRecord, SwarmState
 from iswarm_mj.simulation.strategies import of_all_worlds, to_json
-from iswarm_mj.simulation.tasks import metrics_of
 from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -29,10 +28,9 @@ from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.tasks.measures import Measures, measure
-from iswarm_mj.tasks.protocol import Task, balls_of
-from iswarm_mj.utils.constraints import check, check_kind, is_whole
-from iswarm_mj.utils.errors import SimulationFault, UserError, shown
+from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.utils.constraints import check, check_kind
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
@@ -41,7 +39,7 @@ STEPS = 800
 """Control steps of a run at most, unless its settings say otherwise."""
 
 
-class Run:
+class Run(Standing):
     """B worlds that advance together until each is finished or faulty, or the time is up.
 
     A fault ends only its own world, and `faults` names it. With MJX on Warp, a full contact buffer ends all worlds of
@@ -182,25 +180,6 @@ class Run:
         """Devices that the worlds are spread over; none where the CPU's threads do all."""
         return [device.device_kind for device in self._loop.devices]
 
-    @property
-    def faults(self) -> list[SimulationFault]:
-        """What went wrong so far, at most one fault a world."""
-        return [fault for fault in self.fault_of_each if fault is not None]
-
-    @property
-    def fault_of_each(self) -> list[SimulationFault | None]:
-        """The fault of each world, None for a world without one."""
-        return decode(self._state.fault, self.worlds)
-
-    @property
-    def _state(self) -> WorldState:
-        """State of all worlds but for their bodies and memories, which leaves a device when it is asked for."""
-        if self._snapshot is None:
-            self._snapshot = self._loop.read(
-                lambda state: state._replace(bodies=None, touching=None, swarm=state.swarm._replace(memory=None))
-            )
-        return self._snapshot
-
     def advance(self) -> StepRecord | None:
         """Take the next control steps: one on the host, a chunk in compiled programs.
 
@@ -251,42 +230,6 @@ class Run:
         params, state = self.arrays()
         self._loop.replace(params, edit(state.swarm))
         self._snapshot = None
-
-    @property
-    def task_state(self) -> Any:
-        """State of the task in all worlds, as NumPy arrays with a first axis of B worlds."""
-        return self._state.swarm.task
-
-    def raise_faults(self) -> None:
-        """Raise one SimulationFault for all faults so far, if there are any."""
-        faults = self.faults
-        if faults:
-            raise faults[0] if len(faults) == 1 else SimulationFault(summary(faults))
-
-    def arrays(self) -> tuple[WorldParams, WorldState]:
-        """Return parameters and state of all worlds."""
-        return self._loop.worlds()
-
-    def progress(self) -> np.ndarray:
-        """Return the progress of the task in each world (B,)."""
-        return np.asarray(self._state.progress)
-
-    def metrics(self) -> dict[str, np.ndarray]:
-        """Return the metrics of the task in each world (B,) so far, by their names."""
-        return metrics_of(self._job.task, self.task_state)
-
-    def measures(self, world: int) -> Measures:
-        """Return the measures of a world so far.
-
-        Raises:
-            IndexError: there is no such world.
-        """
-        if not (is_whole(world) and 0 <= world < len(self.worlds)):
-            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
-        state = self._state
-        finished_at = int(state.finished_at[world]) if state.is_finished[world] else None
-        starved = 0 if state.swarm.starved is None else int(state.swarm.starved[world].sum())
-        return measure(balls_of(self.task, self.task_state), world, int(state.collisions[world]), finished_at, starved)
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""

@@ -3,8 +3,9 @@
 import difflib
 import importlib.util
 import sys
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -46,12 +47,13 @@ def find_strategy(name: str) -> Any:
     return find(STRATEGIES, name)
 
 
-def find(offer: Offer, name: str) -> Any:
+def find(offer: Offer, name: str, shipped: Mapping[str, Any] | None = None) -> Any:
     """Return a class, or an object whose values are defaults.
 
     Args:
         offer: what is looked for.
         name: `FILE.py:CLASS`, or the name of an entry point.
+        shipped: what else can be named.
 
     Raises:
         UserError: there is no such file, class or name, or the file cannot be imported.
@@ -59,14 +61,15 @@ def find(offer: Offer, name: str) -> Any:
     path, colon, cls = name.rpartition(":")
     if colon or name.endswith(".py") or "/" in name:
         return _of_file(offer, Path(path), cls) if colon else _of_file(offer, Path(name), "")
-    installed = {point.name: point for point in entry_points(group=offer.group)}
+    installed = {point.name: point for point in entry_points(group=offer.group)} | dict(shipped or {})
     if name not in installed:
         similar = difflib.get_close_matches(name, installed, n=1)
         remedy = f"perhaps you meant {similar[0]}" if similar else None
         known = ", ".join(sorted(installed)) or "none"
         raise ConfigError(offer.word, name, f"{offer.form}, or installed ({known})", remedy)
+    found = installed[name]
     with user_code(f"{offer.word} {name}"):
-        return installed[name].load()
+        return found.load() if isinstance(found, EntryPoint) else found
 
 
 def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
@@ -91,7 +94,7 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
         listed = f"its {offer.plural} are {', '.join(classes)}"
         there = listed if classes else f"it has no class with a method {offer.method}"
         raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
-    if not isinstance(found, type) and not is_dataclass(found):
+    if not (isinstance(found, type) or is_dataclass(found) or hasattr(found, "for_world")):
         raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.protocol}")
     return found
 

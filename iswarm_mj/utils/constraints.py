@@ -141,8 +141,8 @@ def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
 
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:
-    """Values that a field of a dataclass may have whose type is a `Literal`; none for another type."""
-    kind = get_type_hints(cls)[name]
+    """Values that a field of a dataclass may have whose type is a `Literal`; none for another type, or no field."""
+    kind = get_type_hints(cls).get(name)
     return get_args(kind) if get_origin(kind) is Literal else ()
 
 

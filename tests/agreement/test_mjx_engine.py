@@ -196,8 +196,8 @@ class TestSight:
         np.testing.assert_array_equal(links.valid, ours.valid)
         np.testing.assert_array_equal(links.sender, ours.sender)
         np.testing.assert_array_equal(links.led, ours.led)
-        np.testing.assert_allclose(links.bearing, ours.bearing, atol=1e-5)
-        np.testing.assert_allclose(links.distance, ours.distance, atol=1e-5)
+        np.testing.assert_allclose(links.measured_bearing, ours.measured_bearing, atol=1e-5)
+        np.testing.assert_allclose(links.true_distance, ours.true_distance, atol=1e-5)
         np.testing.assert_array_equal(walls, our_walls)
         assert links.valid.sum() > 1500 and walls.sum() > 300
 

@@ -43,7 +43,7 @@ def test_links_are_those_of_the_reference(file, density):
     sender, led, _ = all_links(poses[0], reaches, robot=robot)
     np.testing.assert_array_equal(np.where(links.valid, links.sender, -1)[0], sender)
     np.testing.assert_array_equal(np.where(links.valid, links.led, -1)[0], led)
-    heard = links.bearing[links.valid]
+    heard = links.measured_bearing[links.valid]
     np.testing.assert_allclose(heard, np.float32(robot.sides.bearings)[np.nonzero(links.valid)[2]])
     assert links.valid.sum() > 10
 

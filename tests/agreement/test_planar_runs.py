@@ -21,9 +21,9 @@ from iswarm_mj.tasks.layout import robots_for
 pytestmark = pytest.mark.slow
 N_WORLDS, GOAL, EARLY, STEPS = 24, 66, 150, 800
 ENGINES = {
-    "numba": PlanarSettings(refinement=1),
-    "warp": PlanarSettings(impl="warp", refinement=1),
-    "numba, finer time step": PlanarSettings(),
+    "numba": PlanarSettings(),
+    "warp": PlanarSettings(impl="warp"),
+    "numba, finer time step": PlanarSettings(refinement=10),
     "C": MujocoSettings(),
 }
 

@@ -85,4 +85,4 @@ def test_flags_go_before_the_reading(order):
 def test_settings_in_messages_are_flags(error, text):
     from iswarm_mj.commands.flags import settings
 
-    assert in_flags(error, [name for name, *_ in settings(COMMANDS["clean"]())]) == text
+    assert in_flags(error, [name for name, *_ in settings(COMMANDS["clean"](engine="mjx"))]) == text

@@ -11,7 +11,7 @@ import pytest
 from helpers_cli import SMALL, code_of, result
 from helpers_rrd import read
 
-from iswarm_mj.commands.swarm import Swarm
+from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 
 
@@ -120,6 +120,6 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
     @pytest.mark.parametrize(("has_gpu", "impl"), [(True, "warp"), (False, "numba")])
     def test_is_the_default_where_there_is_a_gpu(self, monkeypatch, has_gpu, impl):
         monkeypatch.setattr("iswarm_mj.engines.planar.settings.can_use_warp", lambda: has_gpu)
-        assert Swarm(engine="planar").implementation == impl
-        assert Swarm(engine="planar", impl="numba").implementation == "numba"
-        assert Swarm(engine="mujoco").implementation is None and Swarm(engine="mjx").implementation == "jax"
+        assert parse(["bench", "--engine", "planar"]).physics.impl == impl
+        assert parse(["bench", "--engine", "planar", "--impl", "numba"]).physics.impl == "numba"
+        assert parse(["bench", "--engine", "mjx"]).physics.impl == "jax"

@@ -15,6 +15,7 @@ from helpers_rrd import read
 import iswarm_mj
 from iswarm_mj.commands import main as cli
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.units import ROBOT_DIAMETER
 
 WALK = '''
 from dataclasses import dataclass
@@ -184,3 +185,23 @@ class TestMistakes:
     def test_names_that_trajectories_or_their_writer_have(self, capfd, name):
         Path("walk.py").write_text(textwrap.dedent(WALK).replace('"turned"', f'"{name}"'))
         assert f"cannot be called {name}" in self.wrong(capfd)
+
+
+POLICY = """
+import jax.numpy as jnp
+
+from iswarm_mj.envs import PolicyStrategy
+
+def apply(step, obs):
+    return jnp.zeros((len(obs), 2)).at[:, 1].set(step)
+
+policy = PolicyStrategy(apply, jnp.float32(0.8))
+"""
+
+
+def test_a_learned_policy_is_a_whole_strategy(here):
+    (here / "learned.py").write_text(POLICY)
+    assert code_of("clean", "--strategy=learned.py:policy", *FEW, "--drive.error-step=0") == 0
+    start, end = np.load(here / "runs/clean/trajectory.npz")["pose"][:2]
+    moved = np.hypot(*(end - start)[:, :2].T)
+    assert np.median(moved) == pytest.approx(0.8 * 0.5 * ROBOT_DIAMETER, rel=1e-3)

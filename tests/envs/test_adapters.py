@@ -1,8 +1,13 @@
 """Adapters: the checks of PettingZoo and Gymnasium, what they add of their own, and what they refuse."""
 
+import copy
+import pickle
 import subprocess
 import sys
+from functools import partial
 
+import gymnasium
+import jax
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -86,6 +91,35 @@ def test_seeds_are_whole_numbers_of_any_type(one):
     (plain, _), (numpys, _), (largest, _) = (one.reset(seed=seed) for seed in (7, np.uint8(7), 2**32 - 1))
     np.testing.assert_array_equal(plain, numpys)
     assert not np.array_equal(plain, largest)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+@pytest.mark.parametrize("make", [parallel_env, single_env, partial(vector_env, num_envs=2)])
+def test_copies_are_environments_of_the_same_settings(make, copied):
+    env = make(**FEW)
+    other = copied(env)
+    (seen, _), (again, _) = env.reset(seed=3), other.reset(seed=3)
+    jax.tree.map(np.testing.assert_array_equal, again, seen)
+
+
+def test_a_critic_knows_all_observations_and_where_robots_are():
+    env = parallel_env(**FEW)
+    with pytest.raises(UserError, match="state needs an episode; call reset first"):
+        env.state()
+    seen, _ = env.reset(seed=1)
+    state, n = env.state(), len(env.agents)
+    np.testing.assert_array_equal(state[: -3 * n], np.concatenate([seen[agent] for agent in env.agents]))
+    x, y, yaw = state[-3 * n :].reshape(n, 3).T
+    assert (np.abs([x, y]) < FEW["config"].arena.size / 2).all() and np.ptp(x) > 1 and (np.abs(yaw) <= 2 * np.pi).all()
+
+
+def test_gymnasium_makes_them_by_name():
+    settings = {name: value for name, value in FEW.items() if name != "task"}
+    env = gymnasium.make("iswarm_mj.envs.gymnasium:iswarm_mj/Cleaning-v0", **settings)
+    seen, _ = env.reset(seed=2)
+    np.testing.assert_array_equal(seen, single_env(**settings).reset(seed=2)[0])
+    many = gymnasium.make_vec("iswarm_mj.envs.gymnasium:iswarm_mj/Cleaning-v0", num_envs=2, **settings)
+    assert many.reset(seed=2)[0].shape == (2, *seen.shape)
 
 
 class TestMistakes:

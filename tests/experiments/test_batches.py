@@ -107,12 +107,12 @@ def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
 class TestPlanarInBatches:
     def test_where_there_is_a_gpu(self, monkeypatch):
         with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")
-        settings = {"engine": "planar", "refinement": 10, "accuracy": 0.01}
+        settings = {"engine": "planar", "refinement": 1, "accuracy": 0.01}
         assert not with_gpu.in_batches and with_gpu.identity == settings
         monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         assert with_gpu.in_batches and with_gpu.identity == {
             "engine": "planar",
-            "refinement": 10,
+            "refinement": 1,
             "accuracy": 0.01,
             "impl": "warp",
         }

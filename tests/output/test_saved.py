@@ -128,8 +128,8 @@ class TestEveryEngine:
                 np.testing.assert_array_equal(table[name], wanted)
             for name in ("sender", "led"):
                 np.testing.assert_array_equal(table[name], getattr(links, name)[links.valid])
-            np.testing.assert_allclose(table["bearing"], links.bearing[links.valid], rtol=1e-6)
-            np.testing.assert_allclose(table["distance"], 1e-3 * links.distance[links.valid], rtol=1e-4)
+            np.testing.assert_allclose(table["bearing"], links.measured_bearing[links.valid], rtol=1e-6)
+            np.testing.assert_allclose(table["distance"], 1e-3 * links.true_distance[links.valid], rtol=1e-4)
             measured = 1e-3 * records.measured_distance[:, place][links.valid]
             np.testing.assert_allclose(table["measured_distance"], measured, rtol=1e-6)
             error = table["measured_distance"].to_numpy() / table["distance"].to_numpy()

@@ -88,7 +88,7 @@ def test_a_run_that_was_interrupted(small_run, copy):
 
 
 def test_a_trajectory_without_an_array(copy):
-    for name in ("message", "link_led", "scene_is_alive", "dust_hop"):
+    for name in ("pose", "scene_is_alive", "dust_hop"):
         with pytest.raises(UserError, match=rf"is not the trajectory\.npz of a run, for it has no array `{name}`"):
             iswarm_mj.load(copy(**{name: None}))
 
@@ -115,7 +115,7 @@ class TestNoRun:
     def test_foreign_arrays(self, copy):
         place = copy()
         np.savez(place / TRAJECTORY, a=np.zeros(3))
-        with pytest.raises(UserError, match="no array `step`"):
+        with pytest.raises(UserError, match="no array `pose`"):
             iswarm_mj.load(place)
         for arrays, said in (
             ({"step": np.array([{}])}, "is cut off or no file of arrays"),

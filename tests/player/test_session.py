@@ -42,7 +42,7 @@ def copied(session: Session) -> Session:
     """The session of the command that is copied, after the same number of steps."""
     command = parse(shlex.split(session.command())[1:])
     scenario = Scenario(*command.checked()[:2], robots=command.robots, seed=command.seed, task=command.task)
-    scenario = Scenario(**vars(scenario) | {"engine": command.engine_settings(1), "strategy": command.own})
+    scenario = Scenario(**vars(scenario) | {"engine": command.physics, "strategy": command.own})
     changes = [Change.parse(text) for text in getattr(command, "changes", ())]
     return steps(Session(scenario, changes), session.step)
 

@@ -28,7 +28,7 @@ PARTS = 200
 """After which the memory is told."""
 
 
-def swarm(n_robots, steps, refinement):
+def swarm(n_robots, steps):
     """A recorded run that never ends early, since one ball sticks for ever."""
     config, genome = SwarmConfig(), PRESETS["type1"]
     start = start_of(config, n_robots, 0, 0)
@@ -36,7 +36,7 @@ def swarm(n_robots, steps, refinement):
     works[0] = 10.0
     start = start._replace(task=start.task._replace(work_object_substrate=works))
     worlds = [World(genome, n_robots, start=start)]
-    return Run(config, genome, RunSettings(n_robots, steps), PlanarSettings(1, refinement), worlds=worlds)
+    return Run(config, genome, RunSettings(n_robots, steps), PlanarSettings(1), worlds=worlds)
 
 
 def check(run, before, record):
@@ -71,9 +71,9 @@ def check(run, before, record):
     assert max(np.abs(x).max(), np.abs(y).max()) <= mm_from_rd(config.arena.size) / 2 + OUTSIDE_MM
 
 
-def soak(n_robots, steps, out, refinement=PlanarSettings.refinement):
+def soak(n_robots, steps, out):
     """Memory after each part of a run [MB]."""
-    run = swarm(n_robots, steps, refinement)
+    run = swarm(n_robots, steps)
     recorder, before = Recorder(run, out / "clean.rrd", 0, out), run.start
     part, memory = max(steps // PARTS, 1), []
     while not run.is_over:
@@ -97,11 +97,9 @@ def test_a_short_run_keeps_its_memory(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("n_robots", "steps", "refinement"), [(20, 1_000_000, PlanarSettings.refinement), (283, 100_000, 1)]
-)
-def test_memory_is_flat(n_robots, steps, refinement, tmp_path):
-    memory = soak(n_robots, steps, tmp_path, refinement)
+@pytest.mark.parametrize(("n_robots", "steps"), [(20, 1_000_000), (283, 100_000)])
+def test_memory_is_flat(n_robots, steps, tmp_path):
+    memory = soak(n_robots, steps, tmp_path)
     first = len(memory) // 5
     later_steps = (len(memory) - 1 - first) * max(steps // PARTS, 1)
     assert max(memory) - memory[first] < GROWTH_MB + INDEX_KB / 1e3 * later_steps, memory

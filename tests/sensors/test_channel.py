@@ -46,7 +46,7 @@ def wires(n, seed=0):
 
 def send(optics, content, wiring, seed=0):
     sender, led, valid, distance = (jnp.asarray(a) for a in wiring)
-    links = Links(sender=sender, valid=valid, led=led, bearing=jnp.zeros_like(distance), distance=distance)
+    links = Links(sender, valid, led, measured_bearing=jnp.zeros_like(distance), true_distance=distance)
     noise = conditions_of(SwarmConfig(optics=optics))
     return exchange(noise, PAYLOAD, content, links, jax.random.key(seed))
 

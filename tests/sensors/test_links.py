@@ -71,7 +71,7 @@ def test_nearest_of_two_on_one_photodiode(sight):
     poses = place((0, 0, 0), facing(-16, 7.3), facing(26, 5.6))[None]
     links = sight(poses)
     assert heard(links)[0, 0] == (2, 0)
-    assert links.distance[0, 0, 0] == pytest.approx(5.6) and links.bearing[0, 0, 0] == 0
+    assert links.true_distance[0, 0, 0] == pytest.approx(5.6) and links.measured_bearing[0, 0, 0] == 0
     assert heard(sight(poses[:, :2]))[0, 0] == (1, 0)
 
 
@@ -79,8 +79,8 @@ def test_nearest_of_two_on_one_photodiode(sight):
 def test_one_sender_on_each_photodiode(sight):
     links = sight(place((0, 0, 0), facing(10, 5), facing(80, 6), facing(190, 7), facing(-95, 8))[None])
     assert {k: v for k, v in heard(links).items() if k[0] == 0} == {(0, s): (s + 1, 0) for s in range(4)}
-    np.testing.assert_allclose(links.distance[0, 0], [5, 6, 7, 8])
-    np.testing.assert_allclose(links.bearing[0, 0], np.arange(4) * np.pi / 2)
+    np.testing.assert_allclose(links.true_distance[0, 0], [5, 6, 7, 8])
+    np.testing.assert_allclose(links.measured_bearing[0, 0], np.arange(4) * np.pi / 2)
 
 
 @both_sights
@@ -182,7 +182,7 @@ def test_relabelled_robots_have_relabelled_links():
     np.testing.assert_array_equal(after.valid[0], before.valid[0, new])
     valid = after.valid[0]
     np.testing.assert_array_equal(new[after.sender[0]][valid], before.sender[0, new][valid])
-    for name in ("led", "bearing", "distance"):
+    for name in ("led", "measured_bearing", "true_distance"):
         np.testing.assert_array_equal(getattr(after, name)[0], getattr(before, name)[0, new])
 
 

@@ -125,7 +125,7 @@ def test_backs_with_two_senders_hear_as_often_as_by_hand(slots):
     quiet = (slots - 4) / slots
     nearest = quiet * (1 - 1 / slots)
     second = (1 - quiet) * quiet
-    shares = [np.mean(np.asarray(links.valid & (links.distance == d))[::3, BACK]) for d in (5.0, 6.0)]
+    shares = [np.mean(np.asarray(links.valid & (links.true_distance == d))[::3, BACK]) for d in (5.0, 6.0)]
     np.testing.assert_allclose(shares, [nearest, second], atol=5 * 0.5 / np.sqrt(n))
 
 

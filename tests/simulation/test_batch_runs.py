@@ -79,7 +79,7 @@ def test_what_is_recorded_is_what_happened(batch):
     moves = np.linalg.norm(np.diff(np.concatenate([run.start.poses, record.poses]), axis=0)[..., :2], axis=-1)
     np.testing.assert_allclose(moves.mean(axis=-1), record.speed, rtol=1e-4)
     assert sum(run.measures(w).picked for w in range(WORLDS)) > 3
-    assert run.identity == {"engine": "planar", "refinement": 10, "accuracy": 0.01, "impl": "warp"}
+    assert run.identity == {"engine": "planar", "refinement": 1, "accuracy": 0.01, "impl": "warp"}
 
 
 def test_a_fault_ends_its_world_alone(batch, monkeypatch):
@@ -169,5 +169,5 @@ class TestRefusals:
     def test_without_the_package(self, monkeypatch):
         found = importlib.util.find_spec
         monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "warp" else found(name, *a))
-        with pytest.raises(UserError, match=r"impl warp needs the package warp-lang; .*iswarm-mj\[warp\]"):
+        with pytest.raises(UserError, match=r"`impl` warp needs the package warp-lang; .*iswarm-mj\[warp\]"):
             Run(TINY, TYPE1, settings(), warp())

@@ -68,7 +68,7 @@ class TestAgainstMujocoInC:
         np.testing.assert_allclose(ours.poses, theirs.poses, atol=0.02)
         for name in ("valid", "sender", "led"):
             np.testing.assert_array_equal(getattr(ours.links, name), getattr(theirs.links, name))
-        np.testing.assert_allclose(ours.links.distance, theirs.links.distance, atol=0.02)
+        np.testing.assert_allclose(ours.links.true_distance, theirs.links.true_distance, atol=0.02)
         for name in ("step", "has_priority", "collisions", "is_running"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
         np.testing.assert_allclose(centres(ours), centres(theirs), atol=0.02)

@@ -1,75 +1,23 @@
-"""An engine from outside the package: its settings and its class are all that runs and environments need."""
+"""An engine from outside the package: runs, environments and commands take it."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, NamedTuple
+import json
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
+from helpers_cli import SMALL, code_of, refused, result
 from helpers_mjx import ran
 
 from iswarm_mj import make_env
-from iswarm_mj.engines.base import Engine, Motion, Phase, Sight, find_lost
-from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.engines.settings import EngineSettings, ModelSpec
-from iswarm_mj.sensors.links import Links
+from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.units import mm_from_rd
 
 N, STEPS = 7, 3
-
-
-class Places(NamedTuple):
-    poses: np.ndarray
-
-
-class Teleport:
-    """Robots appear where their servos would have taken them, through each other, and are blind."""
-
-    def __init__(self, model: ModelSpec, far: float):
-        self.robot, self._far = read_robot(model.robot_file), far
-        self._timestep, self._edge = model.config.drive.timestep, mm_from_rd(model.config.arena.size) / 2
-
-    def place(self, poses: Any, is_present: Any) -> Places:
-        return Places(np.array(poses, float))
-
-    def poses(self, bodies: Places) -> Any:
-        return bodies.poses
-
-    def sense(self, bodies: Places, emits: Any, is_running: Any) -> Sight:
-        shape = (*bodies.poses.shape[:2], len(self.robot.sides))
-        whole, flags, number = np.zeros(shape, np.int32), np.zeros(shape, bool), np.zeros(shape, np.float32)
-        return Sight(Links(whole, flags, whole, number, number), flags)
-
-    def move(self, bodies: Places, phases: Sequence[Phase], is_running: Any) -> Motion:
-        poses = bodies.poses
-        for phase in phases:
-            poses = poses + self._far * phase.n_substeps * self._timestep * phase.velocity(poses)
-        moves = np.asarray(is_running)[:, None]
-        fault, robot = find_lost(poses, np.broadcast_to(moves, poses.shape[:2]), self._edge)
-        poses = np.where((moves & (fault == 0)[:, None])[..., None], poses, bodies.poses)
-        return Motion(
-            Places(poses), np.zeros((len(poses), self.robot.most_partners, poses.shape[1]), np.int32), fault, robot
-        )
-
-
-@dataclass(frozen=True)
-class TeleportSettings(EngineSettings):
-    name: ClassVar[str] = "teleport"
-
-    far: Annotated[float, Within(0.1, 100)] = 1.0
-    """Factor of all distances and turns."""
-
-    @property
-    def bytes_per_robot(self) -> int:
-        return 24
-
-    def host_engine(self, model: ModelSpec) -> Callable[[int, int], Engine]:
-        return lambda n_worlds, n_threads: Teleport(model, self.far)
+NAME = f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings"
+TeleportSettings = find_engine(NAME)
 
 
 def after(poses, turn, forward):
@@ -85,7 +33,7 @@ def test_a_run_takes_it(small):
     record = ran(run)
     before = np.concatenate([run.start.poses, record.poses[:-1]])
     np.testing.assert_allclose(record.poses, after(before, *record.command), atol=1e-5)
-    assert run.identity == {"engine": "teleport"} and not run.faults and run.step == STEPS
+    assert run.identity == {"engine": "teleport", "far": 1.0} and not run.faults and run.step == STEPS
     assert np.abs(np.diff(record.poses, axis=0)).max() > 1
 
 
@@ -110,3 +58,51 @@ def test_an_environment_takes_it(small):
 def test_its_settings_are_checked():
     with pytest.raises(ConfigError, match=r"far must be between 0.1 and 100 \(got 0.0\)"):
         TeleportSettings(0.0)
+
+
+class TestCommands:
+    @pytest.fixture(autouse=True)
+    def here(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        return tmp_path
+
+    def test_its_fields_are_flags(self, here):
+        (here / "far.toml").write_text("far = 0.5")
+        found = {}
+        for far in ("--far=0.25", "--config=far.toml", "--far=1"):
+            flags = [flag for flag in SMALL if "threads" not in flag]
+            assert code_of("run", *flags, "--engine", NAME, "--steps=1", far) == 0
+            found[result("runs/task")["far"]] = np.load("runs/task/trajectory.npz")["pose"][..., :2]
+        assert result("runs/task")["engine"] == "teleport" and list(found) == [0.25, 0.5, 1.0]
+        start = {far: poses[0] for far, poses in found.items()}
+        np.testing.assert_array_equal(start[0.25], start[1.0])
+        far, near = (np.linalg.norm(found[factor][1] - found[factor][0], axis=-1) for factor in (0.5, 0.25))
+        assert far.max() > 1e-4
+        np.testing.assert_allclose(far, 2 * near, atol=1e-7)
+
+    def test_bench_takes_it(self, capfd):
+        assert code_of("bench", "--robots=5", "--engine", NAME, "--far=0.5", "--steps=2", "--warm-up=1") == 0
+        content = json.loads(capfd.readouterr().out)
+        assert (content["engine"], content["far"]) == ("teleport", 0.5)
+
+    def test_help_shows_its_flags(self, capfd):
+        assert code_of("run", "--engine", NAME, "--help") == 0
+        text = " ".join(capfd.readouterr().out.replace("│", " ").split())
+        assert "--far FLOAT Factor of all distances and turns. (between 0.1 and 100; default 1.0)" in text
+        assert "--refinement" not in text and "--threads" not in text
+
+    @pytest.mark.parametrize(
+        ("flags", "message"),
+        [
+            (["--engine", NAME, "--far=1000"], "--far must be between 0.1 and 100 (got 1000.0)"),
+            (["--engine", NAME, "--refinement=2"], f"--refinement has no effect with --engine {NAME}; leave it out"),
+            (["--engine", NAME.replace("TeleportSettings", "Teleport")], "must be a subclass of EngineSettings"),
+            (["--engine", NAME.replace("TeleportSettings", "Beam")], "has no Beam; its engines are TeleportSettings"),
+            (
+                ["--engine", "teleport"],
+                "--engine must be FILE.py:CLASS, as glide.py:Glide, or installed (mjx, ",
+            ),
+        ],
+    )
+    def test_mistakes(self, capfd, here, flags, message):
+        assert message in refused(capfd, here, "run", *flags)

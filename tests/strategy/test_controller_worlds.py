@@ -103,8 +103,8 @@ def world(rng, centre, spread):
         sender=rng.integers(0, n, (n, 4)),
         valid=np.asarray(seen.is_heard),
         led=np.asarray(seen.led),
-        bearing=np.asarray(seen.bearing),
-        distance=np.asarray(seen.distance),
+        measured_bearing=np.asarray(seen.bearing),
+        true_distance=np.asarray(seen.distance),
     )
     return poses, swarm_of(memory, balls, N_ROBOTS), links, np.asarray(seen.sees_wall)
 

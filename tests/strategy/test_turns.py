@@ -138,7 +138,7 @@ def swarm_that_hears(n_seed):
     nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n, payload=strategy.payload))
     seen = nothing._replace(
         is_heard=is_heard,
-        bearing=links.bearing,
+        bearing=links.measured_bearing,
         distance=distance,
         led=message.led,
         payload=message.payload,

@@ -1,9 +1,9 @@
 """Settings of the engine `mjx`."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.engines.settings import Devices, EngineSettings, ModelSpec
 from iswarm_mj.utils.constraints import Within
 
 if TYPE_CHECKING:
@@ -16,10 +16,9 @@ robots in crowds up to 0.2 mm off."""
 
 @dataclass(frozen=True)
 class MjxSettings(EngineSettings):
-    """MJX: all worlds in one compiled program, on GPUs and CPUs."""
+    """MJX: all worlds in a program compiled by JAX, on GPUs and CPUs."""
 
     name: ClassVar[str] = "mjx"
-    implementations: ClassVar[tuple[str, ...]] = ("jax", "warp")
 
     impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
@@ -29,13 +28,8 @@ class MjxSettings(EngineSettings):
     """Size of MJX's contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
     chunk: Annotated[int, Within(1, 10_000)] = 25
     """Control steps per call of the compiled program; faults and progress are reported between calls."""
-    devices: tuple[Any, ...] | None = None
-    """JAX devices that share the worlds; None for all visible ones."""
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """See `EngineSettings.identity`."""
-        return super().identity | {"impl": self.impl, "solver_iterations": self.solver_iterations}
+    devices: Devices = None
+    """JAX devices that share the worlds; by default all that JAX sees."""
 
     @property
     def on_host(self) -> bool:
@@ -46,11 +40,6 @@ class MjxSettings(EngineSettings):
     def bytes_per_robot(self) -> int:
         """See `EngineSettings.bytes_per_robot`; measured, see docs/performance.md."""
         return 25_000 if self.impl == "jax" else 4_000
-
-    @classmethod
-    def usual_impl(cls) -> str:
-        """See `EngineSettings.usual_impl`."""
-        return "jax"
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
         """See `EngineSettings.compiled_engine`."""

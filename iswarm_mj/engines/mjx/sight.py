@@ -126,8 +126,8 @@ def _links(config: SwarmConfig, arena: MjxArena, poses: Array, search: Search) -
         sender=sender,
         valid=valid,
         led=known(views.led, jnp.int32),
-        bearing=known(views.bearing, jnp.float32),
-        distance=known(jnp.sqrt(dx * dx + dy * dy), jnp.float32),
+        measured_bearing=known(views.bearing, jnp.float32),
+        true_distance=known(jnp.sqrt(dx * dx + dy * dy), jnp.float32),
     )
 
 

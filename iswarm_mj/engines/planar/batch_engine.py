@@ -27,7 +27,7 @@ from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD
 
-ROBOTS_PER_WARP = 140
+ROBOTS_PER_WARP = 70
 """In a world, for each 32 threads of its block."""
 
 

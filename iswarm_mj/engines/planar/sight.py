@@ -19,8 +19,8 @@ def empty_sight(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> S
         sender=np.zeros(shape, np.int32),
         valid=np.zeros(shape, np.bool_),
         led=np.zeros(shape, np.int32),
-        bearing=np.zeros(shape, np.float32),
-        distance=np.zeros(shape, np.float32),
+        measured_bearing=np.zeros(shape, np.float32),
+        true_distance=np.zeros(shape, np.float32),
     )
     return Sight(links, np.zeros(shape[:3], np.bool_))
 
@@ -71,7 +71,7 @@ def sense(
                         break
                     here = world, i, side, rank
                     links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
-                    links.bearing[here], links.distance[here] = link_to(view, code, light, points)
+                    links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
                 sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, boxes)
 
 

@@ -249,7 +249,7 @@ TESTS: Mapping[str, Test] = {
     "same dust": _same_by_rate(DUST),  # by construction: runs stop at the goal
     "same collisions": _same_by_rate(COLLISIONS),
     "same carriage": _same_by_rate(CARRIAGE),
-    "overlap": _overlap,  # fitted: the planar engine's default refinement was set by this
+    "overlap": _overlap,  # fitted: how fine a step must be was found in such runs
     "step time": lambda rows: Judged(_observed(rows, "ms_per_step", np.median, "ms"), ""),
     "refused": lambda rows: Judged(_refused(rows), ""),
 }

@@ -15,6 +15,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.constraints import choices
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.jax_setup import can_use_warp
 
@@ -43,7 +44,7 @@ def first_settings(engine: str, threads: int, refinement: int, prefer_host: bool
         refinement: of engines that have one.
         prefer_host: use an implementation on the host, where there is one.
     """
-    impls = ENGINES[engine].implementations
+    impls = choices(ENGINES[engine], "impl")
     impl = None if not impls else "warp" if can_use_warp() and not prefer_host else impls[0]
     return engine_settings(
         engine, threads=threads, refinement=refinement, impl=impl, contact_capacity=FIRST_CAPACITY.get(impl)

@@ -10,13 +10,14 @@ from helpers_small import SMALL
 from helpers_touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD
+FINE = 10
+"""Parts of a physics step, of runs whose robots hardly overlap."""
 CLOSE = 0.02
 """Of positions at the end of a control step: how far MJX's may be from those of MuJoCo in C."""
 
@@ -48,7 +49,7 @@ def walled_crowd(n_worlds, rng, n_robots=25):
 
 class TestCrowds:
     @pytest.mark.parametrize("tune", [None, long_hulls], ids=["square", "long"])
-    @pytest.mark.parametrize("refinement", [1, PlanarSettings.refinement])
+    @pytest.mark.parametrize("refinement", [1, FINE])
     @pytest.mark.parametrize("place", [crowd, walled_crowd])
     def test_they_end_where_those_of_the_other_engine_end(self, place, refinement, tune):
         rng = np.random.default_rng(1)
@@ -142,8 +143,7 @@ class TestPairsInContact:
             command = Command(rng.uniform(-0.6, 0.6, (2, 60)), rng.uniform(0.0, np.sqrt(2), (2, 60)))
             phases = drive_phases(SMALL.drive, Command(*map(rounded, command)))
             plain, batch = (
-                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool))
-                for engine in engines(PlanarSettings.refinement)
+                engine.move(placed(engine, rounded(poses)), phases, np.ones(2, bool)) for engine in engines(FINE)
             )
             np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 10)
             np.testing.assert_array_equal(batch.touching, plain.touching)
@@ -159,9 +159,7 @@ class TestBits:
 
     def test_repeats_are_the_same(self):
         start, velocity, present = self.start(np.random.default_rng(8))
-        one, again = (
-            both_move(start, velocity, present=present, refinement=PlanarSettings.refinement)[1] for _ in range(2)
-        )
+        one, again = (both_move(start, velocity, present=present, refinement=FINE)[1] for _ in range(2))
         assert same_bits(one, again) and one.touching.any(axis=(1, 2)).all()
 
     def test_companions_do_not_matter(self):

@@ -35,8 +35,8 @@ def assert_same_sight(got, expected):
     """All that is discrete equal; angles and distances within rounding."""
     for name in ("sender", "valid", "led"):
         np.testing.assert_array_equal(getattr(got.links, name), getattr(expected.links, name))
-    np.testing.assert_allclose(got.links.bearing, expected.links.bearing, atol=2e-5)
-    np.testing.assert_allclose(got.links.distance, expected.links.distance, atol=2e-5)
+    np.testing.assert_allclose(got.links.measured_bearing, expected.links.measured_bearing, atol=2e-5)
+    np.testing.assert_allclose(got.links.true_distance, expected.links.true_distance, atol=2e-5)
     np.testing.assert_array_equal(got.sees_wall, expected.sees_wall)
 
 

@@ -1,0 +1,104 @@
+"""A policy that was learned on an environment, as a strategy: runs, recordings and comparisons take it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.envs import actions, observations
+from iswarm_mj.envs.make import as_payload, task_of
+from iswarm_mj.envs.observations import Row
+from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.robot import Robot
+
+
+class PolicyStrategy:
+    """Robots that act by a policy, as those of `make_env` with the same task and payload.
+
+    Each robot's observation is a row of `Env.observations`, and the policy's output a row of `Env.actions`.
+    """
+
+    def __init__(
+        self,
+        apply: Callable[..., Any],
+        params: Any,
+        payload: Any = None,
+        task: Any = "cleaning",
+        memory: Callable[[int], Any] | None = None,
+    ):
+        """Keep the policy.
+
+        Args:
+            apply: pure JAX; of the weights and the observations (N, D) it returns actions (N, A) from -1 to 1. Of a
+                policy with memory, it takes that as a third argument, and returns actions and the next memory.
+            params: weights, a pytree of arrays.
+            payload: of the environment, see `make_env`.
+            task: of the environment; it names what robots sense beside balls and dump.
+            memory: returns the first memory of N robots, a pytree of arrays with the robots as first axis.
+
+        Raises:
+            UserError: the task or the payload is none.
+        """
+        self.apply, self.params, self.memory = apply, params, memory
+        self.payload, self.task = as_payload(payload), task_of(task)
+
+    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Policy":
+        """Return the policy of robots in this configuration."""
+        del n_robots
+        return Policy(self.params, self.apply, self.memory, self.payload, Interface(config, robot, self.task))
+
+
+@dataclass(frozen=True)
+class Interface:
+    """What observations and actions of a policy mean."""
+
+    config: SwarmConfig
+    robot: Robot
+    task: Any
+
+    def observations(self, payload: Payload, seen: Observation) -> list[Row]:
+        """Return what robots that observe this observe, see `observations.rows`."""
+        sizes = ((name, int(np.prod(value.shape[1:], dtype=int))) for name, value in seen.sensed.items())
+        senses = {name: (self.task.senses[name], size) for name, size in sizes}
+        return observations.rows(self.config, self.robot, payload, senses)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """The `Strategy` of a policy; see `PolicyStrategy` for what its fields are."""
+
+    params: Any
+    apply: Callable[..., Any] = field(metadata={"static": True})
+    initial: Callable[[int], Any] | None = field(metadata={"static": True})
+    payload: Payload
+    interface: Interface = field(metadata={"static": True})
+
+    def init(self, n_robots: int, key: Array) -> dict[str, Any]:
+        """Return the policy's memory, and what robots say before their first action."""
+        own = () if self.initial is None else self.initial(n_robots)
+        return {"own": own, "said": actions.silence(self.payload, n_robots), "picks": jnp.ones(n_robots, bool)}
+
+    def say(self, memory: dict[str, Any], is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
+        """Return what the last action said."""
+        return memory["said"]
+
+    def picks(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
+        """All robots pick up balls."""
+        return memory["picks"]
+
+    def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
+        """Return what the policy does, and remember what it says; an action that is not finite is a fault."""
+        obs = observations.encode(self.interface.observations(self.payload, observation), observation)
+        if self.initial is None:
+            own, action = (), self.apply(self.params, obs)
+        else:
+            action, own = self.apply(self.params, obs, memory["own"])
+        command, said, is_bad = actions.decode(actions.rows(self.interface.config, self.payload), action)
+        command = Command(*(jnp.where(is_bad, jnp.nan, part) for part in command))
+        return {"own": own, "said": said, "picks": memory["picks"]}, command

@@ -1,0 +1,65 @@
+"""An engine from outside the package, in one file: its settings and its class are all that it needs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from iswarm_mj.engines.base import Engine, Motion, Phase, Sight, find_lost
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.sensors.links import Links
+from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.units import mm_from_rd
+
+
+class Places(NamedTuple):
+    poses: np.ndarray
+
+
+class Teleport:
+    """Robots appear where their servos would have taken them, through each other, and are blind."""
+
+    def __init__(self, model: ModelSpec, far: float):
+        self.robot, self._far = read_robot(model.robot_file), far
+        self._timestep, self._edge = model.config.drive.timestep, mm_from_rd(model.config.arena.size) / 2
+
+    def place(self, poses: Any, is_present: Any) -> Places:
+        return Places(np.array(poses, float))
+
+    def poses(self, bodies: Places) -> Any:
+        return bodies.poses
+
+    def sense(self, bodies: Places, emits: Any, is_running: Any) -> Sight:
+        shape = (*bodies.poses.shape[:2], len(self.robot.sides))
+        whole, flags, number = np.zeros(shape, np.int32), np.zeros(shape, bool), np.zeros(shape, np.float32)
+        return Sight(Links(whole, flags, whole, number, number), flags)
+
+    def move(self, bodies: Places, phases: Sequence[Phase], is_running: Any) -> Motion:
+        poses = bodies.poses
+        for phase in phases:
+            poses = poses + self._far * phase.n_substeps * self._timestep * phase.velocity(poses)
+        moves = np.asarray(is_running)[:, None]
+        fault, robot = find_lost(poses, np.broadcast_to(moves, poses.shape[:2]), self._edge)
+        poses = np.where((moves & (fault == 0)[:, None])[..., None], poses, bodies.poses)
+        return Motion(
+            Places(poses), np.zeros((len(poses), self.robot.most_partners, poses.shape[1]), np.int32), fault, robot
+        )
+
+
+@dataclass(frozen=True)
+class TeleportSettings(EngineSettings):
+    """Robots go through each other."""
+
+    name: ClassVar[str] = "teleport"
+
+    far: Annotated[float, Within(0.1, 100)] = 1.0
+    """Factor of all distances and turns."""
+
+    @property
+    def bytes_per_robot(self) -> int:
+        return 24
+
+    def host_engine(self, model: ModelSpec) -> Callable[[int, int], Engine]:
+        return lambda n_worlds, n_threads: Teleport(model, self.far)

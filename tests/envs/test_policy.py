@@ -1,0 +1,89 @@
+"""Policies of environments as strategies: a run does what the environment did."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_envs import SMALL, poses_of
+from helpers_tasks import Eastward
+
+from iswarm_mj import make_env
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.envs import PolicyStrategy
+from iswarm_mj.sensors.fields import Integer, Vector
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.worlds import World, starts_of
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.errors import FaultKind
+
+KEYS = jax.random.split(jax.random.key(7), 1)
+FIELDS = {"count": Integer(3), "home": Vector(20.0, 4, 4, 2)}
+N, STEPS, SEED = 12, 10, 3
+
+
+def linear(params, obs):
+    return jnp.tanh(obs @ params["weights"] + params["bias"])
+
+
+def counting(params, obs, count):
+    """Robots that say their number of the step, and go the farther the larger it is."""
+    action = linear(params, obs).at[:, 1].set(count / 20)
+    return action, count + 1
+
+
+def run_like(env, strategy, engine, task=CLEANING):
+    """A run in the first episode of an environment."""
+    start_key, key, _ = jax.random.split(KEYS[0], 3)
+    index = int(jax.random.randint(start_key, (), 0, 4))
+    start = starts_of(SMALL, task, read_robot(), [World(PRESETS["type1"], N, SEED, index)])[0]
+    start = start._replace(poses=start.poses.astype(np.float32).astype(float))
+    world = World(PRESETS["type1"], N, start=start, key=key)
+    return Run(SMALL, strategy=strategy, settings=RunSettings(N, STEPS), engine=engine, worlds=[world], task=task)
+
+
+def params_of(env):
+    rng = np.random.default_rng(0)
+    weights = rng.normal(0, 0.3, (env.observation_size, env.action_size)).astype(np.float32)
+    return {"weights": jnp.asarray(weights), "bias": jnp.zeros(env.action_size).at[1].set(0.5)}
+
+
+@pytest.mark.parametrize("memory", [None, jnp.ones], ids=["without memory", "with memory"])
+def test_runs_do_what_the_environment_did(memory):
+    engine = PlanarSettings(1)
+    env = make_env(n_robots=N, config=SMALL, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=SEED)
+    params, apply = params_of(env), linear if memory is None else counting
+    run = run_like(env, PolicyStrategy(apply, params, FIELDS, memory=memory), engine)
+    state, own, heard = env.reset(KEYS), None if memory is None else memory(N), 0
+    for _ in range(STEPS):
+        obs = jnp.asarray(state.obs[0])
+        action, own = (apply(params, obs), None) if memory is None else apply(params, obs, own)
+        record = run.advance()
+        heard += int(np.asarray(env.named(state.obs)["heard_count"]).sum())
+        state = env.step(state, np.asarray(action)[None])
+        np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
+        np.testing.assert_array_equal(state.metrics["picked"], record.swarm.task.was_picked.sum(axis=-1)[0])
+    assert heard > 20 and np.ptp(np.asarray(action)[:, 0]) > 0.1
+
+
+def test_what_a_task_lets_robots_sense_is_observed():
+    task, engine = Eastward(), PlanarSettings(1)
+    env = make_env(task, n_robots=N, config=SMALL, engine=engine, n_worlds=1, n_starts=4, seed=SEED)
+    params = params_of(env)
+    run = run_like(env, PolicyStrategy(linear, params, task=task), engine, task)
+    state = env.reset(KEYS)
+    for _ in range(3):
+        action = linear(params, jnp.asarray(state.obs[0]))
+        state, record = env.step(state, np.asarray(action)[None]), run.advance()
+        np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
+
+
+def test_an_action_that_is_not_finite_is_a_fault_of_its_robot():
+    def broken(params, obs):
+        return jnp.zeros((len(obs), 2)).at[4, 1].set(jnp.nan)
+
+    run = run_like(None, PolicyStrategy(broken, {}), PlanarSettings(1))
+    run.advance()
+    assert [(fault.kind, fault.robot) for fault in run.faults] == [(FaultKind.COMMAND_NOT_FINITE, 4)]
