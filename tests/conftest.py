@@ -95,6 +95,8 @@ def pytest_configure(config):
 
 MOST_MEMORY = 1.5e9
 """Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
+REGROWTH = 0.5e9
+"""Since the system gets little back when they go, by how much it grows until they go again [bytes]."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -102,9 +104,15 @@ def _programs_go():
     """All that JAX compiled would take gigabytes in the end."""
     import jax  # after iswarm_mj, which sets the level of XLA's log before JAX does
 
+    global limit
     yield
-    if psutil.Process().memory_info().rss > MOST_MEMORY:
+    if psutil.Process().memory_info().rss > limit:
         jax.clear_caches()
+        gc.collect()
+        limit = max(MOST_MEMORY, psutil.Process().memory_info().rss + REGROWTH)
+
+
+limit = MOST_MEMORY
 
 
 @pytest.fixture(autouse=True)
