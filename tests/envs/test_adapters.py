@@ -165,10 +165,6 @@ class TestMistakes:
         with pytest.raises(UserError, match=r"must have the shape \(2, 5, 3\)"):
             batch.step(np.zeros((5, 3)))
 
-    def test_unknown_tasks(self):
-        with pytest.raises(UserError, match="cleanin"):
-            parallel_env("cleanin")
-
     @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
     @pytest.mark.parametrize("name", ["n_robot", "n_worlds"])
     def test_unknown_settings(self, make, name):

@@ -23,8 +23,6 @@ from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
 
 TYPE1 = PRESETS["type1"]
-CROWD = 100
-"""Robots in the densest swarm, and the capacity of another one, which shares its program."""
 
 
 DAMP = GripperConfig(relative_humidity=80.0, work_tool_object=2e-3)
@@ -179,12 +177,6 @@ class TestWhatDoesNotFit:
         strategy = vector_strategies(small, read_robot(), [World(TYPE1, 5)] * 2)
         with pytest.raises(UserError, match=r"array of shape \(2,\); .* that of the 1 worlds"):
             Run(small, TYPE1, RunSettings(5, 3), strategy=strategy, strategy_per_world=True)
-
-    def test_measures_of_a_world_that_is_not_there(self, small):
-        run = Run(small, TYPE1, RunSettings(5, 3))
-        for world in (-1, 1):
-            with pytest.raises(IndexError, match="between 0 and 0"):
-                run.measures(world)
 
 
 @pytest.mark.parametrize(("share", "n_scouts"), [(0.27, 3), (0.23, 2)])
