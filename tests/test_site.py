@@ -80,7 +80,7 @@ def test_commands_are_understood(page, command, example, monkeypatch):
         assert end.value.code == 0
     else:
         if "--worlds 1024" in command:  # which is for a GPU
-            monkeypatch.setattr("iswarm_mj.engines.planar.settings.can_use_warp", lambda: True)
+            monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         parsed = parse(words)
         if hasattr(parsed, "checked"):
             parsed.checked()

@@ -24,7 +24,8 @@ class Bench(Swarm):
         from iswarm_mj.simulation.settings import RunSettings
         from iswarm_mj.workflows.benchmark import bench
 
-        chunk = 1 if self.physics.on_host else min(self.physics.chunk, self.steps)
+        engine = self.engine_settings
+        chunk = 1 if engine.on_host else min(engine.chunk, self.steps)
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
         settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=())
-        bench(replace(self, physics=self.physics.in_chunks(chunk)).run_of(config, genome, settings), warm_up)
+        bench(replace(self, physics=engine.in_chunks(chunk)).run_of(config, genome, settings), warm_up)

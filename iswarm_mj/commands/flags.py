@@ -56,7 +56,8 @@ def in_flags(error: UserError | SimulationFault, known: Collection[str]) -> str:
 
 def usual(command: Any) -> Any:
     """Return a command with the defaults of its flags, those of its `reading` and of its engine included."""
-    given = {"physics": command.physics.usual()} if hasattr(command, "physics") else {}
+    physics = getattr(command, "physics", None)
+    given = {} if physics is None else {"physics": physics.usual()}
     if hasattr(command, "reading"):
         given |= {"reading": command.reading, **vars(READINGS[command.reading])}
     return type(command)(**given)

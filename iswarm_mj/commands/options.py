@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
+import tyro
+
+from iswarm_mj.commands.flags import refuse
 from iswarm_mj.config import (
     ArenaConfig,
     DriveConfig,
@@ -12,20 +15,18 @@ from iswarm_mj.config import (
     StrategyConfig,
     SwarmConfig,
 )
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.registry import EngineName, engines_with
+from iswarm_mj.engines.registry import described, find_engine
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.limits import Seed, Workers
-from iswarm_mj.utils.constraints import Needs, constraint_of
+from iswarm_mj.utils.constraints import Needs, check
 
-_ENGINE = {name: Needs("engine", tuple(engines_with(name))) for name in ("refinement", "threads")}
-Refinement: TypeAlias = Annotated[int, constraint_of(PlanarSettings, "refinement"), _ENGINE["refinement"]]
-Threads: TypeAlias = Annotated[int, constraint_of(MujocoSettings, "threads"), _ENGINE["threads"]]
+_ENGINE = f"Physics engine: {described()}; or a class in a file. Its settings become flags, see --engine ... --help."
+EngineName: TypeAlias = Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME", help=_ENGINE)]
 
 
 @dataclass(frozen=True)
 class ConfigOptions:
-    """The configuration, one group of flags for each of its parts."""
+    """The configuration, one group of flags for each of its parts; and the engine, whose flags have no group."""
 
     reading: Literal["paper", "initial"] = "paper"
     """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, or that of
@@ -36,6 +37,14 @@ class ConfigOptions:
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
     energy: EnergyConfig = field(default_factory=EnergyConfig)
+    engine: EngineName = "mujoco"
+    physics: EngineSettings | None = None
+    """The engine with the values of its flags."""
+
+    @property
+    def engine_settings(self) -> Any:
+        """Settings of the engine, by default those for this machine."""
+        return find_engine(self.engine).usual() if self.physics is None else self.physics
 
     @property
     def config(self) -> SwarmConfig:
@@ -56,10 +65,6 @@ class ManyRunsOptions(ConfigOptions):
 
     seed: Seed = 0
     """Seed of all random numbers."""
-    engine: EngineName = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (faster; many times so in batches on an NVIDIA GPU if there is one) or mjx
-    (JAX, runs batched on a GPU)."""
-    refinement: Refinement = PlanarSettings.refinement
     workers: Annotated[Workers, Needs("in_processes", why="with runs in batches, which take one process")] = 0
     """Worker processes, except for batches; 0 for one per core. The results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
@@ -67,12 +72,18 @@ class ManyRunsOptions(ConfigOptions):
 
     @property
     def execution(self) -> Any:
-        """The `Execution` of the runs."""
+        """The `Execution` of the runs.
+
+        Raises:
+            UserError: workers cannot take the engine or its settings.
+        """
         from iswarm_mj.experiments.runner.pool import Execution
 
-        return Execution(self.engine, self.workers, self.backend, self.refinement)
+        check("engine", self.engine, "one that is installed, since workers import it", ":" not in self.engine)
+        refuse(self, ["threads"], "with many runs, each of which has one")
+        return Execution(self.engine_settings, self.workers, self.backend)
 
     @property
     def in_processes(self) -> bool:
         """Whether runs are computed one by one, by workers."""
-        return not self.execution.in_batches
+        return self.engine_settings.on_host

@@ -46,7 +46,7 @@ class Play(WithTask):
             self.task,
             self.robots if self.density is None else n_robots,
             self.seed,
-            self.physics,
+            self.engine_settings,
             self.robot,
             None if is_genome else self.controller,
             self.task_name,

@@ -9,7 +9,6 @@ import tyro
 from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
 from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
@@ -22,8 +21,6 @@ GenomeOverrides = make_dataclass(
     namespace={"described_by": Genome, "__doc__": "Single parameters of the genome (Table 2 of the paper)."},
     frozen=True,
 )
-
-_ENGINE = f"Physics engine: {described()}; or a class in a file. Its settings become flags, see --engine ... --help."
 
 MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
 """Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
@@ -51,17 +48,12 @@ class Swarm(ConfigOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
-    engine: Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME", help=_ENGINE)] = "mujoco"
     override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
     own: Any = None
     """The strategy with the values of its flags, where `controller` names one; an object of `Genome`, or another."""
-    physics: Any = None
-    """The `EngineSettings` with the values of its flags; by default those of `engine` for this machine."""
 
     def __post_init__(self):
         validate(self)
-        if self.physics is None:
-            object.__setattr__(self, "physics", find_engine(self.engine).usual())
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """Return the configuration, the genome and the number of robots.
@@ -75,7 +67,7 @@ class Swarm(ConfigOptions):
         genome = self.own if is_genome else overridden(load_genome(self.genome), vars(self.override))
         config = self.config
         n_robots = self._n_robots(config, genome)
-        n_worlds = MAX_ROBOTS["host" if self.physics.on_host else "devices"] // n_robots
+        n_worlds = MAX_ROBOTS["host" if self.engine_settings.on_host else "devices"] // n_robots
         constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
         check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
         return config, genome, n_robots
@@ -124,7 +116,7 @@ class Swarm(ConfigOptions):
                 config,
                 genome,
                 settings,
-                self.physics,
+                self.engine_settings,
                 strategy=None if isinstance(self.own, Genome) else self.own,
                 task=self.task,
                 robot_file=self.robot,

@@ -6,11 +6,8 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
-from iswarm_mj.commands.options import ConfigOptions, Refinement, Threads
-from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.registry import EngineName
+from iswarm_mj.commands.options import ConfigOptions, EngineName
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
-from iswarm_mj.utils.constraints import Needs
 
 
 @dataclass(frozen=True)
@@ -25,10 +22,6 @@ class Train(TrainingPlan, ConfigOptions):
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
     engine: EngineName = "planar"
-    """Physics: planar or mjx (on an NVIDIA GPU if there is one), or mujoco (C); all in one process."""
-    refinement: Refinement = PlanarSettings.refinement
-    threads: Annotated[Threads, Needs("on_host", why="with batches, which use no threads")] = 0
-    """Number of threads on a CPU, 0 for one per core; results do not depend on it."""
     out: Path = Path("runs/train")
     """Directory for the results. To continue a training in it, pass --resume."""
     resume: bool = False
@@ -48,15 +41,5 @@ class Train(TrainingPlan, ConfigOptions):
         check_robots(self.config.arena, self.robots)
         plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
-        train(training, strategy, self.out, self._settings, task=CLEANING, resume=self.resume)
-
-    @property
-    def _settings(self) -> Any:
-        from iswarm_mj.experiments.runner.batches import first_settings
-
-        return first_settings(self.engine, self.threads, self.refinement)
-
-    @property
-    def on_host(self) -> bool:
-        """Whether threads of the CPU do all."""
-        return self._settings.on_host
+        engine = self.engine_settings.for_batches()
+        train(training, strategy, self.out, engine, task=CLEANING, resume=self.resume)

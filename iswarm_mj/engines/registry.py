@@ -1,7 +1,6 @@
 """All engines. An engine is a folder with its settings, and its line here; or a class of a user."""
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, Literal
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -23,11 +22,6 @@ SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fi
 IDENTITY = ("engine", *(name for name in SETTINGS if name not in OF_MACHINE))
 """Keys of the `identity` of an engine; each has some of them."""
 
-if TYPE_CHECKING:
-    EngineName = str
-else:
-    EngineName = Literal[tuple(ENGINES)]
-
 
 def find_engine(name: str) -> type[EngineSettings]:
     """Return the settings of an engine.
@@ -48,14 +42,3 @@ def described() -> str:
     """Return the names of all engines, each with the first line of its docstring."""
     texts = {name: (engine.__doc__ or "").partition("\n")[0].rstrip(".") for name, engine in ENGINES.items()}
     return ", ".join(f"{name} ({text})" for name, text in texts.items())
-
-
-def engine_settings(name: str, **given: Any) -> EngineSettings:
-    """Return the settings of an engine, from values of which it takes those that it has; None is its own default."""
-    own = {f.name for f in fields(ENGINES[name])}
-    return ENGINES[name](**{key: value for key, value in given.items() if key in own and value is not None})
-
-
-def engines_with(setting: str) -> list[str]:
-    """Return the names of the engines that have a setting; none for what is no setting of an engine."""
-    return [name for name, engine in ENGINES.items() if setting in {f.name for f in fields(engine)}]

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.utils.constraints import check, validate
+from iswarm_mj.utils.constraints import check, choices, validate
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.jax_setup import can_use_warp
 
 if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine, Engine
@@ -75,8 +76,12 @@ class EngineSettings(ABC):
 
     @classmethod
     def usual(cls) -> Self:
-        """Return the settings for this machine, which are the defaults of the flags."""
-        return cls()
+        """Return the settings for this machine, which are the defaults of the flags: on an NVIDIA GPU with Warp."""
+        return cls(**{"impl": "warp"} if "warp" in choices(cls, "impl") and can_use_warp() else {})
+
+    def for_batches(self) -> Self:
+        """Return these settings with the contact buffers, if any, with which batches of many runs begin."""
+        return self
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
         """Return what makes an engine on the host for a number of worlds and of threads."""

@@ -109,9 +109,11 @@ class SavedRun:
     def _table(self, name: str) -> pa.Table:
         self._check_recorded()
         try:
-            return pa.concat_tables([table_of(name, self._arrays[n], scene) for n, scene in self.scenes.items()])
+            tables = [table_of(name, self._arrays[n], scene) for n, scene in self.scenes.items()]
+            return pa.concat_tables(tables, promote_options="default")  # null where a world lacks a column
         except (ValueError, TypeError, IndexError, KeyError, pa.ArrowException) as error:
-            raise UserError(f"{self.path}: the recorded arrays do not fit each other ({error}); {REMEDY}.") from None
+            cause = str(error).partition("\n")[0]
+            raise UserError(f"{self.path}: the recorded arrays do not fit each other ({cause}); {REMEDY}.") from None
 
     def _check_recorded(self) -> None:
         if not self._arrays:

@@ -6,7 +6,7 @@ import pytest
 from helpers_cli import code_of
 
 from iswarm_mj.commands.flags import in_flags
-from iswarm_mj.commands.main import COMMANDS, parse
+from iswarm_mj.commands.main import parse
 from iswarm_mj.config import READINGS
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault
 
@@ -85,4 +85,4 @@ def test_flags_go_before_the_reading(order):
 def test_settings_in_messages_are_flags(error, text):
     from iswarm_mj.commands.flags import settings
 
-    assert in_flags(error, [name for name, *_ in settings(COMMANDS["clean"](engine="mjx"))]) == text
+    assert in_flags(error, [name for name, *_ in settings(parse(["clean", "--engine", "mjx"]))]) == text

@@ -119,7 +119,7 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
 
     @pytest.mark.parametrize(("has_gpu", "impl"), [(True, "warp"), (False, "numba")])
     def test_is_the_default_where_there_is_a_gpu(self, monkeypatch, has_gpu, impl):
-        monkeypatch.setattr("iswarm_mj.engines.planar.settings.can_use_warp", lambda: has_gpu)
-        assert parse(["bench", "--engine", "planar"]).physics.impl == impl
-        assert parse(["bench", "--engine", "planar", "--impl", "numba"]).physics.impl == "numba"
-        assert parse(["bench", "--engine", "mjx"]).physics.impl == "jax"
+        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: has_gpu)
+        assert parse(["bench", "--engine", "planar"]).engine_settings.impl == impl
+        assert parse(["bench", "--engine", "planar", "--impl", "numba"]).engine_settings.impl == "numba"
+        assert parse(["bench", "--engine", "mjx"]).engine_settings.impl == ("warp" if has_gpu else "jax")

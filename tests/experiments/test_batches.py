@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 from helpers_jobs import jobs_of, outcomes_of
 
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import batches
 from iswarm_mj.experiments.runner.jobs import Job, run_job
@@ -14,9 +15,9 @@ from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.errors import FaultKind, SimulationFault
+from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault
 
-MJX = Execution("mjx")
+MJX = Execution(MjxSettings())
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +58,8 @@ class TestMjx:
         return Crowded, begun
 
     @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
-    def test_a_crowded_batch_gets_larger_buffers(self, jobs, monkeypatch, tried, impl, expected):
-        monkeypatch.setattr(batches, "can_use_warp", lambda: impl == "warp")
-        assert [outcome.measures.delivered for outcome in outcomes_of(jobs[:1], MJX)] == [30]
+    def test_a_crowded_batch_gets_larger_buffers(self, jobs, tried, impl, expected):
+        assert [one.measures.delivered for one in outcomes_of(jobs[:1], Execution(MjxSettings(impl)))] == [30]
         assert [size for size, _ in tried[1]] == expected
 
     @pytest.mark.parametrize("kind, expected", [(FaultKind.TOO_MANY_CONTACTS, [1, 2, 4, 8]), (FaultKind.OUTSIDE, [1])])
@@ -106,17 +106,15 @@ def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
 
 class TestPlanarInBatches:
     def test_where_there_is_a_gpu(self, monkeypatch):
-        with_gpu, spread = Execution("planar"), Execution("planar", backend="ray")
+        without = Execution(PlanarSettings.usual())
         settings = {"engine": "planar", "refinement": 1, "accuracy": 0.01}
-        assert not with_gpu.in_batches and with_gpu.identity == settings
-        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
-        assert with_gpu.in_batches and with_gpu.identity == {
-            "engine": "planar",
-            "refinement": 1,
-            "accuracy": 0.01,
-            "impl": "warp",
-        }
-        assert not spread.in_batches and spread.settings == PlanarSettings(1)
+        assert not without.in_batches and without.identity == settings and without.settings == PlanarSettings(1)
+        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
+        with_gpu = Execution(PlanarSettings.usual())
+        assert with_gpu.in_batches and with_gpu.identity == settings | {"impl": "warp"}
+        assert Execution(MjxSettings.usual()).settings == MjxSettings("warp", contact_capacity=4.0)
+        with pytest.raises(ConfigError, match="backend must be processes with `engine` planar and `impl` warp"):
+            Execution(PlanarSettings.usual(), backend="ray")
         assert not Execution().in_batches
 
     def test_a_job_that_finishes_early_took_so_many_steps(self, small, monkeypatch):
@@ -129,7 +127,6 @@ class TestPlanarInBatches:
 
     def test_jobs_end_as_alone(self, small, monkeypatch):
         """Jobs of two lengths and of different numbers of robots, some of them dead, as two batches."""
-        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
         given = [(12, 1, 20, 0.0), (10, 2, 20, 0.5), (12, 3, 10, 0.0)]
         jobs = [Job(small, Genome(), n, seed, steps=steps, failed_fraction=dead) for n, seed, steps, dead in given]
         begun = []
@@ -139,7 +136,7 @@ class TestPlanarInBatches:
             return Run(*arguments, **parts)
 
         monkeypatch.setattr(batches, "Run", run)
-        batched = outcomes_of(jobs, Execution("planar"))
+        batched = outcomes_of(jobs, Execution(PlanarSettings(impl="warp")))
         assert begun == [2, 1]
         assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
         assert sum(o.measures.picked for o in batched) > 3

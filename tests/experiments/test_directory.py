@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from helpers_outcomes import PLAN, done
 
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.experiments.analysis.findings import TOO_FEW
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.experiment import Entry, Plan, run_experiment
@@ -56,7 +57,7 @@ class TestDirectory:
         assert len(counted) == 8 and (tmp_path / "density.parquet").read_bytes() == table
         run_experiment(EXPERIMENTS["density"], replace(plan, seed=1), tmp_path)
         assert len(counted) == 16
-        run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution("mjx"))
+        run_experiment(EXPERIMENTS["density"], plan, tmp_path, Execution(MjxSettings()))
         assert len(counted) == 24
         run_experiment(EXPERIMENTS["density"], plan, tmp_path, again=True)
         assert len(counted) == 32

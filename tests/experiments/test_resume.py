@@ -9,7 +9,7 @@ import pytest
 from helpers_search import SEARCH, contents, genome_of, pretend
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.experiments.runner import batches
+from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.journal import count
@@ -35,18 +35,18 @@ class TestResume:
     @pytest.mark.parametrize("method", METHODS)
     def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method, engine):
         """With batches a generation that is known in part is run again as a whole, in all replicates."""
-        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
+        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", 1)
         search = replace(SEARCH, method=method, replicates=2)
         pretend(monkeypatch)
-        run_search(search, tmp_path / "whole", execution=Execution(engine, workers=1))
+        run_search(search, tmp_path / "whole", execution=Execution(find_engine(engine).usual(), workers=1))
         for number, breaks_after in enumerate((0, 33, 119)):
             out = tmp_path / str(number)
             pretend(monkeypatch, breaks_after)
             with pytest.raises(KeyboardInterrupt):
-                run_search(search, out, execution=Execution(engine, workers=2))
+                run_search(search, out, execution=Execution(find_engine(engine).usual(), workers=2))
             begun = pretend(monkeypatch)
-            run_search(search, out, resume=True, execution=Execution(engine, workers=3))
+            run_search(search, out, resume=True, execution=Execution(find_engine(engine).usual(), workers=3))
             assert contents(out) == contents(tmp_path / "whole")
             assert len(begun) == 120 - (breaks_after if engine == "mujoco" else breaks_after // 20 * 20)
 

@@ -8,8 +8,9 @@ import pytest
 from helpers_search import SEARCH, contents, genome_of, pretend, worth
 
 from iswarm_mj.commands import main as cli
+from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.experiments.analysis.evolution import best_of, by_replicate
-from iswarm_mj.experiments.runner import batches, pool
+from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.evolution import Operators, ranges, to_vector
 from iswarm_mj.experiments.runner.experiment import run_seed
 from iswarm_mj.experiments.runner.optimisers import METHODS, generator, proposals
@@ -101,14 +102,14 @@ class TestReplicates:
     def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
         """MJX's time grows with a batch, and the table of a search in workers with each generation."""
         pretend(monkeypatch)
-        monkeypatch.setattr(batches, "can_use_warp", lambda: True)
+        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", at_once)
         monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
         search = replace(SEARCH, method="random")
         found, run_jobs = [], pool.run_jobs
         run_search(search, tmp_path / "alone")
         monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
-        run_search(search, tmp_path / "out", Execution(engine))
+        run_search(search, tmp_path / "out", Execution(find_engine(engine).usual()))
         assert found == sets
         assert read_table(tmp_path / "out" / TABLE)[0] == read_table(tmp_path / "alone" / TABLE)[0]
 
@@ -180,7 +181,7 @@ class TestOptimisers:
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--engine mjx --backend ray", r"--backend must be processes with --engine mjx \(got 'ray'\)"),
+        ("--engine mjx --backend ray", r"--backend must be processes with --engine mjx and --impl jax \(got 'ray'\)"),
         ("--generations 0", r"--generations must be a whole number between 1 and 100000 \(got 0\)"),
         ("--population 2", r"--operators\.elite must be below --population \(got 2\)"),
         ("--replicates 0", r"--replicates must be a whole number between 1 and 1000 \(got 0\)"),

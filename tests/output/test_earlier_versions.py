@@ -1,5 +1,7 @@
 """Trajectories without a quantity, as an earlier version wrote them: only what needs it refuses them."""
 
+import shutil
+
 import numpy as np
 import pytest
 from helpers_cli import code_of
@@ -19,13 +21,13 @@ LEFT_OUT = {"link_valid": "links", "ball_position": "balls"}
 def recorded(small, tmp_path_factory):
     """Directory of a run."""
     out = tmp_path_factory.mktemp("recorded")
-    clean(run_of(small, steps=8), out)
+    clean(run_of(small, steps=8, n_worlds=2, record_worlds=(0, 1)), out)
     return out
 
 
 @pytest.fixture
 def without(recorded, tmp_path):
-    """Return a copy of the run without some arrays."""
+    """Return a copy of the run's first world without some arrays."""
 
     def make(*names):
         (tmp_path / RESULT).write_bytes((recorded / RESULT).read_bytes())
@@ -54,6 +56,13 @@ def test_other_columns_are_there(without, name):
     if name in LEFT_OUT:
         with pytest.raises(NotRecorded, match=f"no `{name}`, which an earlier version did not record; repeat the run"):
             getattr(iswarm_mj.load(without(name)), LEFT_OUT[name])
+
+
+def test_worlds_without_it_have_nulls(without, recorded):
+    place = without("mean_speed")
+    shutil.copytree(recorded / "world-1", place / "world-1")
+    speed = iswarm_mj.load(place).steps["mean_speed"].to_pylist()
+    assert speed[: len(speed) // 2] == [None] * (len(speed) // 2) and None not in speed[len(speed) // 2 :]
 
 
 def test_constants_that_were_added_have_their_defaults(without):

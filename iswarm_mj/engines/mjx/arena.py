@@ -118,7 +118,6 @@ def compile_mjx_arena(
     capacity = contact_capacity(config, n_robots) if capacity is None else capacity
     arena = compiled(lambda spec: _tune(spec, impl, capacity, iterations))
     sight = compiled(_only_to_be_seen)
-    _check_order(sight)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
     sizes: Any = {} if impl == "jax" else {"naconmax": capacity.contacts * n_worlds, "njmax": capacity.contacts}
     return MjxArena(
@@ -181,11 +180,3 @@ def _at_rest(model: mujoco.MjModel, device: Any) -> mjx.Data:
     mujoco.mj_kinematics(model, data)
     position, rotation = jax.device_put((np.float32(data.geom_xpos), np.float32(data.geom_xmat)), device)
     return mjx.make_data(model, device, "jax").replace(geom_xpos=position, geom_xmat=rotation.reshape(-1, 3, 3))
-
-
-def _check_order(arena: ArenaModel) -> None:
-    """Positions of all robots are qpos as it stands, and robot i is body i + 1 and geom `hull[0] + i`."""
-    n_robots = len(arena.hull)
-    assert (arena.qpos.ravel() == np.arange(3 * n_robots)).all() and arena.model.nq == 3 * n_robots
-    assert (arena.body == 1 + np.arange(n_robots)).all()
-    assert (arena.hull == arena.hull[0] + np.arange(n_robots)).all()

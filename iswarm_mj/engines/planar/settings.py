@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
 from iswarm_mj.engines.settings import Devices, EngineSettings, ModelSpec
 from iswarm_mj.utils.constraints import Needs, Within
-from iswarm_mj.utils.jax_setup import can_use_warp
 
 if TYPE_CHECKING:
     from iswarm_mj.engines.arena import ArenaModel
@@ -53,11 +52,6 @@ class PlanarSettings(EngineSettings):
     def bytes_per_robot(self) -> int:
         """See `EngineSettings.bytes_per_robot`."""
         return 1_000 if self.impl == "numba" else 4_000
-
-    @classmethod
-    def usual(cls) -> Self:
-        """See `EngineSettings.usual`."""
-        return cls(impl="warp" if can_use_warp() else "numba")
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
         """See `EngineSettings.host_engine`."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj import __version__
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.experiments.report.results import (
     GRASP,
@@ -35,10 +36,8 @@ from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
-OWN_ENGINE: Mapping[str, Mapping[str, Any]] = {
-    name: {"engine": "planar", "refinement": 1} for name in ("time-step", "resolved-grasps")
-}
-"""Experiments that are about an engine, or have too many runs for others, and its settings."""
+OWN_ENGINE = ("time-step", "resolved-grasps")
+"""Experiments that are about planar with MuJoCo's time step, or have too many runs for others."""
 PUBLISHED = ("*.png", "best*.json")
 """What is kept of a part beside its table."""
 
@@ -121,7 +120,8 @@ def parts_of(plans: Plans, only: Sequence[str] = ()) -> list[Part]:
     plan, execution, trials = plans.experiment, plans.execution, plans.trials
     found = [Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))]
     for name, each in EXPERIMENTS.items():
-        own = replace(execution, **OWN_ENGINE.get(name, {}))
+        planar = replace(PlanarSettings.usual(), refinement=1)
+        own = replace(execution, engine=planar) if name in OWN_ENGINE else execution
         make = partial(run_experiment, each, plan, execution=own)
         found.append(Part(name, each.table, settings_of(each, plan, own), make))
     for name, method in zip(SEARCHES, METHODS, strict=True):

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from iswarm_mj.engines.registry import ENGINES, engine_settings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.jobs import CAPACITY_STEP, Job, NumberedOutcomes, Outcome
 from iswarm_mj.simulation.common import common
@@ -15,14 +14,11 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.constraints import choices
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.jax_setup import can_use_warp
 
-FIRST_CAPACITY: dict[str | None, float] = {"jax": 1.0, "warp": 4.0}
-"""Initial size of the contact buffers, by implementation, relative to `engines.mjx.arena.contact_capacity`."""
 MAX_CAPACITY = 8.0
-"""Largest size. A batch whose buffers are full starts again with buffers twice as large, up to this.
+"""Largest size of contact buffers, relative to `engines.mjx.arena.contact_capacity`. A batch whose buffers are full
+starts again with buffers twice as large, up to this.
 
 In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the default, swarms that do not avoid
 each other at all up to 3.6 times; a floor full of robots would need 7 times. With the JAX implementation unused space
@@ -33,22 +29,6 @@ LARGE_BATCH, SIMILAR = 128, 0.8
 planar a world is a block: empty places cost little, and a step of a few hundred worlds takes as long as that of the
 world in which robots jam most."""
 _BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
-
-
-def first_settings(engine: str, threads: int, refinement: int, prefer_host: bool = False) -> EngineSettings:
-    """Return settings of an engine for batches: on an NVIDIA GPU those for it, with contact buffers to begin with.
-
-    Args:
-        engine: its name.
-        threads: on the host.
-        refinement: of engines that have one.
-        prefer_host: use an implementation on the host, where there is one.
-    """
-    impls = choices(ENGINES[engine], "impl")
-    impl = None if not impls else "warp" if can_use_warp() and not prefer_host else impls[0]
-    return engine_settings(
-        engine, threads=threads, refinement=refinement, impl=impl, contact_capacity=FIRST_CAPACITY.get(impl)
-    )
 
 
 def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes:

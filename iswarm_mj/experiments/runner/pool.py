@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.registry import EngineName, engines_with
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner.batches import first_settings, run_batches
+from iswarm_mj.experiments.runner.batches import run_batches
 from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, Outcome, run_numbered
 from iswarm_mj.experiments.runner.journal import Journal, Key
 from iswarm_mj.experiments.runner.limits import Workers
-from iswarm_mj.utils.constraints import check, constraint_of, validate
+from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.pool import Backend, unordered
 from iswarm_mj.utils.progress import Progress
 
@@ -21,38 +20,34 @@ from iswarm_mj.utils.progress import Progress
 class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
-    engine: EngineName = "mujoco"
-    """Physics: mujoco (C, on CPUs), planar (faster), or mjx (JAX). Jobs of equal settings are one batch of
-    worlds in this process with mjx, and with planar on an NVIDIA GPU."""
+    engine: EngineSettings = field(default_factory=MujocoSettings)
+    """Physics. With a compiled engine jobs of equal settings are one batch of worlds in this process."""
     workers: Workers = 0
     """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
     backend: Backend = "processes"
     """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
-    refinement: Annotated[int, constraint_of(PlanarSettings, "refinement")] = PlanarSettings.refinement
-    """Of planar, as in `PlanarSettings`."""
 
     def __post_init__(self):
         validate(self)
-        engines = engines_with("refinement")
-        applies = self.engine in engines or self.refinement == PlanarSettings.refinement
-        check("engine", self.engine, f"{' or '.join(engines)} with `refinement`", applies)
-        is_usable = self.backend != "ray" or self.settings.on_host
-        check("backend", self.backend, f"processes with `engine` {self.engine}", is_usable)
+        is_usable = self.backend != "ray" or not self.in_batches
+        impl = f" and `impl` {self.engine.impl}" if hasattr(self.engine, "impl") else ""
+        check("backend", self.backend, f"processes with `engine` {self.engine.name}{impl}", is_usable)
 
     @property
     def settings(self) -> EngineSettings:
         """Settings of the engine, of one thread on the host."""
-        return first_settings(self.engine, 1, self.refinement, prefer_host=self.backend == "ray")
+        engine = self.engine.for_batches()
+        return replace(engine, **{"threads": 1} if hasattr(engine, "threads") else {})
 
     @property
     def in_batches(self) -> bool:
         """Whether jobs are worlds of batches in this process."""
-        return not self.settings.on_host
+        return not self.engine.on_host
 
     @property
     def identity(self) -> dict[str, Any]:
         """Settings that identify the engine in files."""
-        return {name: value for name, value in self.settings.identity.items() if name != "solver_iterations"}
+        return {name: value for name, value in self.engine.identity.items() if name != "contact_capacity"}
 
 
 def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
