@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from iswarm_mj.strategy.genome import PRESETS
     from iswarm_mj.workflows.rollout import rollout
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "PRESETS",

@@ -1,5 +1,6 @@
 """One small arena for all tests that run a swarm: JAX compiles once for each configuration and number of robots."""
 
+import gc
 import os
 from importlib.metadata import version
 
@@ -61,11 +62,14 @@ CHECKED = [
 install_import_hook(CHECKED, "helpers_types.check")
 
 from helpers_small import SMALL
+from helpers_types import begin_test
 from hypothesis import settings
 
 from iswarm_mj.utils.jax_setup import configure_jax
 
 configure_jax()
+gc.freeze()
+gc.set_threshold(50_000, 20, 20)  # as `iswarm` does
 settings.register_profile("repeatable", derandomize=True)  # the same examples each time
 settings.load_profile("repeatable")
 
@@ -91,6 +95,8 @@ def pytest_configure(config):
 
 MOST_MEMORY = 1.5e9
 """Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
+REGROWTH = 0.5e9
+"""Since the system gets little back when they go, by how much it grows until they go again [bytes]."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -98,9 +104,20 @@ def _programs_go():
     """All that JAX compiled would take gigabytes in the end."""
     import jax  # after iswarm_mj, which sets the level of XLA's log before JAX does
 
+    global limit
     yield
-    if psutil.Process().memory_info().rss > MOST_MEMORY:
+    if psutil.Process().memory_info().rss > limit:
         jax.clear_caches()
+        gc.collect()
+        limit = max(MOST_MEMORY, psutil.Process().memory_info().rss + REGROWTH)
+
+
+limit = MOST_MEMORY
+
+
+@pytest.fixture(autouse=True)
+def _types_are_checked_anew():
+    begin_test()
 
 
 @pytest.fixture(scope="session")

@@ -81,10 +81,3 @@ def test_it_offers_what_it_names():
     for name, module in typed.items():
         assert getattr(iswarm_mj, name) is getattr(importlib.import_module(module), name)
         assert name in dir(iswarm_mj)
-
-
-def test_another_name():
-    with pytest.raises(AttributeError, match="module 'iswarm_mj' has no attribute 'Swarm'"):
-        _ = iswarm_mj.Swarm
-    with pytest.raises(ImportError, match="cannot import name 'Swarm'"):
-        exec("from iswarm_mj import Swarm")

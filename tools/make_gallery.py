@@ -27,9 +27,7 @@ from iswarm_mj.player.view import aim, light
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "docs" / "replays"
-WIDTH, HEIGHT, PER_SECOND = 800, 550, 8
-CROP = (80, 110, 720, 510)
-"""Of what is rendered, since the arena does not fill it: 640 x 400 pixels."""
+WIDTH, HEIGHT, PER_SECOND = 640, 480, 8
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
 
 
@@ -77,7 +75,7 @@ def rendered(server: Any) -> Image.Image:
     shown = Image.fromarray(client.get_render(HEIGHT, WIDTH, transport_format="png"))
     paper = Image.new("RGBA", shown.size, "white")
     paper.alpha_composite(shown.convert("RGBA"))
-    return paper.convert("RGB").crop(CROP)
+    return paper.convert("RGB")
 
 
 def scenes(server: Any, draw: Any) -> list[Image.Image]:
@@ -119,9 +117,9 @@ def bench() -> None:
     server = open_server(8400)
     try:
         light(server.scene)
-        aim(server.initial_camera, Session(Scenario(robots=1)).scene, True)
+        aim(server.initial_camera, Session(Scenario(robots=1)).scene, is_low=True)
         shown = Bench(server, 139 / 6)
-        shown.visible, shown.trace = True, shown.settings.trace()
+        shown.root.visible, shown.trace = True, shown.settings.trace()
 
         def draw(_: Any) -> Iterator[float]:
             for moment in range(0, 100, 2):

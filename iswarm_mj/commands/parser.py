@@ -16,9 +16,10 @@ from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
 from iswarm_mj.commands.rules import Rules
 from iswarm_mj.config import READINGS
-from iswarm_mj.engines.registry import ENGINES, find_engine
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
+from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError, printable
 
 HELP = {"-h", "--help"}
@@ -111,10 +112,6 @@ def _value(word: str, arguments: Sequence[str]) -> str | None:
 def _engine(name: str) -> EngineSettings:
     """The settings of an engine for this machine, which are the defaults of its flags."""
     found = find_engine(name)
-    if name in ENGINES:
-        return found.usual()
-    from iswarm_mj.strategy.user_code import user_code  # which loads JAX
-
     with user_code(found.__name__):
         return found.usual()
 

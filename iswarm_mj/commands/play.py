@@ -1,13 +1,15 @@
 """`iswarm play`."""
 
+import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.progress import waiting
 
 
 @dataclass(frozen=True)
@@ -28,13 +30,13 @@ class Play(WithTask):
     out: Path = Path("runs/play")
     """Directory for recordings that are made on the page."""
 
-    def run(self) -> None:
-        """Run the command."""
+    def session(self) -> Any:
+        """Return the run at its start, as a `Session`."""
         config, genome, n_robots = self.checked()
         refuse(self, ["chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
         from iswarm_mj.player.scenario import Scenario
-        from iswarm_mj.player.serve import serve
+        from iswarm_mj.player.session import Session
 
         is_genome = self.own is None or isinstance(self.own, Genome)
         scenario = Scenario(
@@ -49,4 +51,17 @@ class Play(WithTask):
             None if is_genome else self.controller,
             self.task_name,
         )
-        serve(scenario, [Change.parse(text) for text in self.changes], self.out, self.port, self.open)
+        with waiting("placing the robots"):
+            return Session(scenario, [Change.parse(text) for text in self.changes], self.out)
+
+    def run(self) -> None:
+        """Run the command."""
+        session = self.session()
+        from iswarm_mj.player.page import Page
+
+        page = Page(session, self.port)
+        session.is_playing = True
+        print(f"{page.url} shows the swarm, on this machine alone; Ctrl-C ends it.", flush=True)
+        if self.open:
+            webbrowser.open(page.url)
+        page.wait()

@@ -90,6 +90,7 @@ class Bench:
 
     Attributes:
         settings: of the ball and the tool.
+        root: node of all, which is hidden at first.
         trace: of the trial that is shown; None before the first.
     """
 
@@ -103,7 +104,7 @@ class Bench:
         self.settings, self.trace, self._scale = BenchSettings(), None, size / 30
         self._due, self._began, self._shown = {"curve"}, 0.0, -1
         drawn, gui, k = server.scene, server.gui, self._scale
-        self._root = drawn.add_frame(_ROOT, show_axes=False, visible=False)
+        self.root = drawn.add_frame(_ROOT, show_axes=False, visible=False)
         self._ball = drawn.add_icosphere(f"{_ROOT}/ball", 1.0, rgb(ORANGE), subdivisions=4, cast_shadow=False)
         self._mark = drawn.add_icosphere(f"{_ROOT}/mark", 1.0, (40, 40, 40), cast_shadow=False)
         self._probe = drawn.add_cylinder(f"{_ROOT}/probe", 1.0, k * PROBE_LENGTH, rgb(PALE), opacity=0.7)
@@ -129,15 +130,6 @@ class Bench:
             scales={"x": {"time": False}}, height=220,
         )  # fmt: skip
         self.show()
-
-    @property
-    def visible(self) -> bool:
-        """Whether the bench is in the scene."""
-        return self._root.visible
-
-    @visible.setter
-    def visible(self, value: bool) -> None:
-        self._root.visible = value
 
     def hold(self, moment: float) -> None:
         """Stop at a moment of the trial [%], and show it."""

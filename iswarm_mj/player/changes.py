@@ -5,12 +5,15 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.tasks.protocol import balls_of
+from iswarm_mj.tasks.signatures import as_task
+from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -42,27 +45,21 @@ class Change(NamedTuple):
             raise UserError(f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})")
         return cls(int(step), what.replace("-", "_"), value)
 
-    def number(self) -> int:
-        """Return the robot that it is about.
+
+class LiveRun(Run):
+    """A run whose task may change, too."""
+
+    def retask(self, task: Any) -> None:
+        """Give the world a task of the same class and the same static fields, from the next control step on.
 
         Raises:
-            UserError: the value is no number.
+            UserError: a field is out of range.
         """
-        if not self.value.isdigit():
-            raise UserError(f"the change {self} must name a robot by its number")
-        return int(self.value)
-
-    def place(self) -> tuple[float, float]:
-        """Return where the ball is to lie [rd].
-
-        Raises:
-            UserError: the value is no place.
-        """
-        try:
-            x, y = map(float, self.value.split(","))
-        except ValueError:
-            raise UserError(f"the change {self} must name a place, as 60:ball=3.5,-2") from None
-        return x, y
+        validate(task)
+        given = jax.tree.map(lambda a: jnp.broadcast_to(a, (1, *a.shape)), as_task(task))
+        params, state = self.arrays()
+        self._loop.replace(params._replace(task=given), state.swarm)
+        self.task, self._job = task, self._job._replace(task=given)
 
 
 def edit(run: Run, change: Change) -> None:
@@ -72,16 +69,26 @@ def edit(run: Run, change: Change) -> None:
         UserError: there is no such robot, place or ball.
     """
     if change.what == BALL:
-        x, y = change.place()
-        half = run.config.arena.size / 2
-        if max(abs(x), abs(y)) > half:
+        place, half = _numbers(change, float, 2, "a place, as 60:ball=3.5,-2"), run.config.arena.size / 2
+        if not np.abs(place).max() <= half:
             raise UserError(f"a ball must lie within the walls, up to {half:g} rd from the centre (got {change})")
-        run.edit(partial(_with_ball, np.array(mm_from_rd(np.array([x, y])), np.float32), run))
+        run.edit(partial(_with_ball, np.array(mm_from_rd(np.array(place)), np.float32), run))
         return
-    robot = change.number()
-    if robot >= run.settings.n_robots:
+    (robot,) = _numbers(change, int, 1, "a robot by its number")
+    if not 0 <= robot < run.settings.n_robots:
         raise UserError(f"there is no robot {robot}; they are numbered 0 to {run.settings.n_robots - 1}")
     run.edit(partial(_with_life, robot, change.what == REVIVE))
+
+
+def _numbers(change: Change, kind: Callable[[str], Any], n: int, words: str) -> list[Any]:
+    """So many numbers that the value of a change consists of."""
+    try:
+        found = list(map(kind, change.value.split(",")))
+    except ValueError:
+        found = []
+    if len(found) != n:
+        raise UserError(f"the change {change} must name {words}")
+    return found
 
 
 def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:

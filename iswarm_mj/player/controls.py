@@ -51,19 +51,21 @@ class Control(NamedTuple):
 
 def is_live(scenario: Scenario, name: str) -> bool:
     """Whether a setting may change while a run goes on: what programs take as arrays, see `PER_WORLD_FIELDS`."""
-    group, _, own = name.rpartition(".")
-    if group:
-        rules = Rules._fields if scenario.strategy is None and group == "strategy" else ()
-        return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
-    if scenario.strategy is None:
-        return name in Rules._fields and name not in AT_START
-    own = {f.name: f for f in fields(scenario.strategy)} if is_dataclass(scenario.strategy) else {}
-    return name in own and not is_static_field(type(scenario.strategy), own[name])
+    match scenario.paths().get(name):
+        case ("config", group, own):
+            rules = Rules._fields if scenario.strategy is None and group == "strategy" else ()
+            return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
+        case ("genome", own):
+            return own in Rules._fields and own not in AT_START
+        case ("strategy" | "task" as part, own):
+            cls = type(getattr(scenario, part))
+            return not is_static_field(cls, next(f for f in fields(cls) if f.name == own))
+    return False
 
 
 def controls(scenario: Scenario) -> list[Control]:
     """Return the controls of all settings that have an effect in a scenario."""
-    engines = tuple(dict.fromkeys((*ENGINES, scenario.engine_name)))
+    rules, engines = scenario.rules, tuple(dict.fromkeys((*ENGINES, scenario.engine_name)))
     found = [
         Control("seed", "World", scenario.seed, 0, 2**32 - 2, text=field_docs(RunSettings)["seed"]),
         Control("task", "World", scenario.named(TASKS), choices=_offers(TASKS, scenario), text="What the robots do."),
@@ -71,28 +73,20 @@ def controls(scenario: Scenario) -> list[Control]:
         Control("robots", "World", scenario.n_robots, 1, 200_000, text="Number of robots."),
         Control("engine", "World", scenario.engine_name, choices=engines, text="Physics engine."),
     ]
-    if scenario.strategy is None:
-        found += _of(scenario, scenario.genome, "", "Rules of the strategy")
-    else:
-        found += _of(scenario, scenario.strategy, "", f"Rules of {type(scenario.strategy).__name__}")
-    found += _of(scenario, scenario.task, "", f"Task {type(scenario.task).__name__}")
-    unused = set(getattr(scenario.task, "unused", ())) | ({"strategy"} if scenario.strategy is not None else set())
-    for group, part in vars(scenario.config).items():
-        if group not in unused:
-            found += [one for one in _of(scenario, part, f"{group}.", group.capitalize()) if one.name not in unused]
+    unused = set(getattr(scenario.task, "unused", ())) | ({"strategy"} if rules == "strategy" else set())
+    whose = "the strategy" if rules == "genome" else type(scenario.strategy).__name__
+    parts = [("", getattr(scenario, rules), f"Rules of {whose}")]
+    parts += [("", scenario.task, f"Task {type(scenario.task).__name__}")]
+    parts += [(f"{k}.", part, k.capitalize()) for k, part in vars(scenario.config).items() if k not in unused]
+    for prefix, part, group in parts:
+        named = [(prefix + one.name, one) for one in declared(part) if prefix + one.name not in unused]
+        found += [one._replace(name=name, group=group, is_live=is_live(scenario, name)) for name, one in named]
     return found
 
 
 def _offers(offer: Offer, scenario: Scenario) -> tuple[str, ...]:
     """Names of strategies or tasks that packages offer, and that of the scenario."""
     return tuple(dict.fromkeys([scenario.named(offer), *sorted(p.name for p in entry_points(group=offer.group))]))
-
-
-def _of(scenario: Scenario, given: Any, prefix: str, group: str) -> Iterator[Control]:
-    """Controls of a part of a scenario, whose names have a prefix."""
-    for control in declared(given):
-        name = prefix + control.name
-        yield control._replace(name=name, group=group, is_live=is_live(scenario, name))
 
 
 def declared(given: Any) -> Iterator[Control]:
@@ -107,24 +101,16 @@ def declared(given: Any) -> Iterator[Control]:
 
 
 def parsed(scenario: Scenario, name: str, text: str) -> Any:
-    """Return the value of a setting that a text states.
+    """Return the value of a setting that a text states, for a change while the run goes on.
 
     Raises:
-        UserError: there is no such control, or the text is no value of its type.
+        UserError: the setting cannot change so, or the text is no value of its type.
     """
-    known = {one.name: one for one in controls(scenario)}
-    if name not in known:
-        raise UserError(f"there is no setting {name} to change; allowed are {', '.join(known)}")
-    control = known[name]
-    if control.choices:
-        if text not in control.choices:
-            raise ConfigError(name, text, f"one of {', '.join(control.choices)}")
-        return text
-    if isinstance(control.value, bool):
-        if text not in ("true", "false"):
-            raise ConfigError(name, text, "true or false")
-        return text == "true"
+    live = {one.name: one.value for one in controls(scenario) if one.is_live}
+    if name not in live:
+        raise UserError(f"{name} cannot change while the run goes on; {', '.join(live)} can")
+    kind = type(live[name])
     try:
-        return int(text) if isinstance(control.value, int) else float(text)
-    except ValueError:
-        raise ConfigError(name, text, "a number") from None
+        return {"true": True, "false": False}[text] if kind is bool else kind(text)
+    except (KeyError, ValueError):
+        raise ConfigError(name, text, f"like {str(live[name]).lower()}") from None

@@ -12,12 +12,18 @@ import numpy as np
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
 from iswarm_mj.player.bench import Bench
-from iswarm_mj.player.panel import GRIPPER, Panel
+from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 
 HOST, PORT = "127.0.0.1", 8080
 """Where the page is; the first port from there on that is free."""
+_NARROW = """<style>@media (max-width: 36em) {
+#root { height: 45% !important; }
+#root .mantine-Paper-root[style*="fixed"] { width: 100% !important; max-height: 55% !important; }
+#root [style*="20em"] { width: 100% !important; }
+}</style>"""
+"""In a narrow window the panel lies beneath the arena, and not on it."""
 FRAME_S, PANEL_S = 1 / 25, 0.3
 """Between two drawings of the swarm, and of the panel [s]."""
 
@@ -42,7 +48,7 @@ def close_server(server: Any) -> None:
 
 
 class Page:
-    """A session in the browser; `close` ends it.
+    """A session in the browser; a notebook shows it, a script calls `wait`, and `close` ends it.
 
     Attributes:
         session: that is shown.
@@ -55,7 +61,8 @@ class Page:
         self.url = f"http://{HOST}:{self._server.get_port()}"
         session.shown = 0.0
         server = self._server
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.configure_theme(**THEME)
+        server.gui.add_html(_NARROW)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(380)
         look.light(server.scene)
@@ -67,6 +74,7 @@ class Page:
         self._panel.rebuild()
         self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
         server.scene.on_click()(self._clicked)
+        server.on_client_connect(self._connected)
         self._error: BaseException | None = None
         self._stop = threading.Event()
         self._threads = [
@@ -85,9 +93,12 @@ class Page:
             self._stop.set()
 
     def wait(self) -> None:
-        """Serve until an exception, such as that of Ctrl-C; raise what ended the simulation."""
-        while not self._stop.wait(0.2):
-            pass
+        """Serve until an exception, such as that of Ctrl-C, then close; raise what ended the simulation."""
+        try:
+            while not self._stop.wait(0.2):
+                pass
+        finally:
+            self.close()
         if self._error is not None:
             raise self._error
 
@@ -98,6 +109,10 @@ class Page:
             thread.join()
         self.session.stop_recording()
         close_server(self._server)
+
+    def _repr_html_(self) -> str:
+        """The page within a notebook on this machine."""
+        return f'<iframe src="{self.url}" width="100%" height="640" style="border:none"></iframe>'
 
     def _tick(self) -> bool:
         """Draw what is due; return whether the next drawing is due, too."""
@@ -110,7 +125,7 @@ class Page:
             self._version = session.version
             by, shows = self._view.by, self._view.shows
             self._view = SwarmView(self._server.scene, session.scene)
-            self._view.by, self._view.shows, self._view.visible = by, shows, not self._panel.bench.visible
+            self._view.by, self._view.shows, self._view.root.visible = by, shows, not self._panel.bench.root.visible
             session.shown = 0.0
             self._panel.rebuild()
         past = list(session.snapshots)
@@ -126,7 +141,7 @@ class Page:
             for client in self._server.get_clients().values():
                 client.add_notification("Not possible", text, color="red", auto_close_seconds=10)
             self._panel.synchronise()
-        if self._panel.bench.visible:
+        if self._panel.bench.root.visible:
             self._panel.bench.show()
         if now - self._panel_at > PANEL_S:
             self._panel_at = now
@@ -136,15 +151,30 @@ class Page:
     def _turn_to(self, shown: str) -> None:
         """Show the swarm or the bench, and let all browsers look at it."""
         is_bench = shown == GRIPPER
-        self._panel.bench.visible, self._view.visible = is_bench, not is_bench
+        self._panel.bench.root.visible, self._view.root.visible = is_bench, not is_bench
+        look.aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
         for client in self._server.get_clients().values():
-            look.aim(client.camera, self.session.scene, is_bench)
-        look.aim(self._server.initial_camera, self.session.scene, is_bench)
+            self._aim(client)
+
+    def _connected(self, client: Any) -> None:
+        """Let a browser look at all of the arena, again when its window changes its shape."""
+        aspect = 0.0
+
+        @client.camera.on_update
+        def _(camera: Any) -> None:
+            nonlocal aspect
+            if camera.aspect != aspect:
+                aspect = camera.aspect
+                self._aim(client)
+
+    def _aim(self, client: Any) -> None:
+        """Let a browser look at what is shown, all of it."""
+        look.aim(client.camera, self.session.scene, client.camera.aspect, self._panel.bench.root.visible)
 
     def _clicked(self, event: Any) -> None:
         """Find the place on the robots' tops that was clicked on."""
         origin, way = np.array(event.ray_origin), np.array(event.ray_direction)
         length, _, height = np.asarray(self.session.scene.robot_size) * shapes.MILLIMETRES
-        if way[2] < 0 and self._view.visible:
+        if way[2] < 0 and self._view.root.visible:
             x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
             self._panel.clicked(float(x), float(y), 0.8 * float(length))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from iswarm_mj.config import ArenaConfig
 from iswarm_mj.output.palette import BLUE
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
@@ -15,12 +16,15 @@ from iswarm_mj.player.inspection import described
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 from iswarm_mj.player.widgets import copied, show, spots, widget
+from iswarm_mj.utils.obstacles import Obstacle, distances, numbers
 from iswarm_mj.utils.units import RD
 
 SELECT, DROP, LIFE = "select a robot", "drop a ball", "kill or revive a robot"
+REMOVE, BUILD = "remove a robot (at the next reset)", "put or take away an obstacle (at the next reset)"
 """What a click on the arena does."""
 SWARM, GRIPPER = "the swarm", "the gripper's bench"
 """What the scene shows."""
+THEME = {"show_logo": False, "show_share_button": False}
 FASTEST = 60
 """Control steps a second at most."""
 _OPEN = ("Rules of", "World", "Task")
@@ -59,6 +63,9 @@ class Panel:
         with tabs.add_tab("Watch"):
             self._watch()
         self._rules, self._world = tabs.add_tab("Rules"), tabs.add_tab("World")
+        for tab, text in ((self._rules, "These settings change at once."), (self._world, "These wait for **Reset**.")):
+            with tab:
+                gui.add_markdown(text)
         with tabs.add_tab("Robot"):
             self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
         with tabs.add_tab("Gripper"):
@@ -96,8 +103,10 @@ class Panel:
         self._by.on_update(lambda _: setattr(self.view, "by", self._by.value))
         self._draws = gui.add_button_group("draw", ("links", "trails"))
         self._draws.on_click(lambda _: self.view.toggle(self._draws.value))
-        click = gui.add_dropdown("a click can", (SELECT, DROP, LIFE))
+        click = gui.add_dropdown("a click can", (SELECT, DROP, LIFE, REMOVE, BUILD))
         click.on_update(lambda _: setattr(self, "click", click.value))
+        dark = gui.add_checkbox("dark page", False)
+        dark.on_update(lambda _: gui.configure_theme(dark_mode=dark.value, **THEME))
         self._legend = gui.add_html("")
         self._graphs = gui.add_folder("Plots over control steps")
 
@@ -140,9 +149,8 @@ class Panel:
                 with folders[key]:
                     self._handles[control.name] = widget(self._gui, control, partial(self._moved, control))
         self.synchronise()
-        energy = session.snapshots[-1].record.swarm.energy
-        ways = arrays.ways_to_colour(session.scene, session.snapshots[-1].frames, energy is not None)
-        self._by.options = tuple(ways)
+        snapshot = session.snapshots[-1]
+        self._by.options = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
         view.by = self._by.value
         self._draws.options = ("links", "trails", *view.vectors)
         for plot in self._plots.values():
@@ -157,8 +165,7 @@ class Panel:
                 handle.value = control.value
 
     def _moved(self, control: Control, value: Any) -> None:
-        text = str(value).lower() if isinstance(control.value, bool) else str(type(control.value)(value))
-        self._session.post(lambda: self._session.set(control.name, text))
+        self._session.post(lambda: self._session.set(control.name, type(control.value)(value)))
 
     def clicked(self, x: float, y: float, radius: float) -> None:
         """Act on a click on the floor at a place [mm]; robots nearer than a radius are meant."""
@@ -167,11 +174,15 @@ class Panel:
         distance = np.linalg.norm(pose - np.array([x, y]), axis=-1)
         robot = int(distance.argmin())
         is_hit = distance[robot] <= radius
-        if self.click == DROP:
-            session.post(lambda: session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}"))
-        elif self.click == LIFE and is_hit:
-            what = KILL if session.is_alive[robot] else REVIVE
-            session.post(lambda: session.change(what, str(robot)))
+        acts = {
+            DROP: lambda: session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}"),
+            BUILD: lambda: session.set("arena.obstacles", _built(session.wanted.config.arena, x / RD, y / RD)),
+        }
+        if is_hit:
+            acts[LIFE] = lambda: session.change(KILL if session.is_alive[robot] else REVIVE, str(robot))
+            acts[REMOVE] = lambda: session.set("robots", session.wanted.n_robots - 1)
+        if self.click in acts:
+            session.post(acts[self.click])
         else:
             view.selected = robot if is_hit else None
 
@@ -189,12 +200,15 @@ class Panel:
             now = {control.name: control.value for control in controls(session.now)}
             wanted = controls(session.wanted)
             self._pending = [control.label for control in wanted if control.value != now.get(control.name)]
+            obstacles = session.wanted.config.arena.obstacles
+            self._pending += ["obstacles"] * (obstacles != session.now.config.arena.obstacles)
+            view.wish(obstacles if "obstacles" in self._pending else ())
         lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots"]
         if session.is_busy and math.isinf(session.rate):
             lines.append("Compiling the first control step; it is kept for the next run of this size.")
         elif math.isfinite(session.rate):
             lines[0] += f" · up to {session.rate:.0f} steps/s"
-        if session.is_over:
+        if session.run.is_over:
             lines.append("Nothing is left to do.")
         if self._pending:
             lines.append(f"**Reset** applies: {', '.join(self._pending)}.")
@@ -212,13 +226,14 @@ class Panel:
             self._draw_plots()
 
     def _draw_plots(self) -> None:
-        lines = dict(self._session.lines)
-        steps = np.array(lines.pop("step"))
+        lines = {name: list(values) for name, values in self._session.lines.items()}
+        n = min(map(len, lines.values()))  # another thread adds to them
+        steps = np.array(lines.pop("step")[-n:])
         for name, values in lines.items():
-            data = (steps[: len(values)], np.array(values[: len(steps)]))
+            data = (steps, np.array(values[-n:]))
             if name in self._plots:
                 self._plots[name].data = data
-            elif len(values) > 1:
+            elif n > 1:
                 with self._graphs:
                     self._plots[name] = self._gui.add_uplot(
                         data,
@@ -228,3 +243,10 @@ class Panel:
                         legend={"show": False},
                         height=130,
                     )
+
+
+def _built(arena: ArenaConfig, x: float, y: float) -> tuple[Obstacle, ...]:
+    """Obstacles of an arena with another one of 2 x 2 rd at a place [rd], or without those that cover it."""
+    point = np.array([[x, y]])
+    left = tuple(one for one in arena.obstacles if distances(point, numbers([one]))[0] > 0)
+    return left if len(left) < len(arena.obstacles) else (*left, (round(x, 2), round(y, 2), 1.0, 1.0, 0.0))

@@ -16,8 +16,13 @@ from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.view import SwarmView, aim, light
+from iswarm_mj.player.widgets import spots
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write
+
+_LOADER, _RESET = "e.textContent=code", r'.replace(/[\w$]+\.useEnvironment\.set\([\w$]+\(\)\);/,"")'
+"""Where viser's HTML starts its client, and what removes one statement from it: viser 1.1 restores its bright default
+lights and environment map whenever a replay starts again (`resetScene` in FilePlayback.tsx)."""
 
 Draw = Callable[[Any], Iterator[float]]
 """Draws what changes on a server, and yields how long each picture is shown [s]."""
@@ -53,7 +58,7 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
     end = int(frames.step[-1])
     last = end if film.last is None else film.last
     check("last", last, f"a control step after the first one, up to {end}", film.first < last <= end)
-    ways = arrays.ways_to_colour(scene, frames[:1], False)
+    ways = arrays.ways_to_colour(scene, frames[:1])
     check("colour_by", film.by, f"one of {', '.join(ways)}", film.by in ways)
 
     def draw(server: Any) -> Iterator[float]:
@@ -87,19 +92,16 @@ def serialized(draw: Draw) -> Any:
 
 def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = False) -> str:
     """Return the HTML of a replay."""
-    spots = " ".join(
-        f'<span><i style="background:rgb{colour}"></i>{html.escape(label)}</span>' for label, colour in legend if label
-    )
-    ink, paper = ("#eee", "rgba(30,30,30,.75)") if dark else ("#222", "rgba(255,255,255,.8)")
+    ink, paper = ("#eee", "#1e1e1e") if dark else ("#222", "#fff")
     about = f"""<style>
-#about {{ position: fixed; top: 0; left: 0; right: 0; z-index: 10; pointer-events: none; padding: .5rem .8rem;
-  font: 13px/1.5 system-ui, sans-serif; color: {ink}; background: {paper}; }}
-#about span {{ white-space: nowrap; margin-right: .7em; }}
-#about i {{ display: inline-block; width: .75em; height: .75em; border-radius: 2px; margin-right: .3em; }}
-</style><div id="about"><b>{html.escape(title)}</b> {spots}</div>"""
+body {{ display: flex; flex-direction: column; }}
+body {{ background: {paper}; color: {ink}; font: 16px system-ui, sans-serif; }}
+#root {{ flex: 1; min-height: 0; }}
+@media (max-aspect-ratio: 4/3) {{ #root {{ flex: 0 0 75vw; }} }}
+</style>{spots(legend, title)}"""
     text = serialized(draw).as_html(dark_mode=dark)
     text = re.sub("<title>.*?</title>", lambda _: f"<title>{html.escape(title)}</title>", text, count=1)
-    return text.replace("<body>", f"<body>{about}", 1)
+    return text.replace(_LOADER, _LOADER + _RESET, 1).replace("<body>", f"<body>{about}", 1)
 
 
 def write_replay(run: SavedRun, film: Film, out: Path) -> None:

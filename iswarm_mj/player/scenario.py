@@ -1,10 +1,11 @@
 """What determines a run on the page, and how a command line or a file states it."""
 
 import inspect
+import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import ENGINES, OFFER, find_engine
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
-from iswarm_mj.simulation.run import Run
+from iswarm_mj.player.changes import LiveRun
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
 from iswarm_mj.strategy.library import STRATEGIES, Offer, find, offered
@@ -56,31 +57,36 @@ class Scenario:
         """As --engine takes it."""
         return self.engine.name if self.engine.name in ENGINES else _name(OFFER, type(self.engine))
 
-    def run(self) -> Run:
+    @property
+    def rules(self) -> str:
+        """Field with what the robots do: `genome` or `strategy`."""
+        return "genome" if self.strategy is None else "strategy"
+
+    def run(self) -> LiveRun:
         """Return the run at its start.
 
         Raises:
             UserError: settings that do not fit each other.
         """
-        settings = RunSettings(self.n_robots, STEPS, self.seed)
-        return Run(
-            self.config,
-            self.genome,
-            settings,
-            self.engine.in_chunks(1),
-            strategy=self.strategy,
-            task=self.task,
-            robot_file=self.robot_file,
-        )
+        settings, engine = RunSettings(self.n_robots, STEPS, self.seed), self.engine.in_chunks(1)
+        how: dict[str, Any] = {"strategy": self.strategy, "task": self.task, "robot_file": self.robot_file}
+        return LiveRun(self.config, self.genome, settings, engine, **how)
+
+    def paths(self) -> dict[str, tuple[str, ...]]:
+        """Return where settings are that are fields of its parts, as attributes of attributes."""
+        own = {name: (part, name) for part in (self.rules, "task", "engine") for name in _names(getattr(self, part))}
+        groups = vars(self.config).items()
+        return own | {f"{group}.{name}": ("config", group, name) for group, part in groups for name in _names(part)}
+
+    def at(self, path: Iterable[str]) -> Any:
+        """Return what is at a path; None where there is nothing."""
+        return reduce(lambda part, name: getattr(part, name, None), path, self)
 
     def get(self, name: str) -> Any:
         """Return the value of a setting."""
-        group, _, own = name.rpartition(".")
-        if group:
-            return getattr(getattr(self.config, group), own)
         if name in ("strategy", "task"):
             return self.named(STRATEGIES if name == "strategy" else TASKS)
-        return self.engine_name if name == "engine" else getattr(getattr(self, _owner(self, name) or "", self), name)
+        return self.engine_name if name == "engine" else self.at(self.paths().get(name, (name,)))
 
     def set(self, name: str, value: Any) -> "Scenario":
         """Return this scenario with another value of a setting.
@@ -88,10 +94,6 @@ class Scenario:
         Raises:
             UserError: it is out of range.
         """
-        group, _, own = name.rpartition(".")
-        if group:
-            part = replace(getattr(self.config, group), **{own: value})
-            return replace(self, config=replace(self.config, **{group: part}))
         if name == "engine":
             return self if value == self.engine_name else replace(self, engine=find_engine(value).usual())
         if name == "strategy":
@@ -101,11 +103,8 @@ class Scenario:
             return replace(self, strategy=found, strategy_name=value)
         if name == "task":
             return replace(self, task=_made(TASKS, value), task_name=value)
-        if name == "density_of_robots":
-            return replace(self, robots=None, genome=replace(self.genome, density_of_robots=value))
-        owner = _owner(self, name)
-        changed = value if owner is None else replace(getattr(self, owner), **{name: value})
-        return replace(self, **{owner or name: changed})
+        before = replace(self, robots=None) if name == "density_of_robots" else self
+        return _with(before, self.paths().get(name, (name,)), value)
 
     def named(self, offer: Offer) -> str:
         """Return the name of its strategy or its task, as flags take it; of a genome, of the preset it was made of."""
@@ -117,41 +116,30 @@ class Scenario:
 
     def values(self) -> dict[str, Any]:
         """Return the settings that differ from the defaults of `iswarm run`, by the names of its flags."""
-        found: dict[str, Any] = {"seed": self.seed, "robots": self.robots, "robot": self.robot_file}
-        if self.task != CLEANING:
-            found |= {"task": self.named(TASKS), **_plain(self.task)}
-        if self.strategy is not None:
-            found |= {"strategy": self.named(STRATEGIES), **_plain(self.strategy)}
-        else:
-            base = self.named(STRATEGIES)
-            found |= {"genome": base} | _different(self.genome, PRESETS[base])
-        if self.robots is not None:
-            found.pop("density_of_robots", None)
-        found |= {"engine": self.engine_name} | _different(self.engine, type(self.engine)())
-        usual = SwarmConfig()
-        for group, part in vars(self.config).items():
-            found |= {f"{group}.{k}": value for k, value in _different(part, getattr(usual, group)).items()}
-        known = {"seed": 0, "genome": "type1", "engine": "mujoco"}
-        return {k: v for k, v in found.items() if v is not None and known.get(k) != v and k not in OF_MACHINE}
+        base, engine = self.named(STRATEGIES), self.engine_name
+        usual = Scenario(genome=PRESETS.get(base, TYPE1), engine=type(self.engine).usual())
+        found = {"seed": self.seed or None, "robots": self.robots, "robot": self.robot_file}
+        found["task"] = self.named(TASKS) if self.task != CLEANING else None
+        found[self.rules] = base if base != "type1" else None
+        found["engine"] = engine if engine != Scenario().engine_name else None
+        differ = {name: self.at(path) for name, path in self.paths().items() if self.at(path) != usual.at(path)}
+        left_out = OF_MACHINE | ({"density_of_robots"} if self.robots is not None else set())
+        found |= {k: v for k, v in differ.items() if isinstance(v, _STATED) and k not in left_out}
+        return {k: v for k, v in found.items() if v is not None}
 
 
-def _owner(scenario: Scenario, name: str) -> str | None:
-    """Field of a scenario that has a setting: genome, strategy or task; None for its own."""
-    if name in {f.name for f in fields(Scenario)}:
-        return None
-    rules = "genome" if scenario.strategy is None else "strategy"
-    return next(owner for owner in (rules, "task", "engine") if name in _names(getattr(scenario, owner)))
+_STATED = (bool, int, float, str, Path, tuple)
+"""Values that a command line can state."""
 
 
 def _names(given: Any) -> list[str]:
     return [f.name for f in fields(given) if f.init] if is_dataclass(given) else []
 
 
-def _plain(given: Any) -> dict[str, Any]:
-    """Fields of an own strategy or task that a command line can state."""
-    kinds = (bool, int, float, str, Path)
-    values = {name: getattr(given, name) for name in _names(given)}
-    return {k: v for k, v in values.items() if isinstance(v, kinds)}
+def _with(given: Any, path: tuple[str, ...], value: Any) -> Any:
+    """A dataclass in which something else is at a path."""
+    name, *rest = path
+    return replace(given, **{name: _with(getattr(given, name), tuple(rest), value) if rest else value})
 
 
 def _made(offer: Offer, name: str) -> Any:
@@ -167,14 +155,10 @@ def _made(offer: Offer, name: str) -> Any:
         return found()
 
 
-def _different(given: Any, usual: Any) -> dict[str, Any]:
-    return {name: getattr(given, name) for name in _names(given) if getattr(given, name) != getattr(usual, name)}
-
-
 @cache
 def _name(offer: Offer, cls: type) -> str:
     """How a command line names a class of strategies, tasks or engines."""
-    if found := offered(offer, cls.__name__, {f.name for f in fields(cls)} if is_dataclass(cls) else set()):
+    if found := offered(offer, cls.__name__, set(_names(cls))):
         return found
     try:
         return f"{inspect.getsourcefile(cls)}:{cls.__name__}"
@@ -203,10 +187,6 @@ def toml(values: Mapping[str, Any]) -> str:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
     if isinstance(value, tuple):
         return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, int | float):
-        return repr(value)
-    return '"' + str(value).replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return json.dumps(value if isinstance(value, bool | int | float) else str(value))

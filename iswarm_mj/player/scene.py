@@ -1,7 +1,7 @@
 """What the page draws of a swarm, as arrays in millimetres: robots, balls, lines and arrows between two steps."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -15,7 +15,7 @@ from iswarm_mj.output.swarm_classes import BALL_CLASSES, ROBOT_CLASSES, robot_cl
 from iswarm_mj.output.trajectory import AREA, Scene
 
 STATE, ENERGY = "state", "energy"
-"""Ways to colour robots; others are `hops to NAME`, `remembers NAME` and `says NAME`."""
+"""Ways to colour robots; others are `hops to NAME`, `says NAME` and `remembers NAME`."""
 DEAD: Rgb = (70, 70, 70)
 _TOP = 15
 """Hop count whose colour is the brightest."""
@@ -71,52 +71,51 @@ def trails(scene: Scene, past: Sequence[Frames]) -> Float[np.ndarray, "S 2 3"]:
     return np.stack([points[starts], points[starts + 1]], axis=1)
 
 
-def ways_to_colour(scene: Scene, frames: Frames, has_energy: bool) -> list[str]:
+def numbers_of(scene: Scene, frames: Frames, energy: np.ndarray | None) -> dict[str, Float[np.ndarray, "N"]]:
+    """Return what robots can be coloured by other than `STATE`, as numbers from 0 to 15, -1 for none.
+
+    Args:
+        scene: of the world.
+        frames: one frame.
+        energy: in the capacitors (N,) [J]; None where there are none.
+    """
+    hops = {f"hops to {v.stem}": hop_counts(frames, v)[0] for v in vectors(scene.memory) if v.hop in scene.memory_names}
+    said = {f"says {name.removeprefix('said_')}": v[0] for name, v in shown_fields(scene, frames.message).items()}
+    remembered = {f"remembers {name}": frames.memory[name][0] for name in numbers(scene)}
+    known = {ENERGY: energy} if energy is not None else {}
+    return hops | {way: _scaled(values) for way, values in (said | remembered | known).items()}
+
+
+def _scaled(values: Any) -> Float[np.ndarray, "N"]:
+    found = np.asarray(values, float).reshape(len(values), -1)[:, 0]
+    low, high = found.min(), found.max()
+    return _TOP * (found - low) / (high - low) if high > low else 0 * found
+
+
+def ways_to_colour(scene: Scene, frames: Frames, energy: np.ndarray | None = None) -> list[str]:
     """Return the ways in which the robots of a scene can be coloured."""
-    hops = [f"hops to {v.stem}" for v in vectors(scene.memory) if v.hop in scene.memory_names]
-    said = [f"says {name.removeprefix('said_')}" for name in shown_fields(scene, frames.message)]
-    remembered = [f"remembers {name}" for name in numbers(scene)]
-    return [STATE, *hops, *said, *remembered, *[ENERGY] * has_energy]
+    return [STATE, *numbers_of(scene, frames, energy)]
 
 
 def colours(
     scene: Scene, frames: Frames, is_alive: Bool[np.ndarray, "N"], by: str, energy: np.ndarray | None = None
 ) -> UInt8[np.ndarray, "N 3"]:
-    """Return the colours of the robots.
+    """Return the colours of the robots; the dead are dark grey.
 
     Args:
         scene: of the world.
         frames: one frame.
-        is_alive: the dead are dark grey.
+        is_alive: which robots are.
         by: one of `ways_to_colour`.
         energy: in the capacitors (N,) [J], where there are some.
     """
-    found = _by_state(scene, frames) if by == STATE else _by_number(_numbers(scene, frames, by, energy))
+    if by == STATE:
+        classes = robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)[0]
+        found = np.array([colour for *_, colour in ROBOT_CLASSES], np.uint8)[classes]
+    else:
+        words = hop_colours(np.rint(numbers_of(scene, frames, energy)[by]).astype(np.int8))
+        found = np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
     return np.where(is_alive[:, None], found, np.array(DEAD, np.uint8))
-
-
-def _by_state(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "N 3"]:
-    classes = robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)[0]
-    return np.array([colour for *_, colour in ROBOT_CLASSES], np.uint8)[classes]
-
-
-def _numbers(scene: Scene, frames: Frames, by: str, energy: np.ndarray | None) -> Float[np.ndarray, "N"]:
-    """Numbers of robots from 0 to 15, -1 for none."""
-    for vector in vectors(scene.memory):
-        if by == f"hops to {vector.stem}":
-            return hop_counts(frames, vector)[0]
-    said = {f"says {name.removeprefix('said_')}": v for name, v in shown_fields(scene, frames.message).items()}
-    remembered = {f"remembers {name}": frames.memory[name] for name in numbers(scene)}
-    values = {ENERGY: energy} if energy is not None else {}
-    found = np.asarray((said | remembered)[by][0] if by not in values else values[by], float)
-    found = found.reshape(len(scene.is_alive), -1)[:, 0]
-    low, high = found.min(), found.max()
-    return _TOP * (found - low) / (high - low) if high > low else 0 * found
-
-
-def _by_number(values: Float[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
-    words = hop_colours(np.rint(values).astype(np.int8))
-    return np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
 
 
 def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "N"]) -> list[tuple[str, Rgb]]:

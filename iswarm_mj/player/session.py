@@ -26,7 +26,7 @@ from iswarm_mj.workflows.recorder import Recorder
 AHEAD = 2
 """Control steps that are computed ahead of what is shown, so that motion stays smooth."""
 LONGEST = 4000
-"""Points of a plotted line; beyond, every second one is left out."""
+"""Control steps that are plotted, the latest ones."""
 
 
 class Snapshot(NamedTuple):
@@ -57,6 +57,7 @@ class Session:
         now: with the settings that were changed since.
         wanted: also with those that wait for a reset.
         made: changes of this run, in their order.
+        is_alive: which robots are (N,), those just killed left out.
         waiting: changes that are still to be made.
         is_playing: control steps are taken one after the other.
         is_busy: something is computed at present.
@@ -77,8 +78,12 @@ class Session:
             out: directory for recordings.
 
         Raises:
-            UserError: settings that do not fit each other.
+            UserError: settings or changes that do not fit each other.
         """
+        changed = scenario
+        for change in changes:
+            if change.what not in EDITS:
+                changed = changed.set(change.what, parsed(changed, change.what, change.value))
         self.wanted, self.waiting, self._out = scenario, sorted(changes, key=lambda change: change.step), out
         self.version, self.is_playing, self.is_busy, self.shown, self.rate = 0, False, False, math.inf, math.inf
         self.messages: SimpleQueue[str] = SimpleQueue()
@@ -92,11 +97,10 @@ class Session:
         self.made: list[Change] = []
         self.run, self.world = run, RecordedWorld(run, 0)
         self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
-        self.lines: dict[str, list[float]] = {}
-        self._every = 1
+        self.lines: dict[str, deque[float]] = {}
         self.version += 1
         self._laps: deque[float] = deque(maxlen=9)
-        self._alive = np.asarray(run.start.swarm.is_alive)[0, 0]
+        self.is_alive = np.asarray(run.start.swarm.is_alive)[0, 0]
         self._seen(run.start, None)
 
     @property
@@ -108,16 +112,6 @@ class Session:
     def step(self) -> int:
         """Control steps taken."""
         return self.snapshots[-1].step
-
-    @property
-    def is_over(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.run.is_over
-
-    @property
-    def is_alive(self) -> np.ndarray:
-        """Which robots are alive (N,), those just killed left out."""
-        return self._alive
 
     def post(self, call: Callable[[], None]) -> None:
         """Have something done between two control steps, by the thread that works on this session."""
@@ -135,7 +129,7 @@ class Session:
             worked = True
         if not self.step and self.wanted != self.start:  # nothing has happened yet
             self._guarded(self.reset)
-        self.is_playing &= not self.is_over
+        self.is_playing &= not self.run.is_over
         if self.is_playing and self.step - self.shown < AHEAD:
             self._guarded(self.advance)
             worked = True
@@ -152,7 +146,7 @@ class Session:
 
     def advance(self) -> None:
         """Take a control step, unless nothing is left to do."""
-        if self.is_over:
+        if self.run.is_over:
             return
         while self.waiting and self.waiting[0].step <= self.step:
             self.change(*self.waiting.pop(0)[1:])
@@ -180,25 +174,28 @@ class Session:
         self._begin(wanted)
         self.waiting = []
 
-    def set(self, name: str, text: str) -> None:
+    def set(self, name: str, value: Any) -> None:
         """Change a setting, at once where that is possible, else from the next reset on.
 
         Raises:
             UserError: it is out of range, or contradicts another one.
         """
-        self.wanted = self.wanted.set(name, parsed(self.wanted, name, text))
+        self.wanted = self.wanted.set(name, value)
         if self.step and is_live(self.now, name):
-            self.change(name, text)
+            self.change(name, str(value).lower() if isinstance(value, bool) else str(value))
 
     def change(self, what: str, value: str) -> None:
         """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
         change = Change(self.step, what, value)
         if what in EDITS:
             edit(self.run, change)
-            self._alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
+            self.is_alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
         else:
             now = self.now.set(what, parsed(self.now, what, value))
             self.run.change(now.config, now.genome, now.strategy)
+            if now.task != self.now.task:
+                self.run.retask(now.task)
+                self.world = RecordedWorld(self.run, 0)
             self.now, self.wanted = now, self.wanted.set(what, now.get(what))
             self.made = [one for one in self.made if one[:2] != change[:2]]
         self.made.append(change)
@@ -206,16 +203,11 @@ class Session:
     def _seen(self, record: StepRecord, before: StepRecord | None) -> None:
         """Take in what a control step looks like."""
         frames = self.world.frames([record], before)
-        measured = [name for name in (*getattr(self.run.task, "measured", {}), "collisions", "mean_speed")]
-        arrays = frames.arrays()
         self.snapshots.append(Snapshot(frames, record))
-        if self.step % self._every == 0:
-            found = {name: arrays[name if name in ARRAYS else METRIC + name] for name in measured}
-            for name, values in {"step": frames.step, **found}.items():
-                self.lines.setdefault(name, []).append(float(values[0]))
-        if len(self.lines["step"]) > LONGEST:
-            self._every *= 2
-            self.lines = {name: values[::2] for name, values in self.lines.items()}
+        arrays = frames.arrays()
+        for name in ("step", *getattr(self.run.task, "measured", {}), "collisions", "mean_speed"):
+            line = self.lines.setdefault(name, deque(maxlen=LONGEST))
+            line.append(float(arrays[name if name in ARRAYS else METRIC + name][0]))
 
     def values(self) -> dict[str, Any]:
         """Return the settings and changes that reproduce the run so far, by the names of flags."""

@@ -9,10 +9,13 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.memory import vectors
-from iswarm_mj.output.palette import GREEN, PINK, SKY, YELLOW, rgb
+from iswarm_mj.output.palette import GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.widgets import show
+from iswarm_mj.utils.obstacles import Obstacle
+from iswarm_mj.utils.units import RD
 
 _ROOT = "/swarm"
 _HEARD = (95, 95, 105)
@@ -28,6 +31,7 @@ class SwarmView:
     Attributes:
         by: what colours robots, one of `scene.ways_to_colour`.
         shows: which of `links`, `trails` and the names of vectors are drawn.
+        root: node of all.
         nodes: of the robots, hulls and fronts.
         selected: robot with a ring; None for none.
         is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays are small.
@@ -44,7 +48,7 @@ class SwarmView:
         self.is_coarse = False
         self._drawn, self._step = drawn, None
         drawn.remove_by_name(_ROOT)
-        self._root = drawn.add_frame(_ROOT, show_axes=False)
+        self.root = drawn.add_frame(_ROOT, show_axes=False)
         for boxes in shapes.arena_boxes(scene):
             for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
                 drawn.add_box(
@@ -56,7 +60,7 @@ class SwarmView:
                     cast_shadow=False,
                 )
         length, width, height = np.asarray(scene.robot_size) * shapes.MILLIMETRES
-        self._length, n, k = length, len(scene.is_alive), len(scene.ball_radius)
+        self._height, n, k = height, len(scene.is_alive), len(scene.ball_radius)
         front = trimesh.creation.box((0.2 * length, 0.5 * width, 0.1 * height))
         front.apply_translation((0.36 * length, 0, height / 2))
         self.nodes = {
@@ -85,19 +89,11 @@ class SwarmView:
             )
             for k, vector in enumerate(vectors(scene.memory))
         }
+        self._wished = self._batch("wished", trimesh.creation.box((2, 2, height)), 0, rgb(WALL), opacity=0.4)
         ring = trimesh.creation.annulus(0.85 * length, 1.0 * length, 0.1)
         self._ring = drawn.add_mesh_simple(
             f"{_ROOT}/ring", ring.vertices, ring.faces, color=(20, 20, 20), visible=False
         )
-
-    @property
-    def visible(self) -> bool:
-        """Whether the swarm is in the scene."""
-        return self._root.visible
-
-    @visible.setter
-    def visible(self, value: bool) -> None:
-        self._root.visible = value
 
     @property
     def vectors(self) -> list[str]:
@@ -108,12 +104,17 @@ class SwarmView:
         """Draw what was not drawn, or no longer what was."""
         self.shows = self.shows ^ {name}
 
-    def _batch(self, name: str, mesh: trimesh.Trimesh, n: int, colour: tuple[int, int, int]) -> Any:
+    def wish(self, obstacles: Sequence[Obstacle]) -> None:
+        """Draw obstacles that wait for a reset, as shadows of themselves."""
+        places = np.array(obstacles, float).reshape(-1, 5) * [RD, RD, RD, RD, np.pi / 180]
+        _lay(self._wished, places, self._height / 2)
+
+    def _batch(self, name: str, mesh: trimesh.Trimesh, n: int, colour: tuple[int, int, int], **more: Any) -> Any:
         turns, places = _upright(n), np.zeros((n, 3), np.float32)
         colours = linear(np.array(colour, np.uint8))  # one for all, until each has its own
         return self._drawn.add_batched_meshes_simple(
             f"{_ROOT}/{name}", mesh.vertices, mesh.faces, turns, places, batched_colors=colours, lod="off",
-            cast_shadow=False, receive_shadow=False, flat_shading=True,
+            cast_shadow=False, receive_shadow=False, flat_shading=True, **more,
         )  # fmt: skip
 
     def show(
@@ -155,12 +156,10 @@ class SwarmView:
         ends = arrays.arrows(scene, after, now.centre)
         for stem, node in self._arrows.items():
             is_shown = stem in self.shows and len(ends[stem]) > 0
-            _set(node, "points", ends[stem] if is_shown else _FLAT)
+            show(node, "points", ends[stem] if is_shown else _FLAT)
         for name, node in self._areas.items():
             places = now.areas[name]
-            node.batched_positions = np.column_stack([places[:, :2], np.full(len(places), 1.5 * shapes.SHEET)])
-            node.batched_wxyzs = _upright(len(places))
-            node.batched_scales = np.column_stack([places[:, 2], places[:, 2], np.ones(len(places))])
+            _lay(node, np.column_stack([places, places[:, 2], np.zeros(len(places))]), 1.5 * shapes.SHEET)
 
     def _draw_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
         """Links and trails."""
@@ -171,7 +170,7 @@ class SwarmView:
         if "trails" in self.shows:
             lines["trails"] = arrays.trails(self.scene, past)
         for name, node in self._lines.items():
-            _set(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
+            show(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
 
     def _rounded(self, values: np.ndarray) -> np.ndarray:
         return np.round(values * _GRAIN) / np.float32(_GRAIN) if self.is_coarse else values
@@ -189,15 +188,18 @@ def _upright(n: int) -> np.ndarray:
     return np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1))
 
 
+def _lay(node: Any, places: Float[np.ndarray, "M 5"], z: float) -> None:
+    """Put the instances of a node, squares or discs of half width 1, at x, y, half widths [mm] and yaws [rad]."""
+    x, y, half_x, half_y, yaw = places.T
+    zero = np.zeros_like(x)
+    show(node, "batched_positions", np.column_stack([x, y, zero + z]))
+    show(node, "batched_wxyzs", np.column_stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)]))
+    show(node, "batched_scales", np.column_stack([half_x, half_y, zero + 1]))
+
+
 def linear(colours: np.ndarray) -> np.ndarray:
     """Return colours of instances and arrows, which viser 1.1 takes for linear ones and not for those of a screen."""
     return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)
-
-
-def _set(node: Any, name: str, value: np.ndarray) -> None:
-    """Change what a node shows, unless it shows that."""
-    if not np.array_equal(getattr(node, name), value):
-        setattr(node, name, value)
 
 
 def light(drawn: Any) -> None:
@@ -208,8 +210,21 @@ def light(drawn: Any) -> None:
     drawn.add_light_directional("/lights/sun", intensity=1.3, position=(-1.0, -2.0, 4.0))
 
 
-def aim(camera: Any, scene: Scene, is_low: bool = False) -> None:
-    """Point a camera at the whole arena, or from the side at what stands in its middle."""
+def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, is_low: bool = False) -> None:
+    """Point a camera at the whole arena, or from the side at what stands in its middle.
+
+    Args:
+        camera: of a browser, or the initial one of a server.
+        scene: constants of the world.
+        aspect: width of the picture over its height.
+        is_low: look at the middle from the side.
+    """
     size = scene.arena_size * shapes.MILLIMETRES
-    camera.look_at = (0.0, 0.0, 0.12 * size) if is_low else (0.0, -0.07 * size, 0.0)
-    camera.position = (0.0, -0.55 * size, 0.22 * size) if is_low else (0.0, -0.56 * size, 0.7 * size)
+    target, from_ = ((0, 0, 0.12 * size), (0, -0.93, 0.37)) if is_low else ((0, -0.05 * size, 0), (0, -0.62, 0.78))
+    right, ahead = np.array([1.0, 0, 0]), -np.array(from_)
+    corners = 0.53 * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) - target
+    high = np.tan(camera.fov / 2)  # of what is seen, over its distance
+    needed = np.maximum(np.abs(corners @ right) / (aspect * high), np.abs(corners @ np.cross(right, ahead)) / high)
+    away = 0.59 * size if is_low else float(max(needed - corners @ ahead))
+    camera.position = tuple(target - away * ahead)  # which moves what a camera looks at
+    camera.look_at = target

@@ -5,6 +5,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.player.controls import Control
 
@@ -37,19 +39,20 @@ def widget(gui: Any, control: Control, moved: Callable[[Any], None]) -> Any:
 
 
 def show(handle: Any, name: str, value: Any) -> None:
-    """Send what has changed alone."""
-    if getattr(handle, name) != value:
+    """Change what a control or a node of viser shows, unless it shows that."""
+    if not np.array_equal(getattr(handle, name), value):
         setattr(handle, name, value)
 
 
-def spots(entries: list[tuple[str, Rgb]]) -> str:
-    """Return a legend of labels and colours, in HTML."""
+def spots(entries: list[tuple[str, Rgb]], title: str = "") -> str:
+    """Return a legend of labels and colours after a title, in HTML."""
     found = "".join(
         f'<span style="white-space:nowrap;margin-right:.8em"><span style="display:inline-block;width:.8em;height:.8em;'
         f'border-radius:2px;margin-right:.3em;background:rgb{colour}"></span>{html.escape(label)}</span> '
         for label, colour in entries
+        if label
     )
-    return f'<div style="font-size:.8em;line-height:1.6;padding:.3em .8em">{found}</div>'
+    return f'<div style="font-size:.8em;line-height:1.6;padding:.3em .8em"><b>{html.escape(title)}</b> {found}</div>'
 
 
 def copied(text: str) -> str:

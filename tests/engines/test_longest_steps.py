@@ -21,8 +21,9 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import mm_from_rd
 
 ARENA = ArenaConfig(size=10, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=4)
-N_ROBOTS, N_WORLDS, N_STEPS = 95, 2, 15
+N_ROBOTS, N_WORLDS, N_STEPS = 95, 1, 15
 EDGE = mm_from_rd(ARENA.size) / 2
+PAIRS = np.triu_indices(N_ROBOTS, 1)
 
 DEFAULT = DriveConfig()
 LONGEST = DriveConfig(step_length=6 * LONGEST_STEP, max_turn=4 * LARGEST_TURN)
@@ -72,11 +73,10 @@ def crowd_moves(drive, where, engine_of, n_steps=N_STEPS):
 
 def nearest_pass(before, after):
     """Smallest distance of two centres on straight ways between poses (B, N, 3) [mm]."""
-    first, last = (p[:, :, None, :2] - p[:, None, :, :2] for p in (before, after))
+    first, last = (p[:, PAIRS[0], :2] - p[:, PAIRS[1], :2] for p in (before, after))
     way = last - first
     share = np.clip(-(first * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12), 0, 1)
-    distance = np.linalg.norm(first + share[..., None] * way, axis=-1)
-    return distance[:, *np.triu_indices(N_ROBOTS, 1)].min()
+    return np.linalg.norm(first + share[..., None] * way, axis=-1).min()
 
 
 def allowed(rng):

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
-from iswarm_mj.sensors.optics import led_positions, receive
+from iswarm_mj.sensors.optics import receive
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -96,12 +95,6 @@ class TestRecord:
         assert (robot.circumradius, robot.inradius) == (pytest.approx(np.sqrt(1.25)), 0.5)
         assert robot.yaw_inertia == pytest.approx(10 * (1 + 4) / 12)
         assert robot.optical_offset == 0.4
-
-    def test_is_a_static_argument_of_jit(self, file):
-        lengthen = jax.jit(lambda poses, robot: led_positions(poses, robot), static_argnums=1)
-        poses = jnp.zeros((1, 3))
-        assert lengthen(poses, read_robot())[0, 0].tolist() == [1, 0]
-        assert lengthen(poses, read_robot(file))[0, 0].tolist() == [0.5, pytest.approx(0.4)]
 
     @pytest.mark.parametrize(
         ("old", "new", "reason"),

@@ -23,22 +23,40 @@ from iswarm_mj.utils.errors import UserError
 FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}
 
 
+@pytest.fixture(scope="module")
+def env():
+    """Robots as agents: programs are compiled for each environment."""
+    return parallel_env(**FEW)
+
+
+@pytest.fixture(scope="module")
+def batch():
+    """Two worlds of them."""
+    return vector_env(num_envs=2, **FEW)
+
+
+@pytest.fixture(scope="module")
+def one():
+    """All robots as one agent."""
+    return single_env(**FEW)
+
+
 @pytest.mark.filterwarnings("error:.*:UserWarning:pettingzoo")
-def test_pettingzoo_finds_nothing_wrong():
-    parallel_api_test(parallel_env(**FEW), num_cycles=50)
+def test_pettingzoo_finds_nothing_wrong(env):
+    parallel_api_test(env, num_cycles=50)
     parallel_seed_test(lambda: parallel_env(**FEW), num_cycles=20)
 
 
-def test_gymnasium_finds_nothing_wrong():
-    check_env(single_env(**FEW), skip_render_check=True)
+def test_gymnasium_finds_nothing_wrong(one):
+    check_env(one, skip_render_check=True)
 
 
-def test_all_do_the_same():
+def test_all_do_the_same(env, one):
     """By one seed and the same actions, one world of robots, of one agent, and of a batch."""
-    many, one, batch = parallel_env(**FEW), single_env(**FEW), vector_env(num_envs=1, **FEW)
+    many, worlds = env, vector_env(num_envs=1, **FEW)
     rows, _ = many.reset(seed=4)
     whole, _ = one.reset(seed=4)
-    all_, _ = batch.reset(seed=4)
+    all_, _ = worlds.reset(seed=4)
     rng = np.random.default_rng(0)
     for step in range(1, 21):
         np.testing.assert_array_equal(np.stack(list(rows.values())), whole)
@@ -46,7 +64,7 @@ def test_all_do_the_same():
         action = rng.uniform(-1, 1, (5, 3)).astype(np.float32)
         rows, rewards, ends, cuts, infos = many.step(dict(zip(many.agents, action, strict=True)))
         whole, reward, is_end, is_cut, info = one.step(action)
-        all_, summed, ended, cut, _ = batch.step(action[None])
+        all_, summed, ended, cut, _ = worlds.step(action[None])
         assert sum(rewards.values()) == pytest.approx(reward) and summed[0] == pytest.approx(reward)
         assert set(ends.values()) == {is_end} == {bool(ended[0])} and set(cuts.values()) == {is_cut} == {bool(cut[0])}
         assert is_cut == (step == 20) and infos["robot_3"]["picked"] == info["picked"]
@@ -69,9 +87,8 @@ def test_worlds_of_a_vector_begin_anew_by_themselves():
     np.testing.assert_array_equal(again, first)
 
 
-def test_seeds_are_whole_numbers_of_any_type():
-    env = single_env(**FEW)
-    (plain, _), (numpys, _), (largest, _) = (env.reset(seed=seed) for seed in (7, np.uint8(7), 2**32 - 1))
+def test_seeds_are_whole_numbers_of_any_type(one):
+    (plain, _), (numpys, _), (largest, _) = (one.reset(seed=seed) for seed in (7, np.uint8(7), 2**32 - 1))
     np.testing.assert_array_equal(plain, numpys)
     assert not np.array_equal(plain, largest)
 
@@ -122,16 +139,14 @@ class TestMistakes:
             (lambda a: a.update(robot_1=np.array(["a"] * 3)), "must hold numbers from -1 to 1"),
         ],
     )
-    def test_actions(self, change, words):
-        env = parallel_env(**FEW)
+    def test_actions(self, env, change, words):
         env.reset(seed=0)
         actions = {agent: np.zeros(3, np.float32) for agent in env.agents}
         change(actions)
         with pytest.raises(UserError, match=words):
             env.step(actions)
 
-    def test_actions_of_another_kind(self):
-        env, one = parallel_env(**FEW), single_env(**FEW)
+    def test_actions_of_another_kind(self, env, one):
         env.reset(seed=0)
         with pytest.raises(UserError, match="an action of each agent and no others"):
             env.step(None)
@@ -145,15 +160,10 @@ class TestMistakes:
         with pytest.raises(UserError, match="call reset first"):
             parallel_env(**FEW).step({})
 
-    def test_shapes_of_batches(self):
-        env = vector_env(num_envs=2, **FEW)
-        env.reset(seed=0)
+    def test_shapes_of_batches(self, batch):
+        batch.reset(seed=0)
         with pytest.raises(UserError, match=r"must have the shape \(2, 5, 3\)"):
-            env.step(np.zeros((5, 3)))
-
-    def test_unknown_tasks(self):
-        with pytest.raises(UserError, match="cleanin"):
-            parallel_env("cleanin")
+            batch.step(np.zeros((5, 3)))
 
     @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
     @pytest.mark.parametrize("name", ["n_robot", "n_worlds"])
@@ -173,9 +183,9 @@ class TestMistakes:
         with pytest.raises(UserError, match=words):
             vector_env(num_envs=number, **FEW | {"engine": engine})
 
-    @pytest.mark.parametrize("make", [parallel_env, single_env, vector_env])
-    def test_seeds(self, make):
-        env = make(**FEW)
+    @pytest.mark.parametrize("made", ["env", "one", "batch"])
+    def test_seeds(self, made, request):
+        env = request.getfixturevalue(made)
         for seed in (-1, 2**32, 1.5, float("nan"), True, "1", [1]):
             with pytest.raises(UserError, match=r"^seed must be a whole number from 0 to 4294967295, or None .*\(got "):
                 env.reset(seed=seed)

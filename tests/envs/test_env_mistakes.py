@@ -19,6 +19,12 @@ KEYS = jax.random.split(jax.random.key(5), 3)
 HUGE = 10**9, np.int64(2**60), 10**30
 
 
+@pytest.fixture(scope="module")
+def env():
+    """Three robots: programs are compiled for each environment."""
+    return TestMistakes.ENV()
+
+
 class TestMistakes:
     ENV = staticmethod(lambda **more: make_env(**({"n_robots": 3, "config": SMALL, "n_starts": 2} | more)))
 
@@ -60,8 +66,7 @@ class TestMistakes:
             (None, "must hold numbers"),
         ],
     )
-    def test_actions(self, action, words):
-        env = self.ENV()
+    def test_actions(self, env, action, words):
         with pytest.raises(UserError, match=words):
             env.step(env.reset(KEYS[:1]), action)
 
@@ -72,12 +77,12 @@ class TestMistakes:
             jax.eval_shape(env.step, state, jnp.zeros((2, 2)))
 
     @pytest.mark.parametrize("key", [0, KEYS, KEYS[0], np.zeros(2)])
-    def test_keys(self, key):
+    def test_keys(self, env, key):
         with pytest.raises(UserError, match=r"reset needs 1 random keys, .*make them by jax.random.split"):
-            self.ENV().reset(key)
+            env.reset(key)
 
-    def test_states_of_other_environments(self):
-        env, other = self.ENV(), self.ENV(n_robots=4)
+    def test_states_of_other_environments(self, env):
+        other = self.ENV(n_robots=4)
         compiled, action = self.ENV(engine=PlanarSettings(impl="warp")), np.zeros((1, 3, 2), np.float32)
         words = "step got a state of another environment; begin with a state of this one's reset"
         for engine, given in [(env, other), (compiled, env)]:
@@ -90,17 +95,17 @@ class TestMistakes:
                 env.step(nothing, action)
 
     @pytest.mark.parametrize("obs", [None, 3.0, np.zeros((3, 1))])
-    def test_observations_without_names(self, obs):
+    def test_observations_without_names(self, env, obs):
         with pytest.raises(UserError, match=r"obs must be an array \(\.\.\., \d+\) .*; give the `obs` of a state"):
-            self.ENV().named(obs)
+            env.named(obs)
 
     def test_a_task_that_cannot_be_made(self, tmp_path):
         (tmp_path / "tasks_of_mine.py").write_text("class Mine:\n    def __init__(self):\n        raise KeyError(3)\n")
         with pytest.raises(UserError, match=r"Mine.* raised KeyError: 3 .*line 3"):
             self.ENV(task=f"{tmp_path}/tasks_of_mine.py:Mine")
 
-    def test_engines_of_the_host_inside_programs(self):
-        env, action = self.ENV(), np.zeros((1, 3, 2), np.float32)
+    def test_engines_of_the_host_inside_programs(self, env):
+        action = np.zeros((1, 3, 2), np.float32)
         state, words = env.reset(KEYS[:1]), r"computes on the host, .*; call {} without jax.jit and jax.vmap, or make"
         with pytest.raises(UserError, match=words.format("reset")):
             jax.jit(env.reset)(KEYS[:1])

@@ -2,7 +2,6 @@
 
 import pickle
 
-import numpy as np
 import pytest
 
 from iswarm_mj.experiments.runner.jobs import Job, run_job
@@ -54,9 +53,3 @@ def test_faults_name_the_job(small, monkeypatch):
 def test_a_job_that_is_not_possible_is_refused(small):
     with pytest.raises(UserError, match=r"n_robots must be .*got 217"):
         run_job(Job(small, GENOME, 217, seed=7, steps=3))
-
-
-def test_seeds_count(small):
-    outcomes = [run_job(Job(small, GENOME, 30, seed, steps=25)) for seed in (1, 1, 2)]
-    assert outcomes[0] == outcomes[1] != outcomes[2]
-    assert np.isfinite([o.fitness for o in outcomes]).all()

@@ -9,9 +9,8 @@ from iswarm_mj.experiments.analysis.beyond_statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS
-from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.utils.errors import UserError
 
 PLAN = Plan()
 
@@ -91,11 +90,3 @@ class TestPlans:
         assert len({job.seed for job in jobs}) == len(jobs) - again.get(name, 0)
         quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
         assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in one)
-
-    def test_an_unknown_name_lists_the_others(self):
-        with pytest.raises(
-            UserError,
-            match=rf"'hops'; .*hop-count, density, .*{list(EXPERIMENTS)[-1]}",
-        ):
-            experiment("hops")
-        assert [line.split()[0] for line in listing().splitlines()] == list(EXPERIMENTS)

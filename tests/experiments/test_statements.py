@@ -39,20 +39,6 @@ def test_the_runs_of_a_quick_version_are_too_few(name):
 
 
 class TestHopCounts:
-    @pytest.mark.parametrize(
-        "better, expected", [(True, [HOLDS] * 4), (False, [FAILS] * 4)], ids=["they help", "they hinder"]
-    )
-    def test_each_measure_has_its_own_direction(self, better, expected):
-        """More dust, and less of all else: an inverted sign, or another measure's column, changes a verdict."""
-
-        def outcome(entry):
-            k = entry.labels["repeat"]
-            if entry.job.genome.use_hop_count == better:
-                return done(entry.job, 150 + k, 66, 3000 + k, 60.0 + k)
-            return done(entry.job, None, 20 + k, 9000 + k, 300.0 + k)
-
-        assert list(verdicts("hop-count", made("hop-count", outcome)).values()) == expected
-
     @pytest.mark.parametrize("measure", range(4))
     def test_each_statement_is_on_its_measure_alone(self, measure):
         """Runs differ in one of time, dust, collisions and carriage, and the others are equal to the last digit."""

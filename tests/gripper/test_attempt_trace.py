@@ -9,7 +9,7 @@ from helpers_attempts import GRIPPER, step
 from helpers_sensing import lay
 
 from iswarm_mj.gripper.bench.attempt_trace import PHASES, attempts_between, trace_attempt
-from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, by_host
+from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, by_host
 
 PLACES = [(40, 0, 0), (60, 0, 0), (0, 0, 0), (80, 0, 0)]
 
@@ -47,8 +47,9 @@ def test_a_trace_shows_what_was_decided(made):
         trace, succeeded = trace_attempt(tried, GRIPPER.release_gap)
         assert succeeded == tried.succeeded and trace.phases == PHASES
         assert np.all(np.diff(trace.time) > 0)
-        time = trace.time[-1] - trace.time[0]  # of physics without leaps, which may end one look later
-        assert time == pytest.approx(float(made[1].work_time[tried.ball]), abs=1.1 * PROTOCOL.watch_time)
+        later = trace.time[-1] - trace.time[0] - float(made[1].work_time[tried.ball])
+        latest = 0.0 if tried.is_lift else PROTOCOL.watch_time  # physics without leaps looks at a ball at other times
+        assert -1.1 * TIMESTEP < later < latest + 0.1 * TIMESTEP
         assert trace.voltage.max() == pytest.approx(tried.voltage)
         assert trace.probe[-1, 0] == pytest.approx(tried.misalignment, abs=1e-8)
         limit = 0.2e-6 if tried.is_lift else GRIPPER.release_gap / 2

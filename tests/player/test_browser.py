@@ -1,17 +1,41 @@
-"""The page in Chromium: it loads, the swarm moves, pause stops it, a slider changes a rule, a command is shown."""
+"""The page in Chromium, which loads it once: what a user does there reaches the run, and what is copied repeats it."""
 
+import re
+import shlex
 import shutil
+import signal
+import sys
 import time
+from base64 import b64decode
+from contextlib import ExitStack
+from io import BytesIO
+from subprocess import PIPE, Popen
 
+import jax
+import numpy as np
+import psutil
 import pytest
+from PIL import Image
+from viser.transforms import SO3
 
 from iswarm_mj import SwarmConfig, play
+from iswarm_mj.commands.main import parse
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.output.saved import load
+from iswarm_mj.player.replay import Film, write_replay
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.workflows.clean import clean
 
+sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium")
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
+CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 SECONDS = 120
+WIDTH, HEIGHT = 1000, 700
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
 
 
 def wait(holds):
@@ -21,35 +45,135 @@ def wait(holds):
         time.sleep(0.2)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-def test_play_pause_change_and_copy():
-    sync_api = pytest.importorskip("playwright.sync_api")
-    config = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
-    played = play(config, robots=20, seed=3, engine=PlanarSettings(), port=8320)
-    session = played.session
-    try:
-        with sync_api.sync_playwright() as started:
-            browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-            pages = [browser.new_page(viewport={"width": 1280, "height": 800}) for _ in range(2)]
-            for page in pages:
-                page.set_default_timeout(SECONDS * 1000)
-                page.goto(played.url)
-            pages[0].get_by_role("button", name="Play").click()
-            wait(lambda: session.step > 3)
-            pages[1].get_by_role("button", name="Pause").click()  # the other one shows the same
-            wait(lambda: not session.is_playing)
-            step = session.step
-            time.sleep(1)
-            assert session.step == step
-            pages[0].get_by_role("tab", name="Rules").click()
-            beside = "//*[text()='p vector forget']/following::input[@inputmode][1]"
-            number = pages[0].locator(f"xpath={beside}")
-            number.fill("0.75")
-            number.press("Enter")
-            wait(lambda: session.now.genome.p_vector_forget == 0.75)
-            pages[0].get_by_role("tab", name="Share").click()
-            wait(lambda: f"--changes {step}:p_vector_forget=0.75" in pages[0].locator("pre").inner_text())
-            browser.close()
-    finally:
-        played.close()
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def played():
+    played = play(CONFIG, robots=20, seed=3, engine=PlanarSettings(), port=8320)
+    yield played
+    played.close()
+
+
+@pytest.fixture(scope="module")
+def pages(browser, played):
+    """Two browsers that show it."""
+    pages = [browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}) for _ in range(2)]
+    for page in pages:
+        page.set_default_timeout(SECONDS * 1000)
+        page.goto(played.url)
+        page.locator("[class*=mantine-Notification] button").first.click()  # software rendering
+    return pages
+
+
+def shown(page):
+    """Pixels of the arena."""
+    picture = page.screenshot(clip={"x": 0, "y": 0, "width": WIDTH - 400, "height": HEIGHT})
+    return np.asarray(Image.open(BytesIO(picture)).convert("RGB"), float)
+
+
+def test_the_swarm_moves_in_both_browsers_and_stops_in_both(pages, played):
+    session, before = played.session, [shown(page) for page in pages]
+    pages[0].get_by_role("button", name="Play").click()
+    wait(lambda: session.step > 3)
+    pages[1].get_by_role("button", name="Pause").click()
+    wait(lambda: not session.is_playing and session.shown == session.step)
+    step = session.step
+    time.sleep(2)
+    after = [shown(page) for page in pages]
+    assert session.step == step
+    for a, b in zip(before, after, strict=True):
+        assert (np.abs(a - b).max(axis=-1) > 50).mean() > 1e-3  # robots are elsewhere
+    assert (np.abs(after[0] - after[1]).max(axis=-1) > 50).mean() < 1e-3
+    np.testing.assert_array_equal(shown(pages[0]), after[0])
+    assert f"step {step}" in pages[1].get_by_text(re.compile(r"^step \d+")).inner_text()
+
+
+def test_a_click_on_a_robot_selects_it(pages, played):
+    client = next(iter(played._server.get_clients().values()))
+    pose = played.session.snapshots[-1].frames.pose[0] * 1e3
+    robot = int(np.hypot(*(pose[:, :2] - [0, -10]).T).argmin())
+    seen = np.array([*pose[robot, :2], 0.5]) - client.camera.position
+    right, down, ahead = SO3(client.camera.wxyz).inverse() @ seen
+    scale = client.camera.image_height / 2 / np.tan(client.camera.fov / 2) / ahead
+    place = client.camera.image_width / 2 + scale * right, client.camera.image_height / 2 + scale * down
+    for page in pages:
+        page.mouse.click(*place)
+    wait(lambda: played._panel.view.selected == robot)
+    pages[0].get_by_role("tab", name="Robot").click()
+    wait(lambda: pages[0].get_by_text(f"Robot {robot}", exact=False).count() > 0)
+
+
+def test_a_slider_changes_the_rules_and_the_copied_command_repeats_the_run(pages, played):
+    session, page = played.session, pages[0]
+    page.get_by_role("tab", name="Rules").click()
+    number = page.locator("xpath=//*[text()='p vector forget']/following::input[@inputmode][1]")
+    number.fill("0.75")
+    number.press("Enter")
+    wait(lambda: session.now.genome.p_vector_forget == 0.75)
+    step = session.step
+    page.get_by_role("button", name="Step").click()
+    wait(lambda: session.step == step + 1)
+    forgets = session.run.arrays()[0].strategy.rules.p_vector_forget
+    np.testing.assert_array_equal(forgets, np.float32([0.75]))
+    page.get_by_role("tab", name="Share").click()
+    wait(lambda: f"--changes {step}:p_vector_forget=0.75" in page.locator("pre").inner_text())
+    command = page.locator("pre").inner_text()
+    other = parse(shlex.split(command)[1:]).session()
+    while other.step < session.step:
+        other.advance()
+    for one, copy in zip(*map(jax.tree.leaves, (session.run.arrays()[1], other.run.arrays()[1])), strict=True):
+        np.testing.assert_array_equal(np.asarray(one), np.asarray(copy))
+
+
+def test_two_commands_listen_to_this_machine_alone_and_end_with_ctrl_c(browser):
+    command = [sys.executable, "-m", "iswarm_mj", "play", "--robots", "20", "--engine", "planar", "--no-open"]
+    command += ["--arena.size", "24", "--arena.dust-area-offset", "7", "--arena.n-dust", "12", "--port", "8340"]
+    ports = []
+    with ExitStack() as ends:
+        processes = [ends.enter_context(Popen(command, stdout=PIPE, text=True)) for _ in range(2)]
+        for process in processes:
+            ends.callback(process.kill)
+            url = re.search(r"http://127\.0\.0\.1:(\d+)", process.stdout.readline())
+            found = psutil.Process(process.pid).net_connections()
+            listening = {(one.laddr.ip, one.laddr.port) for one in found if one.status == psutil.CONN_LISTEN}
+            assert listening == {("127.0.0.1", int(url[1]))}
+            ports.append(url[1])
+            page = browser.new_page()
+            page.goto(url[0])
+            page.get_by_role("button", name="Pause").wait_for(timeout=SECONDS * 1000)
+            page.close()
+            assert process.poll() is None
+        assert len(set(ports)) == 2
+        for process in processes:
+            children = psutil.Process(process.pid).children(recursive=True)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(SECONDS) == 130
+            assert not any(child.is_running() for child in children)
+
+
+def test_a_replay_has_the_same_light_in_every_loop(browser, tmp_path):
+    clean(Run(CONFIG, settings=RunSettings(20, 8, 3), engine=PlanarSettings()), tmp_path)
+    write_replay(load(tmp_path), Film(speed=8.0), tmp_path / "page.html")
+    page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    page.goto(f"file://{tmp_path}/page.html")
+    page.locator("[class*=mantine-Notification] button").first.click()
+    time.sleep(1)
+    cast, floor = page.context.new_cdp_session(page), []
+
+    def take(frame):
+        picture = np.asarray(Image.open(BytesIO(b64decode(frame["data"]))).convert("RGB"), int)
+        floor.append(np.median(picture[HEIGHT // 2 : HEIGHT - 100].reshape(-1, 3), axis=0))
+        cast.send("Page.screencastFrameAck", {"sessionId": frame["sessionId"]})
+
+    cast.on("Page.screencastFrame", take)
+    cast.send("Page.startScreencast", {"format": "png"})
+    page.wait_for_timeout(6000)  # six loops
+    page.close()
+    assert len(floor) > 10
+    np.testing.assert_allclose(floor, floor[0] * np.ones((len(floor), 1)), atol=2)

@@ -2,8 +2,8 @@
 
 import base64
 import re
-import time
 from pathlib import Path
+from threading import Event
 
 import msgspec
 import numpy as np
@@ -17,7 +17,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.bench import BenchSettings, outcome
 from iswarm_mj.player.page import close_server, open_server
-from iswarm_mj.player.panel import DROP, LIFE
+from iswarm_mj.player.panel import BUILD, DROP, LIFE, REMOVE
 from iswarm_mj.player.replay import Film, write_replay
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -48,7 +48,7 @@ def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
 
 
 def test_clicks_select_kill_and_drop(played):
-    session, panel = played.session, played._page._panel
+    session, panel = played.session, played._panel
     session.advance()
     x, y = session.snapshots[-1].frames.pose[0, 5, :2] * 1e3
     panel.clicked(x + 0.1, y, 1.6)
@@ -59,12 +59,17 @@ def test_clicks_select_kill_and_drop(played):
     panel.clicked(x, y, 1.6)
     panel.click = DROP
     panel.clicked(0.0, 20.0, 1.6)
-    for _ in range(200):
-        if len(session.made) == 2:
-            break
-        time.sleep(0.05)  # the page's own thread works
+    panel.click = REMOVE
+    panel.clicked(x, y, 1.6)
+    panel.click = BUILD
+    for place in ((20.0, -20.0), (-20.0, -20.0), (-20.5, -19.5)):  # the third one takes the second away
+        panel.clicked(*place, 1.6)
+    ended = Event()
+    session.post(ended.set)
+    assert ended.wait(60)  # the page's own thread works
     assert [change.what for change in session.made] == ["kill", "ball"]
-    assert not session.is_alive[5]
+    assert not session.is_alive[5] and session.run.settings.n_robots == 20
+    assert session.wanted.n_robots == 19 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
 
 
 @pytest.fixture(scope="module")

@@ -86,7 +86,7 @@ def test_colours_of_states_deaths_and_hops(session):
     found = arrays.colours(scene, after, alive, arrays.STATE)
     loaded = after.is_loaded[0] & ~after.has_priority[0] & alive
     assert (found[loaded] == rgb(LOADED)).all() and tuple(found[1]) == arrays.DEAD
-    assert arrays.ways_to_colour(scene, after, True) == ["state", "hops to dust", "hops to dump", "energy"]
+    assert arrays.ways_to_colour(scene, after, np.ones(20)) == ["state", "hops to dust", "hops to dump", "energy"]
     hops = arrays.colours(scene, after, np.ones(20, bool), "hops to dust")
     unknown = ~after.memory["dust_known"][0]
     assert len(np.unique(hops[unknown], axis=0)) <= 1

@@ -1,6 +1,8 @@
 """What is done on the page is a run: bit by bit that of `Run`, and of the command that is copied."""
 
+import re
 import shlex
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -38,13 +40,12 @@ def steps(session: Session, n: int) -> Session:
     return session
 
 
-def copied(session: Session) -> Session:
-    """The session of the command that is copied, after the same number of steps."""
-    command = parse(shlex.split(session.command())[1:])
-    scenario = Scenario(*command.checked()[:2], robots=command.robots, seed=command.seed, task=command.task)
-    scenario = Scenario(**vars(scenario) | {"engine": command.engine_settings, "strategy": command.own})
-    changes = [Change.parse(text) for text in getattr(command, "changes", ())]
-    return steps(Session(scenario, changes), session.step)
+def assert_copies_repeat(session: Session, path: Path) -> None:
+    """The command that is copied and the file that is saved give the same state after as many steps."""
+    command = re.sub(r"^iswarm (run|play)|--steps \d+", "", session.command())
+    path.write_text(re.sub(r"steps = \d+", "", session.toml()))
+    for arguments in (shlex.split(command), ["--config", str(path)]):
+        assert_same(steps(parse(["play", *arguments]).session(), session.step).run, session.run)
 
 
 def test_a_session_is_a_run():
@@ -73,11 +74,11 @@ def test_play_pause_step_and_reset():
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
+def test_a_setting_changes_the_world_and_what_is_copied_repeats_it(tmp_path):
     session = steps(Session(SCENARIO), 2)
-    session.set("p_vector_forget", "0.75")
-    session.set("optics.error_in_communication", "0.5")
-    session.set("use_hop_count", "false")
+    session.set("p_vector_forget", 0.75)
+    session.set("optics.error_in_communication", 0.5)
+    session.set("use_hop_count", False)
     params, _ = session.run.arrays()
     np.testing.assert_array_equal(params.strategy.rules.p_vector_forget, np.float32([0.75]))
     np.testing.assert_array_equal(params.conditions.error_in_communication, np.float32([0.5]))
@@ -92,28 +93,34 @@ def test_a_setting_changes_the_world_and_the_copied_command_repeats_it():
         "5:kill=4",
         "5:ball=2.5,-1.5",
     ]
-    assert_same(copied(session).run, session.run)
+    assert_copies_repeat(session, tmp_path / "play.toml")
     unchanged = steps(Session(SCENARIO), 8)
     assert not np.array_equal(unchanged.snapshots[-1].frames.pose, session.snapshots[-1].frames.pose)
 
 
-def test_the_command_of_another_task_and_strategy_repeats_it():
+def test_what_is_copied_of_another_task_and_strategy_repeats_it(tmp_path):
     arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
     task = Aggregation(spot_radius=4.0, spot_offset=7.0)
     own = {"strategy": Beeclust(longest_wait=20.0), "task": task, "robots": 12, "engine": PlanarSettings()}
     scenario = Scenario(SwarmConfig(arena), **own)
     session = steps(Session(scenario), 4)
     assert session.command().startswith("iswarm run ")
-    assert_same(copied(session).run, session.run)
+    assert_copies_repeat(session, tmp_path / "play.toml")
+    before = session.snapshots[-1].frames.task["area_bright"]
+    session.set("spot_radius", 3.0)  # of the task, while it runs
+    steps(session, 3)
+    np.testing.assert_allclose(session.snapshots[-1].frames.task["area_bright"][..., 2], 0.75 * before[..., 2])
+    assert [str(change) for change in session.made] == ["4:spot_radius=3.0"]
+    assert_copies_repeat(session, tmp_path / "play.toml")
 
 
 def test_settings_without_effect_until_reset():
     session = steps(Session(SCENARIO), 1)
-    session.set("robots", "15")
+    session.set("robots", 15)
     assert session.run.settings.n_robots == 20 and session.now.n_robots == 20
     session.reset()
     assert session.run.settings.n_robots == 15
-    session.set("arena.size", "30")  # before the first step: at once
+    session.set("arena.size", 30.0)  # before the first step: at once
     session.work()
     assert session.run.config.arena.size == 30
 
@@ -160,6 +167,12 @@ def test_impossible_changes_change_nothing(what, value):
     session.post(lambda: session.change(what, value))
     session.work()
     assert session.messages.get_nowait()
+
+
+@pytest.mark.parametrize("text", ["4:robots=3", "4:p_vector_forget=2", "4:nothing=1", "4:use_hop_count=1"])
+def test_impossible_changes_begin_no_session(text):
+    with pytest.raises(UserError):
+        Session(SCENARIO, [Change.parse(text)])
 
 
 @pytest.mark.parametrize("text", ["", "5", "x:kill=1", "5:kill", "-1:kill=2"])

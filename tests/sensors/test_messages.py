@@ -1,6 +1,5 @@
 """The 32 bits: layout, round trip, parity and noise."""
 
-from itertools import combinations
 from pathlib import Path
 
 import jax
@@ -11,7 +10,6 @@ from helpers_sensing import remember, turned, wrapped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.sensors.checks import parity
 from iswarm_mj.sensors.fields import Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message, corrupt
@@ -80,8 +78,9 @@ def test_bits_are_those_of_the_codec_that_knew_no_other_payload(n_leds):
     assert 0.1 < 1 - np.mean(is_right) < 0.5
     kept_back = content("got")
     for name, values in got.payload.items():
-        if name != "priority":  # that codec rounded its sines and cosines otherwise
-            np.testing.assert_allclose(values.vector, kept_back.payload[name].vector, rtol=1e-6, atol=1e-4)
+        if name != "priority":  # that codec rounded its sines and cosines otherwise: by 3 ulp of the longest vector
+            ulp = np.spacing(np.float32(138.6))
+            np.testing.assert_allclose(values.vector, kept_back.payload[name].vector, rtol=0, atol=3 * ulp)
             got.payload[name] = values._replace(vector=kept_back.payload[name].vector)
     jax.tree.map(np.testing.assert_array_equal, got, kept_back)
 
@@ -121,18 +120,6 @@ def test_unknown_and_well_travelled_vectors_are_not_sent():
     np.testing.assert_array_equal(memory.known, is_sent)
     np.testing.assert_array_equal(memory.hop, np.where(is_sent, np.arange(18), 0))
     assert not np.asarray(memory.vector)[~is_sent].any()
-
-
-def test_parity_is_that_of_the_number_of_ones():
-    np.testing.assert_array_equal(parity(jnp.asarray(PATTERNS)), [int(b).bit_count() % 2 for b in PATTERNS])
-
-
-def test_one_wrong_bit_is_found_and_two_are_not():
-    bits = int(PAYLOAD.pack(message(3, True, remember(vector(8, 30), hop=5))))
-    single = np.array([bits ^ 1 << i for i in range(32)], np.uint32)
-    double = np.array([bits ^ 1 << i ^ 1 << j for i, j in combinations(range(32), 2)], np.uint32)
-    assert not np.asarray(unpack_here(jnp.asarray(single))[1]).any()
-    assert np.asarray(unpack_here(jnp.asarray(double))[1]).all()
 
 
 def wrong_bits(n, error):

@@ -135,12 +135,13 @@ class TestFaults:
         assert run.step == 40
 
     def test_the_run_ends_with_the_last_world(self, monkeypatch):
+        """Robot 3 begins nowhere in each."""
         start = start_of(TINY, N, SEED, 0)
-        heap = start._replace(poses=start.poses * [0.1, 0.1, 1])
-        begin_with(monkeypatch, dict.fromkeys(range(3), heap))
+        start.poses[3, 0] = np.nan
+        begin_with(monkeypatch, dict.fromkeys(range(3), start))
         run, record = mjx_run(of_one_kind(WORLD, WORLD, WORLD), steps=40)
         assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)
-        assert [fault.world for fault in run.faults] == [0, 1, 2]
+        assert [(fault.world, fault.kind) for fault in run.faults] == [(w, FaultKind.POSE_NOT_FINITE) for w in range(3)]
 
 
 def test_what_is_recorded_is_what_happened(batch):

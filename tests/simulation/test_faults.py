@@ -22,20 +22,10 @@ def test_no_fault():
     assert faults_of([0, 0]) == [] and summary([]) == ""
 
 
-def test_a_list_of_faults_can_be_read():
-    assert repr(faults_of([FaultKind.OUTSIDE])).startswith("[SimulationFault('step 3, world 0: robot 7 left the arena")
-
-
 def test_who_when_where_and_what():
     (fault,) = faults_of([0, FaultKind.OUTSIDE])
     assert (fault.step, fault.world, fault.robots, fault.kind) == (3, 1, (7,), FaultKind.OUTSIDE)
     assert str(fault).startswith("step 3, world 1: robot 7 left the arena; ")
-
-
-def test_several_reasons_at_once():
-    (fault,) = faults_of([FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE])
-    assert fault.kind == FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE
-    assert str(fault).startswith("step 3, world 0: the pose of robot 7 is not finite and robot 7 left the arena; ")
 
 
 def test_worlds_have_their_own_numbers():
@@ -49,13 +39,6 @@ def test_only_faults_of_robots_name_one(kind):
     of_robots = {FaultKind.POSE_NOT_FINITE, FaultKind.OUTSIDE, FaultKind.COMMAND_NOT_FINITE}
     assert fault.robots == ((7,) if kind in of_robots else ())
     assert ("robot 7" in str(fault)) == (kind in of_robots)
-
-
-def test_all_that_is_full_is_named():
-    one, other = faults_of([FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS, FaultKind.TOO_MANY_PAIRS])
-    remedy = "use fewer robots, or with mjx increase `contact_capacity`"
-    assert str(one) == f"step 3, world 0: buffer of robot pairs full and contact buffer full; {remedy}"
-    assert summary([one, other]) == f"{one}; step 3, world 1: buffer of robot pairs full; {remedy}"
 
 
 def test_of_many_worlds_the_first_five_are_listed():

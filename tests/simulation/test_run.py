@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-import platformdirs
 import pytest
 from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, engine_of, first_step, place_of, poses_of, records, run_of
@@ -194,23 +193,6 @@ def test_only_recorded_worlds_are_returned(small):
     assert none.advance() is None
     jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.start, some.start)
     jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.advance(), some.advance())
-
-
-def test_programs_are_kept_for_the_next_process(small, tmp_path, monkeypatch):
-    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: tmp_path)
-    before = {name: getattr(jax.config, name) for name in ("jax_compilation_cache_dir", KEEP_FROM)}
-    try:
-        jax.config.update("jax_compilation_cache_dir", None)
-        jax.config.update(KEEP_FROM, 1.0)
-        run_of(small)
-        assert jax.config.jax_compilation_cache_dir.startswith(str(tmp_path))
-        assert getattr(jax.config, KEEP_FROM) == 0.0
-    finally:
-        for name, value in before.items():
-            jax.config.update(name, value)
-
-
-KEEP_FROM = "jax_persistent_cache_min_compile_time_secs"
 
 
 def test_the_noise_of_two_steps_differs(small):

@@ -81,18 +81,6 @@ class TestDrive:
         assert x < EDGE - 1.3 and 0.5 < yaw < 0.7
         np.testing.assert_allclose(ends[1][:2], [x - STEP * np.cos(yaw), y - STEP * np.sin(yaw)], atol=0.05)
 
-    def test_reports_who_touches(self, small):
-        start = [[(0, 0, 0), (2.5, 0, 0), (-8, 0, 0)], [(0, 0, 0), (8, 0, 0), (2.5, 0.1, 0)]]
-        still, forward = np.zeros((2, 3)), [[STEP, 0.0, 0.0]] * 2
-        assert touching_pairs(driven(small, start, still, forward)) == [[[0, 1]], [[0, 2]]]
-        assert touching_pairs(driven(small, start, still, forward, [False, True])) == [[], [[0, 2]]]
-
-    def test_a_touch_in_the_turn_counts_even_if_the_walk_ends_it(self, small):
-        """A corner sweeps over the neighbour's side, 0.1 mm away; then the robot backs away."""
-        start = [[(0, 0, 0), (2.1, 0, 0)]]
-        assert touching_pairs(driven(small, start, [[np.pi / 4, 0]], [[-STEP, 0.0]])) == [[[0, 1]]]
-        assert touching_pairs(driven(small, start, [[0, 0]], [[-STEP, 0.0]])) == [[]]
-
     def test_commands_are_brought_within_the_limits(self, small):
         done = carried_out(small, [3.0, -9.0, 1.5], [0.1, 99.0, -2.0])
         np.testing.assert_allclose(done.command.turn, [np.pi / 2, -np.pi / 2, 1.5], rtol=1e-6)
@@ -122,10 +110,6 @@ class TestWalls:
         poses = [[(near, 0, 0), (far, 4, 0), (near, -4, np.pi / 2), (0, -near, 0), (-near, -near, np.pi), (0, 0, 0)]]
         sides = [np.flatnonzero(row).tolist() for row in self.seen(small, poses)[0]]
         assert sides == [[0], [], [3], [3], [0, 1], []]
-
-    def test_are_seen_by_a_robot_that_is_pressed_into_them(self, small):
-        sees = self.seen(small, [[(EDGE - 0.9, 0, 0), (EDGE - 0.95, 4, np.pi)]])
-        assert np.argwhere(sees[0]).tolist() == [[0, 0], [1, 2]]
 
     def test_are_hidden_by_robots(self, small):
         sees = self.seen(small, [[(EDGE - 5, 0, 0), (EDGE - 1.5, 0.5, 0)]])

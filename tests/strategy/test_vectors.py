@@ -13,7 +13,6 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, best_offer, heard
-from iswarm_mj.utils.geometry import rotate
 
 angles = st.floats(-np.pi, np.pi)
 lengths = st.floats(-100, 100)
@@ -45,10 +44,6 @@ def listen(receiver, sender, sent):
     got = receive(np.array([dx]), np.array([dy]), *views, read_robot(), OpticsConfig())
     assert np.isfinite(got.effective_distance).all()
     return heard(sent, jnp.asarray(got.bearing), jnp.asarray(got.effective_distance), jnp.asarray(got.led)), got
-
-
-def test_rotation_is_anticlockwise():
-    np.testing.assert_allclose(rotate(jnp.array([2.0, 1.0]), jnp.array(jnp.pi / 2)), [-1.0, 2.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("side", range(4))

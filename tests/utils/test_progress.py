@@ -28,13 +28,6 @@ def test_lines_leave_the_first_call_and_what_was_done_before_out(clock, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_texts_are_due_once_a_second(clock):
-    bar = Progress(10, "run")
-    assert [bar.is_due(), bar.is_due()] == [True, False]
-    clock[0] += 1.1
-    assert bar.is_due()
-
-
 def test_what_is_quick_says_nothing(monkeypatch, capsys):
     monkeypatch.setattr(progress, "PATIENCE", 600.0)
     with Progress(3, "step", waiting="compiling") as bar, waiting("placing"):

@@ -70,6 +70,18 @@ class Scene:
         hit[order] = self.object_of[geom[used]]
         return share, hit
 
+    def reaches(
+        self,
+        world: Int[np.ndarray, "P"],
+        origin: Float[np.ndarray, "P 2"],
+        target: Float[np.ndarray, "P 2"],
+        receiver: Int[np.ndarray, "P"],
+        sender: Int[np.ndarray, "P"],
+    ) -> Bool[np.ndarray, "P"]:
+        """Whether light from the receivers' photodiodes would meet nothing before the senders' LEDs, see `LedHit`."""
+        share, hit = self.cast_rays(world, origin, target - origin, receiver)
+        return (hit == sender) | (share >= 1.0)
+
 
 def sense(
     scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: Bool[np.ndarray, "B N"], is_present: Bool[np.ndarray, "B N"]
@@ -85,12 +97,7 @@ def sense(
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
         poses = np.where(is_present[..., None], poses, away[:, None])
-
-    def reaches(world, origin, target, receiver, sender):
-        share, hit = scene.cast_rays(world, origin, target - origin, receiver)
-        return (hit == sender) | (share >= 1.0)
-
-    links = find_links(poses, scene.robot, scene.config.optics, reaches, emits & is_present, scene.boxes)
+    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits & is_present, scene.boxes)
     return Sight(links, find_walls(scene, poses, is_present))
 
 

@@ -20,7 +20,8 @@ one parent or the other. Choices where it is silent:
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
+from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ class Individual(NamedTuple):
 
 def to_vector(genome: Genome) -> Float[np.ndarray, "P"]:
     """Values of a genome, Booleans as 0 or 1."""
-    return np.array(astuple(genome), float)
+    return np.array([getattr(genome, name) for name in NAMES], float)
 
 
 def to_genome(vector: Float[np.ndarray, "P"]) -> Genome:
@@ -95,17 +96,19 @@ def to_genome(vector: Float[np.ndarray, "P"]) -> Genome:
     return Genome(*values)
 
 
+@cache
 def ranges(operators: Operators) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest values of the parameters (P,), (P,)."""
     low, high = np.zeros(len(NAMES)), np.ones(len(NAMES))
     density = NAMES.index("density_of_robots")
     low[density], high[density] = operators.density_min, operators.density_max
+    low.flags.writeable = high.flags.writeable = False  # they are kept
     return low, high
 
 
-def random_vector(operators: Operators, rng: np.random.Generator) -> np.ndarray:
-    """Draw values (P,) uniformly from their ranges; Booleans are true or false with equal probability."""
-    vector = rng.uniform(*ranges(operators))
+def random_vector(operators: Operators, rng: np.random.Generator, shape: tuple[int, ...] = ()) -> np.ndarray:
+    """Draw values (*shape, P) uniformly from their ranges; Booleans are true or false with equal probability."""
+    vector = rng.uniform(*ranges(operators), (*shape, len(NAMES)))
     return np.where(IS_BOOLEAN, vector > 0.5, vector)
 
 
@@ -133,16 +136,16 @@ def cross_over(
 
 
 def mutate(operators: Operators, vector: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Values (P,) after dependent and independent mutation."""
-    n = len(vector)
+    """Values (*M, P) after dependent and independent mutation of each."""
+    shape = vector.shape
     span = operators.span * (vector if operators.relative_span else 1.0)
-    near = np.clip(vector + rng.uniform(-1.0, 1.0, n) * span, *ranges(operators))
+    near = np.clip(vector + rng.uniform(-1.0, 1.0, shape) * span, *ranges(operators))
     flags = 1.0 - vector if operators.boolean_mutation == "flip" else vector
     if operators.boolean_mutation == "redraw":
-        flags = np.where(rng.random(n) < 0.5, 1.0, 0.0)
+        flags = np.where(rng.random(shape) < 0.5, 1.0, 0.0)
     near = np.where(IS_BOOLEAN, flags, near)
-    vector = np.where(rng.random(n) < operators.dependent_rate, near, vector)
-    return np.where(rng.random(n) < operators.independent_rate, random_vector(operators, rng), vector)
+    vector = np.where(rng.random(shape) < operators.dependent_rate, near, vector)
+    return np.where(rng.random(shape) < operators.independent_rate, random_vector(operators, rng, shape[:-1]), vector)
 
 
 def next_generation(

@@ -122,9 +122,6 @@ class TestCollisions:
         motion = engine.engine.move(engine.bodies, [Phase(2, lambda _: come), Phase(4, lambda _: go)], np.ones(1, bool))
         assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [0, 2]]
 
-    def test_walls_are_no_robots(self, small):
-        assert not Worlds(small, [[(EDGE - 0.9, 0, 0), (0, 0, 0)]]).move(np.zeros((1, 2, 3)), 1).touching.any()
-
 
 class TestRays:
     def cast(self, engine, *rays):
@@ -173,11 +170,6 @@ class TestRays:
             alone = engine.cast_rays(world[i : i + 1], origin[i : i + 1], vector[i : i + 1], robot[i : i + 1])
             assert (alone[0][0], alone[1][0]) == (share[i], hit[i])
         assert len(np.unique(hit)) > 15
-
-    def test_none_at_all(self, small):
-        none = np.zeros(0, int)
-        share, hit = Worlds(small, [[(0, 0, 0)]]).cast_rays(none, np.zeros((0, 2)), np.zeros((0, 2)), none)
-        assert len(share) == len(hit) == 0
 
 
 @pytest.mark.parametrize("wall_range", [0.0, 1e-320, 0.05])

@@ -71,18 +71,6 @@ class TestAbsentRobots:
         assert not sight.links.valid[0, 3:].any() and not sight.sees_wall[0, 3:].any()
         assert (sight.links.sender[0][sight.links.valid[0]] < 3).all()
 
-    def test_touch_nobody_and_do_not_move(self, small):
-        """A robot walks through where they would be."""
-        worlds, start = self.worlds(small)
-        velocity = np.zeros((2, 6, 3))
-        velocity[:, 0, 0], velocity[:, 1, 1] = 3.0, 9.0
-        touched = np.zeros((2, 6, 6), bool)
-        for _ in range(4):
-            touched |= pairs_of(worlds.move(velocity, 5).touching)
-        np.testing.assert_allclose(worlds.poses[0, 0], [3.0, 0, 0], atol=1e-9)
-        np.testing.assert_array_equal(worlds.poses[0, 2:], start[0, 2:])
-        assert not touched[0].any() and np.argwhere(touched[1]).tolist() == [[0, 3]]
-
     def test_leave_a_world_as_if_it_had_never_had_them(self, small):
         start, rng = crowd(2, np.random.default_rng(18)), np.random.default_rng(19)
         start[0, 15:] = 0.0

@@ -114,13 +114,6 @@ class TestWhoMoves:
         all_run = moved(engine, before, velocity)
         np.testing.assert_array_equal(after.bodies.poses[::2], all_run.bodies.poses[::2])
 
-    def test_servos_without_contacts(self):
-        """Closed form: one robot in its world; yaws of many turns round no worse than their own floats."""
-        _, engine = engines()
-        bodies = placed(engine, [[(0, 0, 0)], [(1, -2, 200.0)]])
-        motion = moved(engine, bodies, (1.0, -0.5, 0.3))
-        np.testing.assert_allclose(motion.bodies.poses, [[(1, -0.5, 0.3)], [(2, -2.5, 200.3)]], atol=1e-4)
-
 
 class TestPairsInContact:
     def test_those_at_the_end_of_any_phase(self):
@@ -169,13 +162,3 @@ class TestBits:
             alone = both_move(start[[world]], velocity[[world]], present=present[[world]])[1]
             for mine, yours in zip((*alone.bodies, alone.touching), (*together.bodies, together.touching), strict=True):
                 assert same_bits(mine[0], yours[world])
-
-    def test_relabelled_robots_are_the_same_robots(self):
-        """Contacts are solved in another order, so but for what the solver leaves."""
-        rng = np.random.default_rng(10)
-        start, velocity, _ = self.start(rng)
-        new = rng.permutation(25)
-        before, after = both_move(start, velocity)[1], both_move(start[:, new], velocity[:, new])[1]
-        np.testing.assert_allclose(after.bodies.poses, before.bodies.poses[:, new], atol=1e-3)
-        either = (pairs_of(before.touching) | pairs_of(before.touching).transpose(0, 2, 1))[:, new][:, :, new]
-        np.testing.assert_array_equal(pairs_of(after.touching), np.triu(either))

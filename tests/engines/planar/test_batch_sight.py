@@ -96,16 +96,6 @@ def test_of_equally_near_senders_the_first_is_heard(mode, order):
     assert seen(engines(OpticsConfig(mode=mode))[1], poses).links.sender[0, 0, 0] == 1
 
 
-def test_a_third_robot_hides_the_sender():
-    poses = place((0, 0, 0), (8, 0, 180), (4, 0.3, 20))[None]
-    engine = engines(OpticsConfig())[1]
-    assert seen(engine, poses).links.sender[0, 0, 0] == 2
-    dark = seen(engine, poses, emits=np.array([[True, True, False]])).links
-    assert not dark.valid[0, 0, 0] and not dark.valid[0, 1, 0]
-    blind = engines(OpticsConfig(line_of_sight=False))[1]
-    assert seen(blind, poses, emits=np.array([[True, True, False]])).links.sender[0, 0, 0] == 1
-
-
 def test_robots_anywhere_are_seen():
     """Also beyond the walls, and those whose pose is not a number see nothing and hide nothing."""
     poses = np.array([[(0, 0, 0), (6, 0, np.pi), (80, 0, 0), (86, 0, np.pi), (np.nan, 0, 0), (3, np.nan, 0)]])

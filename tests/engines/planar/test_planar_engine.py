@@ -22,7 +22,6 @@ from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD  # of the small arena, from its middle
-MASS, INERTIA = 10.0, 10.0 * (2**2 + 2**2) / 12
 
 
 def engine_of(config, n_threads=1, **changes):
@@ -33,15 +32,6 @@ def engine_of(config, n_threads=1, **changes):
 
 
 class TestServo:
-    def test_robots_move_as_commanded(self, small):
-        rng, engine = np.random.default_rng(1), engine_of(small)
-        grid = np.stack(np.meshgrid(*[[-9.0, 0.0, 9.0]] * 2), -1).reshape(-1, 2)
-        start = np.dstack([np.tile(grid, (2, 1, 1)), rng.uniform(-3, 3, (2, 9))])
-        velocity = rng.uniform(-1.5, 1.5, start.shape)
-        motion = moved(engine, placed(engine, start), velocity, 7)
-        np.testing.assert_allclose(motion.bodies.poses, start + 0.7 * velocity, atol=1e-12)
-        assert not motion.touching.any() and not motion.fault.any()
-
     def test_phases_follow_each_other(self, small):
         """Turn by 90 degrees, then walk north."""
         engine = engine_of(small)
@@ -105,50 +95,6 @@ class TestContacts:
         bodies.velocities[0, 0, 0] = speed
         new = moved(engine, bodies, [speed, 0, 0], 1).bodies
         np.testing.assert_allclose(new.velocities[0, 0], [speed - impulse / MASS, 0, 0], rtol=1e-9, atol=1e-9)
-
-    @pytest.mark.parametrize(
-        "second", [(2.5, 0.0, 0.0), (2.6, 0.7, 0.4), (1.5, 2.2, 0.8)], ids=["head-on", "corner", "oblique"]
-    )
-    def test_momentum_is_conserved_without_drive(self, small, second):
-        engine = engine_of(small, servo=(0.0, 0.0, 0.0))
-        bodies = placed(engine, [[(-1.0, 0.3, 0.2), second]])
-        bodies.velocities[0] = [[1.4, 0.2, 0.3], [-0.9, -0.7, -0.5]]
-
-        def momenta(bodies):
-            x, v = bodies.poses[0], bodies.velocities[0]
-            spin = MASS * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]) + INERTIA * v[:, 2]
-            energy = MASS * (v[:, :2] ** 2).sum() + INERTIA * (v[:, 2] ** 2).sum()
-            return MASS * v[:, :2].sum(axis=0), spin.sum(), energy / 2
-
-        linear, angular, energy = momenta(bodies)
-        before, touched = bodies.velocities, False
-        for _ in range(12):
-            motion = moved(engine, bodies, 0.0, 1)
-            bodies, touched = motion.bodies, touched or motion.touching.any()
-            now = momenta(bodies)
-            np.testing.assert_allclose(now[0], linear, rtol=1e-12)
-            np.testing.assert_allclose(now[1], angular, rtol=1e-12)
-        assert touched and np.abs(bodies.velocities - before).max() > 0.3
-        assert now[2] < energy
-
-    def test_a_mirrored_world_moves_as_its_mirror_image(self, small):
-        engine, rng = engine_of(small), np.random.default_rng(2)
-        mirror = np.array([-1.0, 1.0, -1.0])
-        start, velocity = crowd(1, rng), rng.uniform(-2, 2, (1, 25, 3))
-        straight = moved(engine, placed(engine, start), velocity)
-        mirrored = moved(engine, placed(engine, start * mirror), velocity * mirror)
-        np.testing.assert_allclose(mirrored.bodies.poses, straight.bodies.poses * mirror, atol=1e-6)
-        np.testing.assert_array_equal(mirrored.touching, straight.touching)
-        assert pairs_of(straight.touching).sum() > 5
-
-    def test_relabelled_robots_are_the_same_robots(self, small):
-        engine, rng = engine_of(small), np.random.default_rng(3)
-        start, velocity, new = crowd(1, rng), rng.uniform(-2, 2, (1, 25, 3)), rng.permutation(25)
-        before = moved(engine, placed(engine, start), velocity)
-        after = moved(engine, placed(engine, start[:, new]), velocity[:, new])
-        np.testing.assert_allclose(after.bodies.poses, before.bodies.poses[:, new], atol=1e-6)
-        either = (pairs_of(before.touching) | pairs_of(before.touching).transpose(0, 2, 1))[:, new][:, :, new]
-        np.testing.assert_array_equal(pairs_of(after.touching), np.triu(either))
 
     def test_robots_deeper_in_each_other_than_they_are_high_part(self, small):
         engine = engine_of(small)
