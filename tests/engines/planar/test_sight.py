@@ -66,3 +66,18 @@ def test_robots_anywhere_are_seen():
     links = sight(poses, OpticsConfig()).links
     assert links.valid.sum() == 4 and not links.valid[0, 4:].any()
     np.testing.assert_array_equal(links.sender[0, :4, 0], [1, 0, 3, 2])
+
+
+def test_threads_change_nothing():
+    rng = np.random.default_rng(8)
+    poses = np.stack([crowd(rng, 0.5) for _ in range(12)])
+    emits, present = rng.random((2, *poses.shape[:2])) < 0.8
+    everything = [sight(poses, OpticsConfig(mode="power"), emits=emits, present=present, n_threads=n) for n in (1, 3)]
+    alone = [sight(poses[[w]], OpticsConfig(mode="power"), emits=emits[[w]], present=present[[w]]) for w in range(12)]
+    for together, spread, *each in zip(*(arrays_of(s) for s in (*everything, *alone)), strict=True):
+        np.testing.assert_array_equal(together, spread)
+        np.testing.assert_array_equal(together, np.concatenate(each))
+
+
+def arrays_of(sight):
+    return (*sight.links, sight.sees_wall)
