@@ -37,23 +37,23 @@ def test_aggregation():
     own = mine.swarm.task
     for world in range(2):
         for step in range(1, 76):
-            light = np.asarray(task.light(mine.poses[step - 1, world], own["east"][step, world]))
-            np.testing.assert_allclose(own["shares"][step, world], (light > 0).mean(axis=0), atol=1e-6)
+            light = np.asarray(task.light(mine.poses[step - 1, world], own.east[step, world]))
+            np.testing.assert_allclose(own.shares[step, world], (light > 0).mean(axis=0), atol=1e-6)
     waits = mine.swarm.memory["wait"]
     assert waits.max() > 1 and np.abs(mine.poses[..., :2]).max() < 6 * RD
-    np.testing.assert_array_equal(run.metrics()["bright"], own["shares"][-1, :, 0])
-    assert np.ptp(own["shares"][..., 0]) > 0
+    np.testing.assert_array_equal(run.metrics()["bright"], own.shares[-1, :, 0])
+    assert np.ptp(own.shares[..., 0]) > 0
 
 
 @pytest.mark.slow
 def test_foraging():
     """Items that are home were held by a robot on the dump; as many as the task counts."""
     run, found = records(Foraging(sources=2, source_radius=1.0), Forager(), mjx(chunk=25))
-    balls, own = found.swarm.task, found.swarm.task
-    home = own["home"]
-    assert (np.cumsum(home.sum(axis=-1), axis=0) == own["items"]).all() and own["items"][-1].sum() > 0
+    own = found.swarm.task
+    balls, home = own.items, own.is_home
+    assert (np.cumsum(home.sum(axis=-1), axis=0) == own.n_home).all() and own.n_home[-1].sum() > 0
     step, world, ball = np.nonzero(home)
     assert balls.is_held[step - 1, world, ball].all() and not balls.is_held[step, world, ball].any()
     holder = balls.holder[step - 1, world, ball]
     assert np.abs(found.poses[step - 1, world, holder, :2]).max() < 1.5 * RD + 1e-3
-    np.testing.assert_array_equal(run.progress(), own["items"][-1])
+    np.testing.assert_array_equal(run.progress(), own.n_home[-1])
