@@ -75,5 +75,5 @@ class SwarmEnv(gymnasium.Env):
         return done.obs[0], float(done.reward.sum()), bool(done.terminated[0]), bool(done.truncated[0]), info
 
 
-# As `gymnasium.make("iswarm_mj.envs.gymnasium:iswarm_mj/Cleaning-v0", n_robots=20)`.
-gymnasium.register("iswarm_mj/Cleaning-v0", entry_point=SwarmEnv, vector_entry_point=SwarmVectorEnv)
+# As `gymnasium.make("iswarm/Cleaning-v0", n_robots=20)`, once this module is imported.
+gymnasium.register("iswarm/Cleaning-v0", entry_point=SwarmEnv, vector_entry_point=SwarmVectorEnv)

@@ -115,10 +115,10 @@ def test_a_critic_knows_all_observations_and_where_robots_are():
 
 def test_gymnasium_makes_them_by_name():
     settings = {name: value for name, value in FEW.items() if name != "task"}
-    env = gymnasium.make("iswarm_mj.envs.gymnasium:iswarm_mj/Cleaning-v0", **settings)
+    env = gymnasium.make("iswarm_mj.envs.gymnasium:iswarm/Cleaning-v0", **settings)
     seen, _ = env.reset(seed=2)
     np.testing.assert_array_equal(seen, single_env(**settings).reset(seed=2)[0])
-    many = gymnasium.make_vec("iswarm_mj.envs.gymnasium:iswarm_mj/Cleaning-v0", num_envs=2, **settings)
+    many = gymnasium.make_vec("iswarm_mj.envs.gymnasium:iswarm/Cleaning-v0", num_envs=2, **settings)
     assert many.reset(seed=2)[0].shape == (2, *seen.shape)
 
 
