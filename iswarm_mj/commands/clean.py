@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.swarm import Swarm, WithTask
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
 from iswarm_mj.utils.lock import locked
 
@@ -48,22 +49,26 @@ class Clean(Swarm):
 
     def run(self) -> None:
         """Run the command."""
-        with locked(self.out):  # refused before anything is compiled
-            pass
-        run = self._made(self.record_worlds if self.record else ())
+        planned = self.planned(self.record_worlds if self.record else ())
         from iswarm_mj.workflows.clean import clean
 
-        clean(run, self.out, self.record_grasps)
+        with locked(self.out):  # refused before anything is compiled
+            pass
+        clean(self.run_of(*planned), self.out, self.record_grasps)
 
-    def unrecorded(self) -> Any:
-        """Return the `Run` at its start, of which nothing is recorded."""
-        return self._made(())
+    def planned(self, recorded: tuple[int, ...]) -> tuple[SwarmConfig, Genome, RunSettings]:
+        """Return what `run_of` makes a run of, in which these worlds are recorded.
 
-    def _made(self, recorded: tuple[int, ...]) -> Any:
+        Raises:
+            UserError: see `checked`.
+        """
         config, genome, n_robots = self.checked()
         stop_at = self.goal(config)
-        settings = RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded)
-        return self.run_of(config, genome, settings)
+        return (
+            config,
+            genome,
+            RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded),
+        )
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """`iswarm sweep`: runs with several values of their flags."""
 
 import hashlib
+import math
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +14,7 @@ import numpy as np
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
-from iswarm_mj.commands.flags import flag
+from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import SimulationFault
@@ -48,16 +50,16 @@ class Sweep:
     def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
         """Return the arguments of the sweep, and those of its command."""
         parser = ArgumentParser(add_help=False, allow_abbrev=False)
-        parser.add_argument("--over", nargs="*")
-        parser.add_argument("--out", nargs="?")
+        parser.add_argument("--over", nargs="*", action="append", default=[])
+        parser.add_argument("--out", nargs="*", action="append", default=[])
         switches = ["--again", "-h", "--help", "--help-all"]
         for name in switches:
             parser.add_argument(name, action="store_true")
         own, rest = parser.parse_known_args(list(arguments))
         command, rest = (rest[:1], rest[1:]) if rest and not rest[0].startswith("-") else ([], rest)
         words = [*command, *(name for name in switches if getattr(own, name.lstrip("-").replace("-", "_")))]
-        words += [] if own.over is None else ["--over", *own.over]
-        return words + ([] if own.out is None else ["--out", own.out]), tuple(rest)
+        words += [word for values in own.over for word in ("--over", *values)]
+        return words + [word for values in own.out for word in ("--out", *values)], tuple(rest)
 
 
 @dataclass(frozen=True)
@@ -73,16 +75,15 @@ class SweepOf(Sweep):
 
         over = {name: values for name, values in map(_values, self.over)}
         check("over", self.over, f"one or more of {_FORM}, each flag once", 0 < len(over) == len(self.over))
-        n_runs = int(np.prod([len(values) for values in over.values()]))
+        n_runs = math.prod(map(len, over.values()))
         check("over", f"{n_runs} runs", f"values that make at most {MOST_RUNS} runs", n_runs <= MOST_RUNS)
-        variants = []
-        for values in product(*over.values()):
+        labels, variants = [_labels(values) for values in over.values()], []
+        for values, found in zip(product(*over.values()), product(*labels), strict=True):
             own = [word for name, value in zip(over, values, strict=True) for word in (flag(name), value)]
-            arguments = [*self.given, *own]
-            command: Any = parse(self.command, _COMMANDS[self.command], arguments)
-            labels = {name: _number(value) for name, value in zip(over, values, strict=True)}
-            identity = repr((self.command, arguments, *map(_content, arguments)))
-            variants.append(Variant(labels, identity, command.unrecorded))
+            command: Any = parse(self.command, _COMMANDS[self.command], [*self.given, *own])
+            given = [(name, str(value), _content(value)) for name, value, *_ in settings(command) if name != "out"]
+            make = partial(command.run_of, *command.planned(()))  # refuses settings before any run
+            variants.append(Variant(dict(zip(over, found, strict=True)), repr((self.command, given)), make))
         about = {"command": self.command, "arguments": self.given, "over": list(over)}
         rows = sweep(variants, self.out, about, self.again)
         lines = *summary(rows, list(over)), "", f"medians over worlds; all worlds in {self.out / 'sweep.csv'}"
@@ -107,17 +108,18 @@ def _values(text: str) -> tuple[str, list[str]]:
     return name.lstrip("-").replace("-", "_"), found
 
 
-def _content(word: str) -> str:
-    """What determines a run beside its arguments: a hash of the file that one of them names."""
-    path = Path(word.rpartition("=")[2].partition(":")[0])
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+def _content(value: Any) -> str:
+    """What determines a run beside its settings: a hash of the file that one of them names, also as FILE.py:CLASS."""
+    names = [str(value), str(value).rpartition(":")[0]] if isinstance(value, str | Path) else []
+    found = [Path(name).read_bytes() for name in names if name and Path(name).is_file()]
+    return hashlib.sha256(found[0]).hexdigest() if found else ""
 
 
-def _number(text: str) -> Any:
-    """A value as the table has it: a number where it is one."""
+def _labels(texts: Sequence[str]) -> Sequence[Any]:
+    """Values of a setting as the table has them: numbers where all are."""
     for kind in (int, float):
         try:
-            return kind(text)
+            return [kind(text) for text in texts]
         except ValueError:
             continue
-    return text
+    return texts

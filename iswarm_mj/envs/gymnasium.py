@@ -76,4 +76,6 @@ class SwarmEnv(gymnasium.Env):
 
 
 # As `gymnasium.make("iswarm/Cleaning-v0", n_robots=20)`, once this module is imported.
-gymnasium.register("iswarm/Cleaning-v0", entry_point=SwarmEnv, vector_entry_point=SwarmVectorEnv)
+gymnasium.register(
+    "iswarm/Cleaning-v0", entry_point=f"{__name__}:SwarmEnv", vector_entry_point=f"{__name__}:SwarmVectorEnv"
+)

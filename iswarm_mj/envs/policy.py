@@ -15,6 +15,7 @@ from iswarm_mj.envs.observations import Row
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 
 
@@ -99,6 +100,11 @@ class Policy:
             own, action = (), self.apply(self.params, obs)
         else:
             action, own = self.apply(self.params, obs, memory["own"])
-        command, said, is_bad = actions.decode(actions.rows(self.interface.config, self.payload), action)
+        table = actions.rows(self.interface.config, self.payload)
+        shape = len(obs), sum(row.size for row in table)
+        if jnp.shape(action) != shape:
+            found = jnp.shape(action)
+            raise UserError(f"a policy must return actions {shape}, of robots and their numbers (got {found})")
+        command, said, is_bad = actions.decode(table, action)
         command = Command(*(jnp.where(is_bad, jnp.nan, part) for part in command))
         return {"own": own, "said": said, "picks": memory["picks"]}, command

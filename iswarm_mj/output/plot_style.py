@@ -23,6 +23,7 @@ STYLE: Any = {
     "figure.dpi": 100,
     "savefig.dpi": 200,
     "svg.hashsalt": "iswarm_mj",
+    "text.parse_math": False,
 }
 
 

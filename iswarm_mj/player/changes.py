@@ -41,7 +41,7 @@ class Change(NamedTuple):
         """
         step, _, rest = text.partition(":")
         what, equals, value = rest.partition("=")
-        if not (step.isascii() and step.isdigit() and what and equals):
+        if not (step.isascii() and step.isdigit() and len(step) < 10 and what and equals):
             raise UserError(f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})")
         return cls(int(step), what.replace("-", "_"), value)
 

@@ -141,3 +141,16 @@ def test_a_strategy_in_a_file(here):
     command = parse(["clean", "--config", "x.toml"])
     assert command.own.fraction_scouts == 0.5 and command.own.density_of_robots == 0.132
     assert command.strategy.random_turn == 10.0
+
+
+def test_the_engine_of_a_flag_comes_before_that_of_a_result(tmp_path):
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps({"settings": {}, "config": {}, "engine": "mjx", "impl": "jax"}))
+    assert parse(["clean", "--config", str(path), "--engine", "mujoco"]).engine == "mujoco"
+
+
+def test_a_number_of_robots_replaces_the_density_of_a_file(tmp_path):
+    path = tmp_path / "x.toml"
+    path.write_text("density = 0.1\n")
+    command = parse(["clean", "--config", str(path), "--robots", "5"])
+    assert (command.robots, command.density) == (5, None)

@@ -48,7 +48,7 @@ def test_flags_of_a_strategy_are_main_flags(capfd, here):
     (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
     text = shown(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")
     assert re.search(r"--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
-    assert "--arena.size" not in text
+    assert "--arena.size" not in text and "--genome " not in text
 
 
 @pytest.mark.parametrize("command", [[], ["clean"]])

@@ -17,7 +17,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.errors import FaultKind, UserError
 
 KEYS = jax.random.split(jax.random.key(7), 1)
 FIELDS = {"count": Integer(3), "home": Vector(20.0, 4, 4, 2)}
@@ -86,4 +86,9 @@ def test_an_action_that_is_not_finite_is_a_fault_of_its_robot():
 
     run = run_like(None, PolicyStrategy(broken, {}), PlanarSettings(1))
     run.advance()
-    assert [(fault.kind, fault.robot) for fault in run.faults] == [(FaultKind.COMMAND_NOT_FINITE, 4)]
+    assert [(fault.kind, fault.robots) for fault in run.faults] == [(FaultKind.COMMAND_NOT_FINITE, (4,))]
+
+
+def test_actions_of_another_size_are_refused():
+    with pytest.raises(UserError, match=r"must return actions \(12, 2\), .* \(got \(12, 3\)\)"):
+        run_like(None, PolicyStrategy(lambda params, obs: jnp.zeros((len(obs), 3)), {}), PlanarSettings(1))

@@ -164,3 +164,8 @@ def test_figures_are_written(tmp_path):
     paths = draw_figures(rows, {}, tmp_path)
     assert [path.stem for path in paths] == ["grasp_voltage", "no_contact"]
     assert all(path.with_suffix(end).stat().st_size > 10_000 for path in paths for end in (".png", ".svg"))
+
+
+def test_faulty_trials_do_not_count_as_released():
+    row = {"faulty": False, "voltage": 40.0, "landed": True, "flight_time": 1e-4, "landing_speed": 0.1}
+    assert plot_trials._landings([row, {**row, "faulty": True}]).startswith("\n1 of 1 released")

@@ -197,3 +197,16 @@ def test_controls_have_the_ranges_that_settings_declare():
 def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
+
+
+def test_earlier_changes_of_a_setting_are_kept():
+    session = steps(Session(SCENARIO), 1)
+    session.change("p_vector_forget", "0.5")
+    session.advance()
+    session.change("p_vector_forget", "0.6")
+    assert [str(change) for change in session.made] == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
+
+
+def test_the_robot_after_the_last_cannot_be_killed():
+    with pytest.raises(UserError):
+        steps(Session(SCENARIO), 1).change("kill", "20")

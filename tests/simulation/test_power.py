@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers_sensing import lay, place
 
-from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.gripper.attempts import Outcomes
@@ -20,7 +20,7 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.units import RD, mm_from_rd
 
 CONFIG = SwarmConfig(energy=EnergyConfig(model="capacitor"))
 FULL = CONFIG.energy.full
@@ -132,3 +132,10 @@ def test_in_full_light_no_robot_waits(small):
     np.testing.assert_array_equal(record.poses[-1, 0], last)
     assert not np.any(record.swarm.starved)
     np.testing.assert_allclose(energies[:, 0], FULL, rtol=0.3)
+
+
+def test_the_longest_step_of_slow_messages_takes_the_power_of_full_speed():
+    config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), energy=EnergyConfig(model="capacitor"))
+    full = Command(jnp.zeros(1), jnp.full(1, mm_from_rd(config.step_length)))
+    left = power.after(config, jnp.full(1, 1e-3), full, jnp.zeros(1), jnp.ones(1, bool))
+    np.testing.assert_allclose(1e-3 - left, [80e-6 + 0.6 * 0.3e-3], rtol=1e-4)

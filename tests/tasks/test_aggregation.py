@@ -130,3 +130,12 @@ class TestBeeclust:
         )
         assert (bees["bright"] > 0.35).all() and bees["bright"].mean() > 1.5 * bees["dim"].mean()
         assert (walk["bright"] < 0.25).all()
+
+
+def test_bees_that_leave_meet_nobody():
+    bees = Beeclust()
+    meeting = senses_nothing(1)._replace(
+        sensed={"light": jnp.ones(1)}, is_heard=jnp.ones((1, 4), bool), distance=jnp.full((1, 4), 1.2 * RD)
+    )
+    memory, _ = bees.act({"wait": jnp.full(1, -bees.leaving)}, meeting, jax.random.key(0))
+    assert memory["wait"].tolist() == [1 - bees.leaving]

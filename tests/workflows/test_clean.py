@@ -189,3 +189,10 @@ class TestFaults:
         assert read(tmp_path / "clean.rrd")["/world/robots/body"]["step"] == list(range(self.STEP))
         with np.load(tmp_path / "trajectory.npz") as file:
             np.testing.assert_array_equal(file["pose"], done[2]["pose"][: self.STEP])
+
+
+def test_ten_worlds_are_listed_one_by_one():
+    worlds = list(range(10))
+    content = {"wall_s": 1.0, "steps": 5, "n_worlds": 10, "stop_at": None, "n_robots": 3, "seed": 0}
+    content |= {"task": {"class": "T"}, "metrics": {"m": worlds}, "finished_at": [None] * 10, "collisions": worlds}
+    assert "0, 1, 2, 3, 4, 5, 6, 7, 8, 9" in summary(content, "x") and "to 9" not in summary(content, "x")

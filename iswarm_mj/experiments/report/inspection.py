@@ -5,7 +5,6 @@ import shlex
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from iswarm_mj.experiments.analysis.evolution import best_of
@@ -23,7 +22,7 @@ from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows.clean import summary
 from iswarm_mj.workflows.grasp import CURVES
 
-_JOURNALS = {RUNS: "an experiment", CHECKPOINT: "a search"}
+_JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
 _TABLES = (SEARCH, TRIALS, CURVES, SWEEP, *(experiment.table for experiment in EXPERIMENTS.values()))
 _KNOWN = (RESULT, *_TABLES, *_JOURNALS)
 _MAX_LISTED = 20
@@ -69,7 +68,7 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
 
     def mean(value: Any) -> str:
         known = [v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)]
-        return f"{fmean(known):.5g}" if known else "-"
+        return f"{sum(known) / len(known):.5g}" if known else "-"
 
     measures = ("delivered", "finished_at", "collisions")
     lines = [

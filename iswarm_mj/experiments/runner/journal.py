@@ -117,7 +117,7 @@ def count(path: Path) -> int:
     """Number of the runs in a journal; 0 if it cannot be read."""
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
-            return file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1
+            return max(0, file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1)
     except sqlite3.Error:
         return 0
 

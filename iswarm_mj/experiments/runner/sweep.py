@@ -59,14 +59,19 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
             with progress(len(variants), "sweep", sum(key in journal.entries for key in keys)) as bar:
                 for key, one in zip(keys, variants, strict=True):
                     if key not in journal.entries:
-                        journal.add(key, _rows(one.make()))
+                        journal.add(key, [list(row.items()) for row in _rows(one.make())])  # JSON keeps their order
                         bar.update()
             found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in journal.entries[key]]
-        names = dict.fromkeys(name for _, row in found for name in row)
-        rows: list[Row] = [{**labels, **dict.fromkeys(names), **row} for labels, row in found]
+        names = dict.fromkeys(name for _, row in found for name, _ in row)
+        rows: list[Row] = [_merged(labels, {**dict.fromkeys(names), **dict(row)}) for labels, row in found]
         write_table(out / SWEEP, rows, about, csv=True)
         _draw(rows, list(about["over"]), out / "sweep")
     return rows
+
+
+def _merged(labels: Mapping[str, Any], row: Row) -> Row:
+    """A row of the table; a measure with the name of what varies gets another one."""
+    return {**labels, **{f"{name}_found" if name in labels and name != "seed" else name: row[name] for name in row}}
 
 
 def _rows(run: Run) -> list[Row]:

@@ -31,6 +31,10 @@ def engine_of(config, n_threads=1, **changes):
     return engine
 
 
+MASS = 10.0
+"""Of a robot [mg]."""
+
+
 class TestServo:
     def test_phases_follow_each_other(self, small):
         """Turn by 90 degrees, then walk north."""

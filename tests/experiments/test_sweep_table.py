@@ -1,0 +1,20 @@
+"""Tables and figures of sweeps: worlds that have not finished take the time limit, and are counted."""
+
+from iswarm_mj.experiments.runner import sweep
+
+ROW = {"density": 0.1, "seed": 0, "n_robots": 5, "max_steps": 100, "goal": 3, "delivered": 3, "fault": None}
+
+
+def rows(*finished_at):
+    return [{**ROW, "world": world, "finished_at": step} for world, step in enumerate(finished_at)]
+
+
+def test_medians_count_the_time_limit():
+    assert sweep.summary(rows(40, None, None), ["density"])[1].split()[:3] == ["0.1", "3", "100"]
+
+
+def test_the_caption_counts_worlds_that_have_not_finished(tmp_path, monkeypatch):
+    said, figure = [], sweep.figure
+    monkeypatch.setattr(sweep, "figure", lambda *a, **k: (said.append(k["caption"]), figure(*a, **k))[1])
+    sweep._draw(rows(40, 50, None), ["density"], tmp_path / "sweep")
+    assert "1 of 3 worlds had not finished" in said[0]
