@@ -1,5 +1,6 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
+import json
 import math
 import zipfile
 from collections.abc import Mapping
@@ -100,6 +101,18 @@ def _check_shapes(path: Path, arrays: Arrays) -> None:
     names, sizes = (arrays.get(f"{SCENE}memory_{part}", np.zeros(0)) for part in ("names", "sizes"))
     if not np.array_equal(sizes, [math.prod(arrays[name].shape[2:]) for name in names.tolist()]):
         raise UserError(f"{path}: `{SCENE}memory_sizes` does not fit what robots remember; {REMEDY}.")
+    if "scene_payload" in arrays:
+        from iswarm_mj.sensors.messages import Payload  # which loads JAX
+
+        try:
+            Payload.from_json(json.loads(str(arrays["scene_payload"])))
+        except Exception:
+            raise UserError(f"{path}: `scene_payload` does not say what messages carry; {REMEDY}.") from None
+    for name, end in (("link_sender", arrays["pose"].shape[1]), ("ball_state", 3)):
+        if name in arrays and not np.all((arrays[name] >= 0) & (arrays[name] < end)):
+            raise UserError(f"{path}: `{name}` must lie between 0 and {end - 1}; {REMEDY}.")
+    if len(names) != len(arrays.get(f"{SCENE}memory_units", names)):
+        raise UserError(f"{path}: `{SCENE}memory_units` does not fit what robots remember; {REMEDY}.")
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")

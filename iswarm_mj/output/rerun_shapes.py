@@ -90,7 +90,7 @@ def _links(frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Shape:
     """Lines from receivers to senders."""
     is_link = frames.link_valid
     frame, receiver, side = np.nonzero(is_link)
-    values = {"receiver": receiver.astype(np.int16), "side": side.astype(np.uint8)}
+    values = {"receiver": receiver.astype(np.int32), "side": side.astype(np.uint8)}
     values |= {name: each[is_link] for name, each in shown_values(LINKS, frames).items()}
     ends = geometry.link_ends(frames, centres)
     lines, kinds = _strips(ends.reshape(-1, 3), np.full(len(frame), 2)), values["is_heard"] + classes.LINK_CLASS_OFFSET
@@ -102,7 +102,7 @@ def _trails(is_loaded: Bool[np.ndarray, "T N"], history: Float[np.ndarray, "_ N 
     """Where loaded robots came from, oldest point first; shorter where there are fewer frames before."""
     points, lengths = geometry.trails(is_loaded, history, n_before)
     shown, robot = rr.LineStrips3D.from_fields(strips=_strips(points, lengths)), np.nonzero(is_loaded)[1]
-    return Shape(names.TRAILS, shown, np.count_nonzero(is_loaded, axis=1), {"robot": robot.astype(np.int16)})
+    return Shape(names.TRAILS, shown, np.count_nonzero(is_loaded, axis=1), {"robot": robot.astype(np.int32)})
 
 
 def _strips(points: Float[np.ndarray, "P 3"], lengths: Int[np.ndarray, "M"]) -> pa.Array:
@@ -118,7 +118,7 @@ def _memory(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -
         origins, ends, known = geometry.arrows(scene, frames, vector, centres)
         arrows, robot = rr.Arrows3D.from_fields(origins=origins, vectors=ends), np.nonzero(known)[1]
         counts = np.count_nonzero(known, axis=1)
-        yield Shape(f"{names.ARROWS}/{vector.stem}", arrows, counts, {"robot": robot.astype(np.int16)})
+        yield Shape(f"{names.ARROWS}/{vector.stem}", arrows, counts, {"robot": robot.astype(np.int32)})
     for name in numbers(scene):
         yield _scalars(f"{names.MEMORY}/{name}", frames.memory[name].reshape(len(frames), -1))
 

@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int16, Shaped, UInt8, UInt32
+from jaxtyping import Bool, Float, Int, Int32, Shaped, UInt8, UInt32
 
 from iswarm_mj.output.trajectory import AREA, METRIC, Arrays
 from iswarm_mj.utils.arrays import Array
@@ -157,12 +157,12 @@ class Frames:
     ball_state: UInt8[np.ndarray, "T K"] = quantity(
         _ball_state, Column("state", "", "lying, held or delivered", words=("lying", "held", "delivered"))
     )
-    ball_holder: Int16[np.ndarray, "T K"] = quantity(
+    ball_holder: Int32[np.ndarray, "T K"] = quantity(
         "balls.holder",
         Column("holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, shown=BALLS),
     )
     """Where no robot holds the ball, the last one that did."""
-    link_sender: Int16[np.ndarray, "T N S"] = quantity(
+    link_sender: Int32[np.ndarray, "T N S"] = quantity(
         "record.links.sender", Column("sender", "", "number of the robot that sends", shown=LINKS)
     )
     """Like all of links undefined where not `link_valid`."""

@@ -12,6 +12,7 @@ from helpers_runs import run_of
 import iswarm_mj
 from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
 from iswarm_mj.output.saved import restored
+from iswarm_mj.output.schema import dtype_of
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
@@ -151,3 +152,25 @@ class TestNoRun:
 def test_configurations_come_back(config):
     assert restored(SwarmConfig, json.loads(json.dumps(asdict(config)))).optics == config.optics
     assert restored(SwarmConfig, asdict(config)) == config
+
+
+@pytest.mark.parametrize(
+    "name, values, words",
+    [
+        ("scene_payload", lambda a: np.array("[]"), "`scene_payload` does not say what messages carry"),
+        ("scene_payload", lambda a: np.array("[" * 9999), "`scene_payload` does not say what messages carry"),
+        ("link_sender", lambda a: a + a.dtype.type(30), "`link_sender` must lie between 0 and 29"),
+        ("ball_state", lambda a: a + a.dtype.type(120), "`ball_state` must lie between 0 and 2"),
+        ("scene_memory_units", lambda a: a[:-1], "`scene_memory_units` does not fit"),
+    ],
+)
+def test_values_that_no_run_has(small_run, copy, name, values, words):
+    with np.load(small_run / TRAJECTORY) as file:
+        spoilt = values(file[name])
+    with pytest.raises(UserError, match=words):
+        iswarm_mj.load(copy(**{name: spoilt}))
+
+
+def test_senders_beyond_the_numbers_of_sixteen_bits_are_kept():
+    """A world may have 200,000 robots."""
+    assert all(np.iinfo(dtype_of(name)).max > 200_000 for name in ("link_sender", "ball_holder"))
