@@ -4,11 +4,13 @@ import math
 import re
 from importlib.resources import files
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 
 import mujoco
 import numpy as np
 
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
+from iswarm_mj.engines.plain_mjcf import check_plain
 from iswarm_mj.sensors.messages import MAX_LEDS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
@@ -47,10 +49,11 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
     keep_no_log()
     try:
         check_file(path)
+        check_plain(path)
         spec = mujoco.MjSpec.from_file(str(path))
         found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}
         found["mesh"] = {spec.meshdir, *(mesh.file for mesh in spec.meshes)}  # names that are no text raise here
-    except (ValueError, RuntimeError, OSError) as error:
+    except (ValueError, RuntimeError, OSError, ExpatError) as error:
         raise UserError(f"the robot's file {path} cannot be read as MJCF ({_one_line(error)}).") from None
     missing = [
         f"{kind} {name}"

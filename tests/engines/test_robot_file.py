@@ -1,5 +1,6 @@
 """What a robot's file must contain, and where its LEDs and photodiodes look; what cannot be run is refused."""
 
+import os
 from unittest.mock import Mock
 
 import mujoco
@@ -165,12 +166,35 @@ def test_what_no_engine_simulates_is_refused_by_name(tmp_path, text, part):
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
 
 
-def test_a_file_may_include_others(tmp_path):
-    """MuJoCo reads them, and repeats parts, before anything is checked."""
-    (tmp_path / "sites.xml").write_text('<mujocoinclude><site name="a"/></mujocoinclude>')
-    tip = '<site name="probe_tip"'
-    path = written(tmp_path, PAPER.replace(tip, f'<include file="sites.xml"/>{tip}'))
+BODY = '<body name="robot"'
+ENDLESS = {
+    "replicate": (BODY, '<replicate count="2000000000" offset="1 0 0"><site/></replicate>' + BODY),
+    "composite": (BODY, '<composite type="cable" count="50000000 1 1" curve="s" size="1"/>' + BODY),
+    "flexcomp": (BODY, '<flexcomp name="f" type="grid" count="50000000 1 1"/>' + BODY),
+    "attach": (BODY, '<attach model="other" body="robot" prefix="a"/>' + BODY),
+    "hfield": ("<asset>", '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/>'),
+    "model": ("<asset>", '<asset><model name="other" file="pipe"/>'),
+    "include": ("<asset>", '<include file="pipe"/><asset>'),
+    "DOCTYPE": ("<mujoco ", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco '),
+    "nkey": ('nkey="0"', 'nkey="2000000000"'),
+    "nuser_site": ('nkey="0"', 'nuser_site="4097"'),
+    "width": ("<asset>", '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="10000"/>'),
+}
+
+
+@pytest.mark.parametrize(("names", "change"), ENDLESS.items(), ids=ENDLESS.keys())
+def test_small_files_of_huge_robots_are_refused_before_mujoco_parses_them(tmp_path, monkeypatch, names, change):
+    os.mkfifo(tmp_path / "pipe")
+    path = written(tmp_path, PAPER.replace(*change))
     assert path.read_text() != PAPER
+    monkeypatch.setattr(mujoco, "MjSpec", None)
+    with pytest.raises(UserError, match=f"{names}.* line [0-9]+[ ;].*: (write the parts out|lower it)") as refused:
+        read_robot(path)
+    assert str(path) in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_counts_up_to_the_limit_are_read(tmp_path):
+    path = written(tmp_path, PAPER.replace('nkey="0"', 'nkey="0" nuser_site="16" memory="1M"'))
     assert read_robot(path) == read_robot()
 
 

@@ -141,13 +141,9 @@ class MujocoEngine:
         n_contacts[world] = len(contact.geom)
         first, second = self._scene.object_of[contact.geom[contact.dist <= 0]].T
         robots = (first < self._n_robots) & (second < self._n_robots)
-        if not robots.any():
-            return
-        first, second = first[robots], second[robots]
+        first, second = np.sort([first[robots], second[robots]], axis=0)
         rank, robot = np.nonzero(touching)
-        known, new = robot * self._capacity + touching[rank, robot], np.minimum(first, second) * self._capacity
-        codes = np.sort(np.concatenate([known, new + np.maximum(first, second)]))[::-1]
-        codes = codes[np.append(True, codes[1:] != codes[:-1])]  # in a third of the time of np.union1d
+        codes = np.union1d(robot * self._capacity + touching[rank, robot], first * self._capacity + second)[::-1]
         robot, partner = np.divmod(codes, self._capacity)
         rank = np.arange(len(robot)) - np.searchsorted(-robot, -robot)
         fits = rank < len(touching)

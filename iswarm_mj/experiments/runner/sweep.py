@@ -1,7 +1,6 @@
 """Runs with several values of their settings: a row of a table for each world. Finished runs are kept."""
 
 import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,7 +77,7 @@ def _rows(run: Run) -> list[Row]:
     """Carry out a run; a row for each of its worlds."""
     while not run.is_over:
         run.advance()
-    content = json.loads(json.dumps(result(run, 0.0)))
+    content = result(run, 0.0)
     measured = {name: content[name] for name in (*Measures._fields, "fitness") if name in content}
     each = {**content["metrics"], **measured}
     n, faults = len(run.worlds), run.fault_of_each
