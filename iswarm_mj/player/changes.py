@@ -5,15 +5,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.tasks.protocol import balls_of
-from iswarm_mj.tasks.signatures import as_task
-from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -44,22 +41,6 @@ class Change(NamedTuple):
         if not (step.isascii() and step.isdigit() and len(step) < 10 and what and equals):
             raise UserError(f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})")
         return cls(int(step), what.replace("-", "_"), value)
-
-
-class LiveRun(Run):
-    """A run whose task may change, too."""
-
-    def retask(self, task: Any) -> None:
-        """Give the world a task of the same class and the same static fields, from the next control step on.
-
-        Raises:
-            UserError: a field is out of range.
-        """
-        validate(task)
-        given = jax.tree.map(lambda a: jnp.broadcast_to(a, (1, *a.shape)), as_task(task))
-        params, state = self.arrays()
-        self._loop.replace(params._replace(task=given), state.swarm)
-        self.task, self._job = task, self._job._replace(task=given)
 
 
 def edit(run: Run, change: Change) -> None:

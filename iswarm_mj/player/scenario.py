@@ -13,7 +13,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import ENGINES, OFFER, find_engine
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
-from iswarm_mj.player.changes import LiveRun
+from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
 from iswarm_mj.strategy.library import STRATEGIES, Offer, find, offered
@@ -62,7 +62,7 @@ class Scenario:
         """Field with what the robots do: `genome` or `strategy`."""
         return "genome" if self.strategy is None else "strategy"
 
-    def run(self) -> LiveRun:
+    def run(self) -> Run:
         """Return the run at its start.
 
         Raises:
@@ -70,7 +70,7 @@ class Scenario:
         """
         settings, engine = RunSettings(self.n_robots, STEPS, self.seed), self.engine.in_chunks(1)
         how: dict[str, Any] = {"strategy": self.strategy, "task": self.task, "robot_file": self.robot_file}
-        return LiveRun(self.config, self.genome, settings, engine, **how)
+        return Run(self.config, self.genome, settings, engine, **how)
 
     def paths(self) -> dict[str, tuple[str, ...]]:
         """Return where settings are that are fields of its parts, as attributes of attributes."""

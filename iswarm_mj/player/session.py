@@ -192,9 +192,9 @@ class Session:
             self.is_alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
         else:
             now = self.now.set(what, parsed(self.now, what, value))
-            self.run.change(now.config, now.genome, now.strategy)
-            if now.task != self.now.task:
-                self.run.retask(now.task)
+            task = now.task if now.task != self.now.task else None
+            self.run.change(now.config, now.genome, now.strategy, task)
+            if task is not None:
                 self.world = RecordedWorld(self.run, 0)
             self.now, self.wanted = now, self.wanted.set(what, now.get(what))
             self.made = [one for one in self.made if one[:2] != change[:2]]

@@ -20,6 +20,7 @@ from iswarm_mj.simulation.standing import Standing
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, SwarmState
 from iswarm_mj.simulation.strategies import of_all_worlds, to_json
+from iswarm_mj.simulation.tasks import of_worlds
 from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -29,7 +30,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.protocol import Task
-from iswarm_mj.utils.constraints import check, check_kind
+from iswarm_mj.utils.constraints import check, check_kind, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robot
@@ -203,23 +204,30 @@ class Run(Standing):
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
-    def change(self, config: SwarmConfig, genome: Genome, strategy: Strategy | Any = None) -> None:
+    def change(
+        self, config: SwarmConfig, genome: Genome, strategy: Strategy | Any = None, task: Task | Any = None
+    ) -> None:
         """Give all worlds other settings from the next control step on; places and memories stay as they are.
 
         Args:
             config: may differ from the run's in `common.PER_WORLD_FIELDS`.
             genome: of the paper's strategy.
             strategy: of the same class, static fields and shapes as the run's; None for the paper's.
+            task: likewise; None for the present one.
 
         Raises:
-            UserError: the configurations differ in something else.
+            UserError: the configurations differ in something else, or a field of the task is out of range.
         """
         check_common(self.config, config)
+        if task is not None:
+            validate(task)
+            self.task, self._job = task, self._job._replace(task=of_worlds(task, len(self.worlds)))
         self.worlds = [replace(world, config=config, genome=genome) for world in self.worlds]
         self.strategy = strategy
         params, state = self.arrays()
         conditions = conditions_of_worlds(config, self.worlds)
-        self._loop.replace(params._replace(strategy=self._strategies(), conditions=conditions), state.swarm)
+        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._job.task)
+        self._loop.replace(params, state.swarm)
 
     def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:
         """Put another state of the swarm in place of the present one, from the next control step on.

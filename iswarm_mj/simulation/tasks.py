@@ -44,7 +44,16 @@ def job_of(given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start
     """
     task = as_task(given)
     sensed = check_task(task, config, robot, starts[0].task, capacity)
-    return Job(jax.tree.map(lambda a: jnp.broadcast_to(a, (len(starts), *a.shape)), task), sensed)
+    return Job(of_worlds(task, len(starts)), sensed)
+
+
+def of_worlds(task: Any, n_worlds: int) -> Any:
+    """Return a task that JAX can handle with a first axis of B worlds.
+
+    Raises:
+        UserError: see `tasks.signatures.as_task`.
+    """
+    return jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), as_task(task))
 
 
 def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | None:
