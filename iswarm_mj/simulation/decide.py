@@ -94,9 +94,7 @@ def decide_worlds(
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
-def decide_packed(
-    config: SwarmConfig, robot: Robot, params: Packed, swarm: SwarmState, begin: StepInputs
-) -> Decision:
+def decide_packed(config: SwarmConfig, robot: Robot, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
     """`decide_invariant`, where the parameters are packed, and so are memories and the state of the task."""
     swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
     decision = decide_invariant(config, robot, params.tree, swarm, begin)
