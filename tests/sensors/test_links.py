@@ -106,6 +106,16 @@ def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cu
 
 
 @both_sights
+@pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
+def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
+    """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
+    poses = place((0, 0, 0), (2.6, 0, 136), (1.78 + aside, 2.045 + aside, 46))[None]
+    assert np.linalg.norm(poses[0, 2, :2]) > 2.7
+    links = sight(poses, OpticsConfig(led_beam_aperture=90))
+    assert (heard(links).get((0, 0)) == (1, 0)) is hears
+
+
+@both_sights
 def test_the_next_behind_a_hidden_one_is_heard_if_it_is_clear(sight):
     poses = place((0, 0, 0), (6, 0, 180), facing(40, 8), (3, 0, DARK))[None]
     assert heard(sight(poses))[0, 0] == (2, 0)

@@ -160,6 +160,13 @@ class TestSwarm:
             np.testing.assert_array_equal(swarm.delivered_after[world] >= 6, late)
         np.testing.assert_array_equal(np.isnan(swarm.mean_carriage_steps), swarm.delivered == 0)
 
+    @pytest.mark.parametrize("row", [0, 1])
+    def test_progress_is_that_of_shorter_rollouts(self, swarm, row):
+        shorter = papers(KEYS, steps=int(swarm.steps[row]))
+        np.testing.assert_array_equal(swarm.delivered_after[:, row], shorter.delivered)
+        np.testing.assert_array_equal(swarm.delivered_after[:, : row + 1], shorter.delivered_after)
+        assert len(np.unique(swarm.delivered_after.sum(axis=0))) > 1
+
     def test_a_world_is_its_key(self, swarm):
         again = papers(KEYS[::-1], poses_of=(0, 2))
         for name, mine, its in zip(Rollout._fields, swarm, again, strict=True):
