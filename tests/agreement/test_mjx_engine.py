@@ -1,6 +1,7 @@
 """Motion, contacts and sight in MJX against MuJoCo in C."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -48,25 +49,32 @@ def in_c(poses, config=SMALL):
     return engine, engine.place(poses.astype(float), np.ones((n_worlds, n_robots), bool))
 
 
-def moved_in_c(poses, velocity, n_substeps=10):
+def moved_in_c(poses, velocity):
     engine, bodies = in_c(poses)
-    return engine.move(bodies, [Phase(n_substeps, lambda _: velocity.astype(float))], np.ones(len(poses), bool))
+    return engine.move(bodies, [Phase(10, lambda _: velocity.astype(float))], np.ones(len(poses), bool))
 
 
-def moved(engine, poses, velocity, present=ALL, n_substeps=10):
-    """Motion in MJX of B worlds at rest."""
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, 0, 0))
+def moved_each(engine, poses, velocity, present):
+    bodies = engine.place(poses, present)
+    return engine.move(bodies, [Phase(10, lambda _: velocity)], jnp.bool_(True))
 
-    def one(engine, poses, velocity, present):
-        bodies = engine.place(poses, present)
-        return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], jnp.bool_(True))
 
-    return jax.tree.map(np.asarray, jax.jit(jax.vmap(one, (None, 0, 0, 0)))(engine, poses, velocity, present))
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, 0, 0))
+def seen_each(engine, poses, emits, present):
+    return engine.sense(engine.place(poses, present), emits, jnp.bool_(True))
+
+
+def moved(engine, poses, velocity, present=ALL):
+    """Motion in MJX of B worlds at rest, in ten physics steps."""
+    return jax.tree.map(np.asarray, moved_each(engine, poses, velocity, present))
 
 
 def seen(engine, poses, emits, present=ALL):
     """Sight in MJX of B worlds."""
-    look = jax.jit(jax.vmap(lambda e, p, s, h: e.sense(e.place(p, h), s, jnp.bool_(True)), (None, 0, 0, 0)))
-    return jax.tree.map(np.asarray, look(engine, poses, emits, present))
+    return jax.tree.map(np.asarray, seen_each(engine, poses, emits, present))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +88,7 @@ class TestMotion:
         pytest.importorskip("warp") if impl == "warp" else None
         poses = crowds()
         velocity = walks(poses)
-        ours = moved(MjxEngine(compile_mjx_arena(SMALL, N, impl, WORLDS), SMALL, False), poses, velocity)
+        ours = moved(MjxEngine(compile_mjx_arena(SMALL, N, impl, WORLDS), SMALL, is_masked=True), poses, velocity)
         theirs = moved_in_c(poses, velocity)
         off = np.abs(ours.bodies.poses - theirs.bodies.poses)
         assert off[..., :2].max() < 0.02 and off[..., 2].max() < 0.02
@@ -204,9 +212,10 @@ class TestSight:
     def test_who_is_absent_is_neither_heard_nor_in_the_way(self, engine):
         poses, present = crowds(), ALL.copy()
         present[:, ::3] = False
-        links, walls = seen(engine, poses, ALL, present)
+        config = SwarmConfig(arena=SMALL.arena, optics=OpticsConfig(baud_rate=2000))
+        links, walls = seen(replace(engine, config=config), poses, ALL, present)
         here = present[0]
-        their_engine, bodies = in_c(poses[:, here])
+        their_engine, bodies = in_c(poses[:, here], config)
         theirs, their_walls = their_engine.sense(bodies, ALL[:, here], RUNNING)
         np.testing.assert_array_equal(links.valid[:, here], theirs.valid)
         number = np.flatnonzero(here)[theirs.sender]

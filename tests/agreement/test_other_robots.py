@@ -68,7 +68,11 @@ def senses(file, config, poses, inside, emits):
     return sights | {"mjx": jax.tree.map(lambda *parts: np.stack(parts), *each)}
 
 
-@pytest.mark.parametrize(("mode", "baud_rate"), [("sector", 0), ("power", 2000)])
+@pytest.mark.parametrize(
+    ("file", "mode", "baud_rate"),
+    [*((robot, "power", 2000) for robot in ROBOTS), ("four askew", "sector", 0)],
+    indirect=["file"],
+)
 def test_every_engine_senses_the_same(file, mode, baud_rate):
     config = SwarmConfig(arena=SMALL.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
     poses, inside = crowds(4, 0.5)
