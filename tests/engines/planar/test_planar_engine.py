@@ -125,17 +125,6 @@ class TestAbsentRobots:
         assert not with_absent.touching[:, :, 25:].any() and pairs_of(without.touching).sum() > 5
         np.testing.assert_array_equal(with_absent.bodies.poses[:, 25:], start[:, 25:])
 
-    def test_neither_send_nor_hide_nor_see(self, small):
-        engine = engine_of(small)
-        start, present = partly_absent()
-        everybody, running = np.ones(start.shape[:2], bool), np.ones(2, bool)
-        sight = engine.sense(placed(engine, start, present), everybody, running)
-        alone = engine.sense(placed(engine, start[:, :25]), everybody[:, :25], running)
-        for values, expected in zip((*sight.links, sight.sees_wall), (*alone.links, alone.sees_wall), strict=True):
-            np.testing.assert_array_equal(values[:, :25], expected)
-        assert not sight.links.valid[:, 25:].any() and not sight.sees_wall[:, 25:].any()
-        assert alone.links.valid.sum() > 20
-
 
 class TestFaults:
     def test_end_their_world_alone(self, small):
