@@ -215,7 +215,8 @@ class TestOutput:
     @needs_opengl
     def test_picture_shows_a_smaller_robot(self, file):
         """The solar cell of 0.92 mm covers the middle of the area."""
-        code = SHOW.format(files=[None, str(file)])
+        robots = [(path and str(path), tuple(map(float, read_robot(path).half_edges))) for path in (None, file)]
+        code = SHOW.format(robots=robots)
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         whole, half = map(int, done.stdout.split())
         assert half / whole == pytest.approx((2 - 0.92**2) / (4 - 0.92**2), abs=0.04)
@@ -225,13 +226,11 @@ SHOW = """
 import numpy as np
 from pathlib import Path
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.output.stage import Shot, Stage  # before MuJoCo, whose OpenGL it chooses
-from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.output.stage import Shot, Stage
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
-for path in {files}:
-    path = path and Path(path)
-    size = 2e-3 * np.array(read_robot(path).half_edges)
+for path, half_edges in {robots}:
+    path, size = path and Path(path), 2e-3 * np.array(half_edges)
     frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
     frames |= dict(scene_robot_size=size, scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
     frames |= {{"scene_area_" + part: np.zeros(0) for part in ("names", "colours", "shapes")}}

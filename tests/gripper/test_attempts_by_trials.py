@@ -88,7 +88,7 @@ def released(share, timestep, count):
 
 
 def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool():
-    """All with a tenth of the adhesion, but for an error that falls faster than the time step; none with seven tenths."""
+    """All with a tenth of the adhesion, but for an error that falls faster than the step; none with seven tenths."""
     coarse = swarm_trials.TIMESTEP
     errors = [released(0.1, coarse / parts, count) for parts, count in ((1, 60), (2, 60), (4, 12))]
     assert 0.1 < errors[0] < 0.5 and errors[1] < 0.5 * errors[0] and errors[2] == 0
