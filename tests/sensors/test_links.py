@@ -141,7 +141,7 @@ def test_a_robot_alone_hears_nobody(sight):
     assert sight(place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]).valid.sum() == 2
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 9), (0.8, 12)])
 def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
     poses = crowd(np.random.default_rng([seed, edge, int(10 * density)]), density, edge)[:81]
