@@ -93,9 +93,9 @@ def pytest_configure(config):
         os.environ.setdefault("XLA_FLAGS", " ".join(QUICK))
 
 
-MOST_MEMORY = 2.2e9
+MOST_MEMORY = 1.5e9
 """Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
-REGROWTH = 0.7e9
+REGROWTH = 0.5e9
 """Since the system gets little back when they go, by how much it grows until they go again [bytes]."""
 
 
