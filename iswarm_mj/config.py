@@ -302,5 +302,9 @@ READINGS = {
     "initial": SwarmConfig(
         ArenaConfig(dust_area_offset=16.0), strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")
     ),
+    "selected": SwarmConfig(
+        strategy=StrategyConfig(avoidance_course="crossing"), gripper=GripperConfig(drop_rate=0.01)
+    ),
 }
-"""Interpretations of the paper's rules: as it states them, and as in the first version of this simulator."""
+"""Interpretations of the paper's rules: as it states them, as in the first version of this simulator, and as Fig. 17
+and the penalties in Table 2 select them by the rule in docs/readings.md."""

@@ -26,6 +26,7 @@ from iswarm_mj.experiments.studies.infer import (
     DEFAULTS,
     DENSITIES,
     FACTORS,
+    NAMED,
     NAMED_REPEATS,
     SETTINGS,
     combinations_of,
@@ -98,7 +99,7 @@ class TestDesign:
     def test_each_combination_is_run_on_all_figures_and_both_types(self):
         sampled = [e for e in listed() if e.labels["reading"] is None]
         assert len(sampled) == N * len(SETTINGS) == N * (2 + len(DENSITIES) + 2)
-        assert len(listed()) - len(sampled) == (len(READINGS) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
+        assert len(listed()) - len(sampled) == (len(NAMED) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
         for entry in sampled[:24]:
             config = SwarmConfig()
             for name in FACTORS:
@@ -181,7 +182,7 @@ class TestSupport:
         total = SELECTING
         assert counts_alone(every, "drops", DEFAULTS["drops"]) == {"none": total, "1 % a step": 1}
         assert counts_alone(every, "locations", DEFAULTS["locations"]) == {"free": total, "cells": total}
-        assert sum(c.is_named for c in every) == len(READINGS)
+        assert sum(c.is_named for c in every) == len(NAMED)
 
     def test_single_runs_are_compared_by_layouts(self):
         def one(label, single):

@@ -43,8 +43,10 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 
 COMBINATIONS = 512
+NAMED = ("paper", "initial")
+"""Readings that are run beside the sample."""
 NAMED_REPEATS = 12
-"""Runs of each setting for the named readings, and for the paper's with one value changed."""
+"""Runs of each setting for these, and for the paper's with one value changed."""
 
 FACTORS: Mapping[str, Mapping[str, Values]] = {
     "avoidance_sides": {"front": {}, "all": {"strategy.avoidance_sides": "all"}},
@@ -133,18 +135,18 @@ def entries(combinations: int, plan: Plan) -> list[Entry]:
     part of the sample and have negative numbers."""
     n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
     listed = []
-    for place, name in enumerate(READINGS):
-        labels = dict.fromkeys(FACTORS) | {"combination": place - len(READINGS), "reading": name}
+    for place, name in enumerate(NAMED):
+        labels = dict.fromkeys(FACTORS) | {"combination": place - len(NAMED), "reading": name}
         listed += _runs(plan, _named(plan, name), labels, place, named)
     for place, labels in enumerate(design(n, plan.seed)):
         settings = {key: value for label in labels.items() for key, value in settings_of(*label).items()}
         config = varied(plan.config, settings)
         labels = {**labels, "combination": place, "reading": None}
-        listed += _runs(plan, config, labels, place + len(READINGS), 1)
+        listed += _runs(plan, config, labels, place + len(NAMED), 1)
     for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
-        number_of = -1 - len(READINGS) - place
+        number_of = -1 - len(NAMED) - place
         labels = dict.fromkeys(FACTORS) | {name: label, "combination": number_of, "reading": "paper"}
-        paper = list(READINGS).index("paper")
+        paper = NAMED.index("paper")
         listed += _runs(plan, varied(_named(plan, "paper"), FACTORS[name][label]), labels, paper, named)
     return listed
 
