@@ -213,8 +213,8 @@ def findings(rows: Rows) -> list[Finding]:
     apart = [float(np.mean([sum(c.held_out) for c in group])) for group in (kept, sample)]
     rule = (
         f"{len(sample)} combinations drawn from {len(FACTORS)} readings; the {len(kept)} that miss the fewest "
-        "statements that select are accepted (approximate Bayesian computation by rejection); of equals those nearer in "
-        "the penalties of both types"
+        "statements that select are accepted (approximate Bayesian computation by rejection); of equals those nearer "
+        "in the penalties of both types"
     )
     ours = f"at most {most} of {total}, by {counts.count(most)}; median {number(float(np.median(counts)))}; {said}"
     ours += f"; held out, mean of {others}: accepted {number(apart[0])}, all {number(apart[1])}"
