@@ -29,8 +29,8 @@ class ConfigOptions:
     """The configuration, one group of flags for each of its parts; and the engine, whose flags have no group."""
 
     reading: Literal["paper", "initial", "selected"] = "paper"
-    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, that of the
-    first version of this simulator, or what Fig. 17 and the penalties in Table 2 select."""
+    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, that of
+    the first version of this simulator, or what Fig. 17 and the penalties in Table 2 select."""
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     optics: OpticsConfig = field(default_factory=OpticsConfig)

@@ -131,7 +131,7 @@ class Core:
         """
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
         motion = motion._replace(bodies=None, touching=motion.touching * ran)
-        moved = after_motion(data.world, motion, intent, data.step, ran)
+        moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = self.params._replace(key=data.key), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool))

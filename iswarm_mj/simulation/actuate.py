@@ -68,11 +68,12 @@ def actuate(
     acts = swarm.is_alive & ~waits
     turn, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
     (turning,), (walking,) = draw(key, command.turn.shape, n_normal=1).normal
+    is_refused = acts & ~(jnp.isfinite(command.turn) & jnp.isfinite(command.forward))
     moves = (command.turn != 0.0) | (command.forward != 0.0)
     share = 1.0 - conditions.turn_share * jnp.minimum(jnp.abs(command.turn) / turn, 1.0)
     reach = step * share * jnp.where(swarm.is_loaded, conditions.loaded_speed, 1.0)
     wanted = command.forward
-    command = command._replace(forward=jnp.clip(wanted, -reach, reach))
+    command = Command(jnp.clip(command.turn, -turn, turn), jnp.clip(wanted, -reach, reach))
     is_blocked = jnp.zeros(len(wanted), bool)
     if config.drive.locations == "cells":
         is_blocked = acts & enters_taken_cell(places, command)
@@ -80,12 +81,11 @@ def actuate(
     turned = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * turning, 0.0)
     slip = conditions.error_step * walking * jnp.clip(command.forward, -step, step)
     turned, walked = (jnp.where(acts, part, 0.0) for part in (turned, command.forward + slip))
-    is_refused = ~(jnp.isfinite(turned) & jnp.isfinite(walked))
     done = Command(jnp.clip(turned, -turn, turn), jnp.clip(walked, -step, step))
     energy = swarm.energy
     if energy is not None:
         energy = power.after(config, energy, done, tool_voltage_squared, swarm.is_alive)
-    return Actuated(done, wanted - command.forward, is_blocked, is_refused, energy)
+    return Actuated(done, wanted - jnp.where(acts, command.forward, 0.0), is_blocked, is_refused, energy)
 
 
 def enters_taken_cell(places: Places, command: Command) -> Bool[Array, "N"]:

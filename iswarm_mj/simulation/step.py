@@ -1,7 +1,7 @@
 """One control step of the swarm, written once for all engines: sense, decide, move, account."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from jaxtyping import Bool, Float, Int
 
@@ -33,20 +33,6 @@ class Stepper(NamedTuple):
     """Return a record of each step."""
 
 
-class Acted(Protocol):
-    """What became of the robots' commands."""
-
-    @property
-    def is_refused(self) -> Bool[Array, "*B N"]:
-        """The command was not finite."""
-        ...
-
-    @property
-    def is_blocked(self) -> Bool[Array, "*B N"]:
-        """The robot stays where it is since another one is in its way."""
-        ...
-
-
 def control_step(
     stepper: Stepper, params: WorldParams, state: WorldState, step: Int[Array, ""], last: Int[Array, ""]
 ) -> tuple[WorldState, StepRecord | None]:
@@ -66,25 +52,30 @@ def control_step(
     decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)
     motion = engine.move(state.bodies, drive_phases(config.drive, decision.command), moves)
-    moved = after_motion(state, motion, decision, step, is_running)
+    moved = after_motion(state, motion, decision.is_refused, decision.is_blocked, step, is_running)
     new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)
     return new, record(stepper, params, new, decision, begin) if stepper.records else None
 
 
 def after_motion(
-    state: WorldState, motion: Motion, decision: Acted, step: Int[Array, ""], is_running: Array
+    state: WorldState,
+    motion: Motion,
+    is_refused: Bool[Array, "*B N"],
+    is_blocked: Bool[Array, "*B N"],
+    step: Int[Array, ""],
+    is_running: Array,
 ) -> WorldState:
     """Account for the motion of a control step: bodies, faults, collisions.
 
     Args:
         state: before the step.
         motion: of the robots.
-        decision: of the robots.
+        is_refused: commands that were not finite.
+        is_blocked: robots that stay where they are since another one is in their way.
         step: number of the step, from 0.
         is_running: (*B,) worlds that take it.
     """
     xp = array_module(motion.touching)
-    is_refused = decision.is_refused
     any_refused = is_refused.any(axis=-1) & is_running
     bits = motion.fault | xp.where(any_refused, int(FaultKind.COMMAND_NOT_FINITE), 0).astype(motion.fault.dtype)
     robot = xp.where(any_refused, is_refused.argmax(axis=-1), motion.robot).astype(state.fault.robot.dtype)
@@ -93,7 +84,7 @@ def after_motion(
         xp.where(bits != 0, step + 1, state.fault.step).astype(state.fault.step.dtype),
         xp.where(bits != 0, robot, state.fault.robot),
     )
-    begun = new_contacts(state.touching, motion.touching) + decision.is_blocked.sum(axis=-1)
+    begun = new_contacts(state.touching, motion.touching) + is_blocked.sum(axis=-1)
     begun = begun.astype(state.collisions.dtype)
     collisions = state.collisions + xp.where(is_running & (fault.bits == 0), begun, 0)
     return state._replace(bodies=motion.bodies, touching=motion.touching, collisions=collisions, fault=fault)
