@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.checked import make_compiled_engine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.envs import actions, observations
@@ -97,7 +98,7 @@ def make_env(
     if engine.on_host:
         return Env(core, setup.host_engine()(settings.n_worlds, _threads(engine)), settings.n_worlds, on_host=True)
     platform = devices_of(engine)[0].platform
-    made = engine.compiled_engine(setup.model, settings.n_worlds, platform)
+    made = make_compiled_engine(engine, setup.model, setup.robot, settings.n_worlds, platform)
     is_batch = made.mapping(platform) == "batch"
     return Env(core, made, settings.n_worlds if is_batch else None, on_host=False)
 

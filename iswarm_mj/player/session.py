@@ -90,6 +90,9 @@ class Session:
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._recorder: Recorder | None = None
         self._begin(scenario)
+        for change in self.waiting:
+            if change.what in EDITS:
+                edit(self.run, change)  # which refuses what cannot be
 
     def _begin(self, scenario: Scenario) -> None:
         run = scenario.run()
@@ -188,7 +191,7 @@ class Session:
         """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
         change = Change(self.step, what, value)
         if what in EDITS:
-            edit(self.run, change)
+            self.run.edit(edit(self.run, change))
             self.is_alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
         else:
             now = self.now.set(what, parsed(self.now, what, value))

@@ -121,7 +121,7 @@ def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
     assert min(np.abs(one - expected).max() for one in found) <= 1 / 128 + 1e-4
 
 
-@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(by="red")])
+@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(by="red"), Film(draws=("links", "foo"))])
 def test_impossible_replays(run, film, tmp_path):
     with pytest.raises(UserError):
         write_replay(run, film, tmp_path / "page.html")
