@@ -86,7 +86,9 @@ def make_env(
     with jax.default_device(setup.device):
         core = Core(
             config=setup.program_config,
+            given=config,
             robot=setup.robot,
+            robot_file=setup.robot_file,
             params=jax.tree.map(lambda a: jnp.asarray(a)[0], params),
             poses=jnp.asarray(poses, jnp.float32),
             worlds=jax.tree.map(jnp.asarray, worlds),
