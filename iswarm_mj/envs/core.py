@@ -6,6 +6,7 @@ again. The stages are those of `simulation.step.control_step`, so that the same 
 
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -61,7 +62,9 @@ class Core:
 
     Attributes:
         config: what control steps are compiled for.
+        given: the configuration as it was given.
         robot: its geometry.
+        robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
         params: of all worlds, but for their keys.
         poses: (K, N, 3) x, y [mm] and yaw [rad] of K beginnings of an episode.
         worlds: likewise, states without bodies.
@@ -72,7 +75,9 @@ class Core:
     """
 
     config: SwarmConfig
+    given: SwarmConfig
     robot: Robot
+    robot_file: Path | None
     params: WorldParams
     poses: Float[Array, "K N 3"]
     worlds: WorldState
