@@ -12,6 +12,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
@@ -40,8 +41,8 @@ class Decision(NamedTuple):
     """Of the task, see `Task.progress`."""
     has_priority: Bool[Array, "*B N"]
     """The robot sends the flag `priority` as the step begins; never where the payload has none."""
-    links: Links
-    """See `Perceived`."""
+    links: Links | None
+    """See `Perceived`; None where they are those of the inputs."""
     spoken: Spoken
 
 
@@ -82,7 +83,8 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.task)
-    return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, seen.links, seen.spoken)
+    links = seen.links if config.optics.baud_rate else None
+    return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
@@ -96,6 +98,14 @@ def decide_worlds(
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
+def decide_packed(config: SwarmConfig, robot: Robot, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
+    """`decide_invariant`, where the parameters are packed, and so are memories and the state of the task."""
+    swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
+    decision = decide_invariant(config, robot, params.tree, swarm, begin)
+    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
+    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
+
+
 def decide_invariant(
     config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:

@@ -126,7 +126,7 @@ def record(
         decision: of the robots.
         begin: how the step began.
     """
-    links, spoken, is_running = decision.links, decision.spoken, begin.is_running
+    links, spoken, is_running = decision.links or begin.sight.links, decision.spoken, begin.is_running
     xp = array_module(is_running)
     poses = stepper.engine.poses(state.bodies)
     return StepRecord(
@@ -136,7 +136,7 @@ def record(
         links=links._replace(valid=links.valid & is_running[..., None, None]),
         has_priority=decision.has_priority,
         message=spoken.message,
-        is_heard=xp.asarray(spoken.is_heard) & is_running[..., None, None],
+        is_heard=spoken.is_heard & is_running[..., None, None],
         measured_distance=spoken.measured_distance,
         command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.command)),
         collisions=state.collisions,
