@@ -27,6 +27,9 @@ from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.tables import read_table
 
 
+pytestmark = pytest.mark.usefixtures("few_pixels")
+
+
 class TestTable:
     @pytest.fixture
     def done(self, monkeypatch, tmp_path):
