@@ -19,6 +19,11 @@ Arrays = Mapping[str, np.ndarray]
 """Arrays of a trajectory by their names: `Frames`, and with the prefix scene_ `Scene`."""
 
 
+def areas_of(arrays: Arrays, step: int) -> Arrays:
+    """Return the arrays (M, 3) of a task's areas after a step, by their names in a trajectory."""
+    return {name: values[step] for name, values in arrays.items() if name.startswith(AREA)}
+
+
 class Scene(NamedTuple):
     """Constants of one world with N robots, K balls and A dust areas. SI units throughout.
 
@@ -65,6 +70,10 @@ class Scene(NamedTuple):
     metric_descriptions: tuple[str, ...] = ()
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return its values as arrays by their names in a trajectory."""
+        return {SCENE + name: np.asarray(value) for name, value in self._asdict().items()}
 
     @property
     def memory(self) -> list[tuple[str, str, int]]:
