@@ -19,7 +19,7 @@ from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.actuate import actuate
+from iswarm_mj.simulation.actuate import Places, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
@@ -46,6 +46,8 @@ class Intent(NamedTuple):
     said: dict[str, Any]
     is_refused: Bool[Array, "*B N"]
     """The action was not finite."""
+    is_blocked: Bool[Array, "*B N"]
+    """See `Decision`."""
     is_running: Bool[Array, "*B"]
     """The world moves."""
     is_emitting: Bool[Array, "*B N"]
@@ -97,18 +99,21 @@ class Core:
         fresh, poses = self.begin(data.next_key)
         return jax.tree.map(partial(jnp.where, is_new), fresh, data), poses
 
-    def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"]) -> Intent:
-        """Return what robots do; those of an episode that begins do nothing."""
+    def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"], poses: Array) -> Intent:
+        """Return what robots at `poses` do; those of an episode that begins do nothing."""
         decoded = actions.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
         conditions, charge = self.params.conditions, data.tool_voltage_squared
-        done = actuate(self.config, conditions, command, swarm, data.waits, charge, key)
+        places = Places(poses, self.params.is_present)
+        done = actuate(self.config, conditions, command, swarm, data.waits, places, charge, key)
         is_refused = (done.is_refused | is_bad) & ~is_new
         said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
         energy = jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy)
         emits = is_emitting(self.config, swarm.is_alive, energy)
-        return Intent(done.command, said, is_refused, ~is_new & ~is_refused.any(), emits, energy)
+        return Intent(
+            done.command, said, is_refused, done.is_blocked & ~is_new, ~is_new & ~is_refused.any(), emits, energy
+        )
 
     def observe(
         self,
@@ -131,7 +136,7 @@ class Core:
         """
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
         motion = motion._replace(bodies=None, touching=motion.touching * ran)
-        moved = after_motion(data.world, motion, intent.is_refused, data.step, ran)
+        moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = self.params._replace(key=data.key), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool))

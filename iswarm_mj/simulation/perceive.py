@@ -19,6 +19,7 @@ from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.draws import draw, split
 from iswarm_mj.utils.robot import Robot
 
 
@@ -101,6 +102,7 @@ def perceive(
         energy = power.charged(config, swarm.energy)
         voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
         swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
+    (stop,), (misses,) = draw(split(keys.actuators, 1)[0], (len(poses),), n_uniform=1).uniform
     inputs = TaskInputs(
         poses,
         params.is_present,
@@ -111,6 +113,7 @@ def perceive(
         robot,
         decider_of(config),
         voltage,
+        misses >= params.conditions.error_in_sensing,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
     swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded)
@@ -128,7 +131,7 @@ def perceive(
         is_loaded=sensed.is_loaded,
         grasp_failed=sensed.grasp_failed,
         sensed=sensed.own,
-        waits=is_empty | sensed.is_busy,
+        waits=is_empty | sensed.is_busy | (stop < params.conditions.stop_share),
     )
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
     return Perceived(observation, swarm, sensed, inputs, sight.links, spoken, transmit)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
@@ -44,6 +44,20 @@ class Strategy(Protocol):
 
         Returns:
             The memory, with the same shapes and types, and the commands.
+        """
+        ...
+
+
+@runtime_checkable
+class ReckoningStrategy(Strategy, Protocol):
+    """A strategy whose robots learn that they did not walk as far as they meant to."""
+
+    def fell_short(self, memory: Any, shortfall: Float[Array, "N"]) -> Any:
+        """Return the memory after a step that was shorter than commanded.
+
+        Args:
+            memory: from `act`.
+            shortfall: distance commanded that the drive did not walk, see `simulation.actuate.Actuated` [mm].
         """
         ...
 

@@ -54,6 +54,8 @@ class TaskInputs(NamedTuple):
     """Decides whether attempts to pick up and to release balls succeed."""
     voltage: Float[Array, "N"] | None = None
     """Of the robots' capacitors [V]; None: as much as a gripper asks for."""
+    notices: Bool[Array, "N"] | bool = True
+    """Robots that sense the dust and the dump that they are at, see `StrategyConfig.error_in_sensing`."""
 
 
 class Sensed(NamedTuple):

@@ -187,7 +187,7 @@ def test_controls_have_the_ranges_that_settings_declare():
     found = {control.name: control for control in controls(SCENARIO)}
     forget = found["p_vector_forget"]
     assert (forget.low, forget.high, forget.value, forget.is_live) == (0, 1, 0.29, True)
-    assert found["strategy.blocked"].choices == ("pushes", "waits")
+    assert found["strategy.priority_repulsion"].choices == ("higher", "scaled")
     assert found["robots"].value == 20 and not found["robots"].is_live
     own = {c.name: c for c in controls(Scenario(strategy=Beeclust(), task=Aggregation()))}
     assert own["longest_wait"].is_live and "p_vector_forget" not in own and "gripper.drop_rate" not in own
