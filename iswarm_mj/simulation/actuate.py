@@ -1,6 +1,7 @@
 """What the drives make of commands: errors, limits, robots that stand still, and the energy that all of it takes."""
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.draws import draw
+from iswarm_mj.utils.fusion import fusion_barrier
 from iswarm_mj.utils.units import mm_from_rd
 
 CELLS = 2048
@@ -67,7 +69,6 @@ def actuate(
     """
     acts = swarm.is_alive & ~waits
     turn, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
-    (turning,), (walking,) = draw(key, command.turn.shape, n_normal=1).normal
     is_refused = acts & ~(jnp.isfinite(command.turn) & jnp.isfinite(command.forward))
     moves = (command.turn != 0.0) | (command.forward != 0.0)
     share = 1.0 - conditions.turn_share * jnp.minimum(jnp.abs(command.turn) / turn, 1.0)
@@ -78,14 +79,20 @@ def actuate(
     if config.drive.locations == "cells":
         is_blocked = acts & enters_taken_cell(places, command)
         command = command._replace(forward=jnp.where(is_blocked, 0.0, command.forward))
-    turned = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * turning, 0.0)
-    slip = conditions.error_step * walking * jnp.clip(command.forward, -step, step)
-    turned, walked = (jnp.where(acts, part, 0.0) for part in (turned, command.forward + slip))
+    turning, walking = fusion_barrier(partial(_errors, len(wanted)), conditions.error_turn, conditions.error_step, key)
+    turned, walked = command.turn + jnp.where(moves, turning, 0.0), command.forward * walking
+    turned, walked = (jnp.where(acts, part, 0.0) for part in (turned, walked))
     done = Command(jnp.clip(turned, -turn, turn), jnp.clip(walked, -step, step))
     energy = swarm.energy
     if energy is not None:
         energy = power.after(config, energy, done, tool_voltage_squared, swarm.is_alive)
     return Actuated(done, wanted - jnp.where(acts, command.forward, 0.0), is_blocked, is_refused, energy)
+
+
+def _errors(n_robots: int, error_turn: Array, error_step: Array, key: Array) -> tuple[Array, Array]:
+    """What actuators add to turns [rad], and by what they multiply distances."""
+    (turning,), (walking,) = draw(key, (n_robots,), n_normal=1).normal
+    return jnp.deg2rad(error_turn) * turning, 1.0 + error_step * walking
 
 
 def enters_taken_cell(places: Places, command: Command) -> Bool[Array, "N"]:
