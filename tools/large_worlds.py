@@ -51,8 +51,10 @@ def draw(rows: list[dict[str, float]]) -> None:
         robots = [row["robots"] for row in rows]
         left.semilogx(robots, [1e3 * row["ms"] / row["robots"] for row in rows], "o-")
         right.semilogx(robots, [row["gb"] for row in rows], "o-")
-        for axes, label in ((left, "processor time a robot and step [µs]"), (right, "peak memory [GB]")):
+        for axes, label in ((left, "time a robot and step [µs]"), (right, "peak memory [GB]")):
             axes.set(xlabel="robots in the world", ylabel=label, ylim=(0, None))
+            axes.set_xticks(robots, [f"{number:,}" for number in robots])
+            axes.minorticks_off()
         drawing.savefig(OUT, metadata={"Date": None})
 
 
