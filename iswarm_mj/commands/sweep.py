@@ -109,10 +109,12 @@ def _values(text: str) -> tuple[str, list[str]]:
 
 
 def _content(value: Any) -> str:
-    """What determines a run beside its settings: a hash of the file that one of them names, also as FILE.py:CLASS."""
-    names = [str(value), str(value).rpartition(":")[0]] if isinstance(value, str | Path) else []
+    """What determines a run beside its settings: a hash of the files that one of them names, also as FILE.py:CLASS."""
+    words = value if isinstance(value, tuple) else (value,)
+    words = [str(word) for word in words if isinstance(word, str | Path)]
+    names = [name for word in words for name in (word, word.rpartition(":")[0])]
     found = [Path(name).read_bytes() for name in names if name and Path(name).is_file()]
-    return hashlib.sha256(found[0]).hexdigest() if found else ""
+    return hashlib.sha256(b"".join(found)).hexdigest() if found else ""
 
 
 def _labels(texts: Sequence[str]) -> Sequence[Any]:

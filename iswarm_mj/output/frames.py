@@ -56,7 +56,8 @@ class RecordedWorld:
         self.config, self._index = world.config or run.config, index
         self._task, self._robot, self._recorded = run.task, run.robot, run.recorded
         self._watch = _watch(run.task, self.config)
-        self.scene = self._scene(jax.tree.map(lambda a: a[:, index], run.start), world.index, run.payload)
+        scene = self._scene(jax.tree.map(lambda a: a[:, index], run.start), world.index, run.payload)
+        self.scene = scene._replace(team_names=tuple(run.teams), team_sizes=tuple(run.teams.values()))
 
     def frames(self, records: Sequence[StepRecord], before: StepRecord | None = None) -> Frames:
         """Return its frames.

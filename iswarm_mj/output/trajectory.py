@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
 """Names of the files of a run."""
@@ -65,6 +65,16 @@ class Scene(NamedTuple):
     metric_descriptions: tuple[str, ...] = ()
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+    team_names: tuple[str, ...] = ()
+    """Teams of the robots, see `strategy.teams`; none where they are one."""
+    team_sizes: tuple[int, ...] = ()
+    """Number of robots of each."""
+
+    @property
+    def team(self) -> Int[np.ndarray, "N"]:
+        """Number of each robot's team; 0 without teams."""
+        sizes = self.team_sizes or (len(self.is_scout),)
+        return np.repeat(np.arange(len(sizes)), sizes)
 
     @property
     def memory(self) -> list[tuple[str, str, int]]:

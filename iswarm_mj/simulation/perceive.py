@@ -17,6 +17,7 @@ from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
+from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
@@ -106,6 +107,7 @@ def perceive(
         params.is_present,
         swarm.is_alive,
         picks & ~is_empty,
+        jnp.asarray(team_numbers(params.strategy, len(poses))),
         params.conditions,
         config,
         robot,

@@ -2,8 +2,9 @@
 
 import difflib
 import importlib.util
+import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -45,6 +46,37 @@ STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.s
 def find_strategy(name: str) -> Any:
     """Return a class of strategies, or an object whose values are defaults, see `find`."""
     return find(STRATEGIES, name)
+
+
+def is_team(word: str) -> bool:
+    """Whether a word names a strategy and a share of the robots, as `walk.py:Walk=0.5`."""
+    share = word.rpartition("=")[2]
+    return "=" in word and share[:1] in {*"0123456789.-"}
+
+
+def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
+    """Return share, and class or object, of teams by their names, those of the strategies.
+
+    Args:
+        words: names of strategies with the share of the robots or their number, as `walk.py:Walk=0.5`.
+
+    Raises:
+        UserError: a share is missing or no number, or there is no such strategy.
+    """
+    found: dict[str, tuple[float | int, Any]] = {}
+    for word in words:
+        name, _, share = word.rpartition("=")
+        form = "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
+        try:
+            size = int(share) if share.isdecimal() else float(share)
+        except ValueError:
+            raise ConfigError("strategy", word, form) from None
+        if not is_team(word):
+            raise ConfigError("strategy", word, form)
+        team = re.sub(r"\W", "_", name.rpartition(":")[2])
+        n_same = sum(one == team or one.removeprefix(team).isdecimal() for one in found)
+        found[f"{team}{n_same + 1}" if n_same else team] = size, find_strategy(name)
+    return found
 
 
 def find(offer: Offer, name: str, shipped: Mapping[str, Any] | None = None) -> Any:

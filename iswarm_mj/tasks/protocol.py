@@ -43,6 +43,8 @@ class TaskInputs(NamedTuple):
     is_alive: Bool[Array, "N"]
     picks: Bool[Array, "N"]
     """Robots that pick up what their tools reach."""
+    team: Int[Array, "N"]
+    """Number of the robot's team (`strategy.teams`), from 0; robots without teams are one."""
     conditions: Conditions
     """Noise, voltages and places of this world."""
     config: SwarmConfig

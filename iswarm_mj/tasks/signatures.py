@@ -108,7 +108,8 @@ def _check_shapes(
     name, here = type(task).__name__, (n_robots,)
     flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
     plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
-    world = (jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), flags, flags, flags)
+    teams = jax.ShapeDtypeStruct(here, jnp.int32)
+    world = (jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), flags, flags, flags, teams)
     conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
     whole = jax.ShapeDtypeStruct((), jnp.int32)
 
