@@ -11,7 +11,11 @@ import iswarm_mj
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ARGUMENTS = {
     "contest": ("--task", f"{EXAMPLES}/contest.py:Contest", "--strategy", "forager=0.5", "type1=0.5", *FLAGS),
+    "failures": ("--task", f"{EXAMPLES}/failures.py:Failures", "--until=20", "--share=0.25", *FLAGS),
+    "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
+AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}}
+"""Metrics that are certain."""
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "planar"])
@@ -22,3 +26,4 @@ def test_an_example_runs(name, engine, tmp_path, monkeypatch):
     assert code_of("run", *ARGUMENTS[name], *size, f"--engine={engine}") == 0
     saved = iswarm_mj.load("runs/task")
     assert saved.result["steps"] == 40
+    assert AT_END[name].items() <= saved.metrics[0].items()

@@ -141,12 +141,14 @@ class Engine(Protocol[Bodies]):
         """Return x, y [mm] and yaw [rad] of the robots; yaw is not wrapped."""
         ...
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "*B N"], is_running: Bool[Array, "*B"]) -> Sight:
+    def sense(
+        self, bodies: Bodies, emits: Bool[Array, "*B N"] | Float[Array, "*B N"], is_running: Bool[Array, "*B"]
+    ) -> Sight:
         """Find links and walls in sight.
 
         Args:
             bodies: where the robots are.
-            emits: which robots send light; the others still stand in the way.
+            emits: which robots send light, or the power of their LEDs from 0 to 1; others still stand in the way.
             is_running: which worlds need an answer; that of the others has no meaning.
         """
         ...

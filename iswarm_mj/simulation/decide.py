@@ -12,12 +12,12 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation.actuate import actuate
-from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive
+from iswarm_mj.simulation.perceive import Handling, Spoken, StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.strategy.declared import said
+from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.protocol import RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -56,11 +56,13 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     Raises:
         UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
+    params = with_conditions(params, swarm)
     n_robots, is_alive, strategy = len(begin.poses), swarm.is_alive, params.strategy
     keys = step_keys(params.key, begin.step)
     payload = said(strategy, swarm.memory, swarm.is_loaded)
     picks = strategy.picks(swarm.memory) & is_alive
-    seen = perceive(config, robot, params, swarm, begin, keys, payload, picks)
+    releases = strategy.releases(swarm.memory) if isinstance(strategy, ReleasingStrategy) else None
+    seen = perceive(config, robot, params, swarm, begin, keys, payload, Handling(picks, releases))
     observation = seen.observation
     if config.strategy.update_order == "sequential" and payload:
         relaying = _relaying(strategy)
@@ -74,7 +76,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     memory, command = strategy.act(swarm.memory, observation, keys.policy)
     squared = seen.sensed.tool_voltage_squared
     done = actuate(config, params.conditions, command, seen.swarm, observation.waits, squared, keys.actuators)
-    decided = seen.swarm._replace(memory=memory, energy=done.energy)
+    decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.task)

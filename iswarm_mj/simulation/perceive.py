@@ -18,7 +18,7 @@ from iswarm_mj.simulation.streams import StepKeys
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
-from iswarm_mj.tasks.protocol import Sensed, TaskInputs
+from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 
@@ -47,6 +47,15 @@ class Spoken(NamedTuple):
     """Of the sender of a link [mm]."""
 
 
+class Handling(NamedTuple):
+    """What N robots want to do with balls."""
+
+    picks: Bool[Array, "N"]
+    """The robot picks up what its tool reaches."""
+    releases: Bool[Array, "N"] | None = None
+    """It releases what it holds wherever it is; None: over the dump alone."""
+
+
 class Perceived(NamedTuple):
     """What N robots of a world perceive as a control step begins, after what they said and gripped."""
 
@@ -72,7 +81,7 @@ def perceive(
     begin: StepInputs,
     keys: StepKeys,
     payload: dict[str, Any],
-    picks: Bool[Array, "N"],
+    handling: Handling,
 ) -> Perceived:
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
@@ -84,7 +93,7 @@ def perceive(
         begin: poses, light and time, without a leading axis.
         keys: of the step.
         payload: what each robot says.
-        picks: which robots pick up what their tools reach.
+        handling: of balls.
     """
     poses, sight, *_ = begin
     if config.optics.baud_rate:
@@ -106,16 +115,20 @@ def perceive(
         poses,
         params.is_present,
         swarm.is_alive,
-        picks & ~is_empty,
+        handling.picks & ~is_empty,
         jnp.asarray(team_numbers(params.strategy, len(poses))),
         params.conditions,
         config,
         robot,
         decider_of(config),
         voltage,
+        None if handling.releases is None else handling.releases & swarm.is_alive & ~is_empty,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
-    swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded)
+    is_alive = swarm.is_alive
+    if isinstance(params.task, DeadlyTask):
+        is_alive &= params.task.survives(task)
+    swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive)
     message = received.message
     observation = Observation(
         is_heard=received.is_heard,
@@ -134,6 +147,14 @@ def perceive(
     )
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
     return Perceived(observation, swarm, sensed, inputs, sight.links, spoken, transmit)
+
+
+def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
+    """Return the parameters of a world with the conditions of this step, which its task may change."""
+    task = params.task
+    if not isinstance(task, ChangingTask):
+        return params
+    return params._replace(conditions=task.conditions(swarm.task, params.conditions))
 
 
 def decider_of(config: SwarmConfig) -> Decider:

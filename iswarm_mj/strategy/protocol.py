@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
@@ -44,6 +44,27 @@ class Strategy(Protocol):
 
         Returns:
             The memory, with the same shapes and types, and the commands.
+        """
+        ...
+
+
+@runtime_checkable
+class ReleasingStrategy(Strategy, Protocol):
+    """A strategy whose robots also release balls when they want to; all release them over the dump."""
+
+    def releases(self, memory: Any) -> Bool[Array, "N"]:
+        """Return whether each robot releases the ball that it holds, wherever it is; see `picks`."""
+        ...
+
+
+@runtime_checkable
+class DimmingStrategy(Strategy, Protocol):
+    """A strategy whose robots choose the power of their LEDs."""
+
+    def led_power(self, memory: Any) -> Float[Array, "N"]:
+        """Return the power with which each robot sends its next message, from 0, silent, to 1, full power.
+
+        Light of a share p of the full power reaches p^(1/2) as far. A robot sees walls at any power.
         """
         ...
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
@@ -88,6 +88,10 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         for field, its in wanted.items():
             compare(f"{name}.say", said[field], its, f"field {field}")
     compare(f"{name}.picks", result("picks", memory), flags)
+    if isinstance(strategy, ReleasingStrategy):
+        compare(f"{name}.releases", result("releases", memory), flags)
+    if isinstance(strategy, DimmingStrategy):
+        compare(f"{name}.led_power", result("led_power", memory), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
     if isinstance(strategy, RelayingStrategy):
         compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
     returned = result("act", memory, observation, key)

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Int32
+from jaxtyping import Bool, Float, Int32
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.declared import payload_of, recorded_of, said
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -154,6 +155,24 @@ class Teams:
         parts = self._each(_count(memory))
         return jnp.concatenate([strategy.picks(_of(memory[name], robots)) for name, strategy, robots in parts])
 
+    def releases(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
+        """See `ReleasingStrategy.releases`; robots of other strategies release balls over the dump alone."""
+        return self._chosen(ReleasingStrategy, "releases", memory, False)
+
+    def led_power(self, memory: dict[str, Any]) -> Float[Array, "N"]:
+        """See `DimmingStrategy.led_power`; robots of other strategies send at full power."""
+        return self._chosen(DimmingStrategy, "led_power", memory, 1.0)
+
+    def _chosen(self, kind: Any, method: str, memory: dict[str, Any], usual: bool | float) -> Array:
+        """What a method of strategies of a kind returns; the usual value for robots of others."""
+        parts = [
+            getattr(strategy, method)(_of(memory[name], robots))
+            if isinstance(strategy, kind)
+            else jnp.full(robots.stop - robots.start, usual)
+            for name, strategy, robots in self._each(_count(memory))
+        ]
+        return jnp.concatenate(parts)
+
     def say(self, memory: dict[str, Any], is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
         """See `SpeakingStrategy.say`."""
         n_robots, said_by = len(is_loaded), []
@@ -167,7 +186,7 @@ class Teams:
         """See `RelayingStrategy.listen`; teams whose strategy cannot pass on what they just heard do not."""
         heard = dict(memory)
         for k, (name, strategy, robots) in enumerate(self._each(len(observation.waits))):
-            if hasattr(strategy, "listen"):
+            if isinstance(strategy, RelayingStrategy):
                 own = _of(memory[name], robots), _seen(strategy, observation, robots), jax.random.fold_in(key, k)
                 heard[name] = _placed(strategy.listen(*own), robots, len(observation.waits))
         return heard

@@ -42,19 +42,19 @@ class Search(NamedTuple):
     """There may be a further one."""
 
 
-def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[Array, "N"]) -> Links:
+def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array) -> Links:
     """Find the nearest senders in sight of each side.
 
     Args:
         config: optics; and of how many senders, see `Links`.
         arena: compiled.
         crowd: the robots.
-        emits: which of them send light.
+        emits: (N,) which of them send light, bool, or the power of their LEDs.
     """
     poses = crowd.poses
     index = jnp.arange(len(poses), dtype=jnp.int32)
-    everyone = _receive(config, arena, poses, index)
-    possible = (emits & crowd.is_present)[None] & crowd.is_present[:, None] & (index[:, None] != index)
+    everyone = _receive(config, arena, poses, index, None if emits.dtype == bool else emits)
+    possible = ((emits > 0) & crowd.is_present)[None] & crowd.is_present[:, None] & (index[:, None] != index)
     reach = jnp.where(possible, everyone.effective_distance, jnp.inf)
     side = everyone.side.astype(jnp.int8)
     origin = receiver_positions(poses, arena.robot).reshape(-1, 2)
@@ -131,10 +131,12 @@ def _links(config: SwarmConfig, arena: MjxArena, poses: Array, search: Search) -
     )
 
 
-def _receive(config: SwarmConfig, arena: MjxArena, poses: Array, sender: Array) -> Reception:
-    """Reception of each robot from senders (N, M), or from the same (M,) for all."""
+def _receive(
+    config: SwarmConfig, arena: MjxArena, poses: Array, sender: Array, power: Array | None = None
+) -> Reception:
+    """Reception of each robot from senders (N, M), or from the same (M,) for all, with LEDs of this power."""
     dx, dy = poses[sender, 0] - poses[:, None, 0], poses[sender, 1] - poses[:, None, 1]
-    return receive(dx, dy, _heading(poses[:, None]), _heading(poses[sender]), arena.robot, config.optics)
+    return receive(dx, dy, _heading(poses[:, None]), _heading(poses[sender]), arena.robot, config.optics, power)
 
 
 def _heading(poses: Array) -> tuple[Array, Array]:

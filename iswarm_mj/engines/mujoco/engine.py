@@ -89,7 +89,7 @@ class MujocoEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B P"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n = self._n_robots
         sight = sense(

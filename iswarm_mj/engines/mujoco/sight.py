@@ -84,20 +84,23 @@ class Scene:
 
 
 def sense(
-    scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: Bool[np.ndarray, "B N"], is_present: Bool[np.ndarray, "B N"]
+    scene: Scene,
+    poses: Float[np.ndarray, "B N 3"],
+    emits: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"],
+    is_present: Bool[np.ndarray, "B N"],
 ) -> Sight:
     """Light of a control step.
 
     Args:
         scene: what rays meet.
         poses: x, y [mm] and yaw [rad].
-        emits: which robots send light; the others still stand in the way.
+        emits: which robots send light, or the power of their LEDs; the others still stand in the way.
         is_present: the others do not take part.
     """
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
         poses = np.where(is_present[..., None], poses, away[:, None])
-    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits & is_present, scene.boxes)
+    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits * is_present, scene.boxes)
     return Sight(links, find_walls(scene, poses, is_present))
 
 

@@ -62,12 +62,13 @@ class PlanarBatchEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: FreeBodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
         is_present = bodies.is_present & is_running[:, None]
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
         plane, light = words_of(self.plane), words_of(self.light)
+        emits = jnp.asarray(emits, jnp.float32)
         points = jnp.asarray(points_of(self.robot), jnp.float32)
         grid = n_cells(self.plane.edge, radius, n_robots)
         place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(

@@ -58,11 +58,11 @@ class PlanarEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
-        worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
+        worlds, emits = np.flatnonzero(is_running), np.array(emits, float)  # a copy: JAX's arrays are of another type
         self._spread(
             sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._points, self._boxes
         )

@@ -44,7 +44,7 @@ def search_radius(light: Light, plane: Plane) -> float:
 
 
 @shared
-def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, points: Table) -> tuple[int, float]:
+def hear(p: Place, q: Place, j: int, squared: float, emits: float, light: Light, points: Table) -> tuple[int, float]:
     """How a robot at p gets the light of robot j at q.
 
     Args:
@@ -52,7 +52,7 @@ def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, 
         q: where the other one is.
         j: its index.
         squared: distance of their centres, squared.
-        emits: it sends light.
+        emits: power of its LEDs, from 0 to 1.
         light: optics.
         points: see `reception.points_of`.
 
@@ -61,8 +61,8 @@ def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, 
         distance, infinite where no light arrives.
     """
     code, effective = 64 * j, float(math.inf)
-    if emits and squared <= light.farthest * light.farthest:
-        one = receive(q[0] - p[0], q[1] - p[1], p, q, light, points)
+    if emits > 0.0 and squared <= light.farthest * light.farthest:
+        one = receive(q[0] - p[0], q[1] - p[1], p, q, emits, light, points)
         code, effective = 64 * j + 8 * one.side + one.led, float(one.effective)
     return code, effective
 
@@ -133,7 +133,7 @@ def link_to(view: View, code: int, light: Light, points: Table) -> tuple[float, 
     dx, dy = q[0] - p[0], q[1] - p[1]
     bearing = float(points[4 * (points.shape[0] // 5) + ((code >> 3) & 7), 0])
     if light.is_power:
-        one = receive(dx, dy, p, q, light, points)
+        one = receive(dx, dy, p, q, 1.0, light, points)
         bearing += one.turn
     return bearing, math.sqrt(dx * dx + dy * dy)
 

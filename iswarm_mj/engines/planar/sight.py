@@ -42,7 +42,7 @@ def sense(
     Args:
         worlds: indices of these worlds.
         poses: (B, N, 3) x, y [mm] and yaw [rad].
-        emits: (B, N) bool, which robots send light; the others still block it.
+        emits: (B, N) power of the LEDs, from 0 to 1; dark robots still block light.
         is_present: (B, N) bool; the others neither send nor receive nor block light.
         sight: of all worlds, the output.
         light: optics.
@@ -91,7 +91,7 @@ def _look_around(
         view: of the receiver, still empty.
         cells: of all robots, at least as wide.
         within: [mm].
-        emits: (N,) bool, which robots send light.
+        emits: (N,) power of the LEDs.
         light: optics.
         points: see `sense`.
         plane: robots and walls.
