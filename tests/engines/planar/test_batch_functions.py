@@ -78,6 +78,7 @@ ARGUMENTS = {
         *apart(rng),
         *apart(rng),
         *(1.0, 0.3, 1.0, -0.2, POWER.lobe_order, POWER.splay_cos, POWER.splay_sin, POWER.splay_tan, POWER.reach),
+        rng.uniform(0.2, 1.0),
     ),
     "is_crossed": ray,
 }
