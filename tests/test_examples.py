@@ -12,9 +12,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 ARGUMENTS = {
     "contest": ("--task", f"{EXAMPLES}/contest.py:Contest", "--strategy", "forager=0.5", "type1=0.5", *FLAGS),
     "failures": ("--task", f"{EXAMPLES}/failures.py:Failures", "--until=20", "--share=0.25", *FLAGS),
+    "explore": (
+        *("--task", f"{EXAMPLES}/explore.py:Coverage", "--strategy", f"{EXAMPLES}/explore.py:Explore"),
+        *("--maze", f"{EXAMPLES}/maze.png", "--arena.dump-size=1"),
+    ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
-AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}}
+AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}}
 """Metrics that are certain."""
 
 

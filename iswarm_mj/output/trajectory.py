@@ -31,7 +31,7 @@ class Scene(NamedTuple):
     ball_radius: Float[np.ndarray, "K"]
     """[m]"""
     arena_size: float
-    """Edge of the square arena, which is centred on the origin [m]."""
+    """Edge of the arena, which is centred on the origin, or of the square around its `corners` [m]."""
     dump: Float[np.ndarray, "4"]
     """Rectangle [m]; of no size where the task has no dump."""
     dust_areas: Float[np.ndarray, "A 4"]
@@ -65,6 +65,8 @@ class Scene(NamedTuple):
     metric_descriptions: tuple[str, ...] = ()
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+    corners: Float[np.ndarray, "C 2"] = np.zeros((0, 2))
+    """Of the arena, anticlockwise [m]; none: of the square."""
     team_names: tuple[str, ...] = ()
     """Teams of the robots, see `strategy.teams`; none where they are one."""
     team_sizes: tuple[int, ...] = ()

@@ -13,6 +13,7 @@ from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.tasks.protocol import balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.walls import beyond
 
 EDITS = KILL, REVIVE, BALL = "kill", "revive", "ball"
 """Changes that are no settings: of a robot by its number; a ball comes to lie at x,y [rd]."""
@@ -50,10 +51,11 @@ def edit(run: Run, change: Change) -> None:
         UserError: there is no such robot, place or ball.
     """
     if change.what == BALL:
-        place, half = _numbers(change, float, 2, "a place, as 60:ball=3.5,-2"), run.config.arena.size / 2
-        if not np.abs(place).max() <= half:
-            raise UserError(f"a ball must lie within the walls, up to {half:g} rd from the centre (got {change})")
-        run.edit(partial(_with_ball, np.array(mm_from_rd(np.array(place)), np.float32), run))
+        place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
+        if not beyond(place, run.config.arena.walls) <= 0:
+            reach = f"{run.config.arena.inradius:g} rd {'or more ' * bool(run.config.arena.outline)}from the centre"
+            raise UserError(f"a ball must lie within the walls, {reach} (got {change})")
+        run.edit(partial(_with_ball, np.array(mm_from_rd(place), np.float32), run))
         return
     (robot,) = _numbers(change, int, 1, "a robot by its number")
     if not 0 <= robot < run.settings.n_robots:

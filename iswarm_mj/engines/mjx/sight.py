@@ -25,6 +25,7 @@ from iswarm_mj.sensors.optics import (
 )
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.walls import beyond
 
 _INTO = 1e-3  # share of the way to an obstacle by which light is followed into it
 
@@ -149,16 +150,16 @@ def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array
     leds = led_positions(crowd.poses, arena.robot)
     way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
     ends, inside = leds + way, jnp.zeros(leds.shape[:-1], bool)
-    beyond = (jnp.abs(ends).max(axis=-1) > arena.edge) & crowd.is_present[:, None]
+    asked = (beyond(ends, arena.walls) > 0) & crowd.is_present[:, None]
     if len(arena.boxes):
         share = entries(leds, way, arena.boxes)
         inside = (share == 0) & crowd.is_present[:, None]
-        beyond |= (share <= 1) & crowd.is_present[:, None]
+        asked |= (share <= 1) & crowd.is_present[:, None]
         ends = leds + jnp.minimum(share * (1 + _INTO), 1.0)[..., None] * way
     robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), len(arena.robot.sides))
     wall = jnp.full_like(robot, len(leds))
     paths = Paths(leds.reshape(-1, 2), ends.reshape(-1, 2), robot, wall)
-    sees = inside | in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
+    sees = inside | in_sight(arena, crowd, paths, asked.ravel()).reshape(asked.shape)
     if arena.robot.sides.is_regular:
         return sees
-    return sees | ((jnp.abs(leds).max(axis=-1) > arena.edge) & crowd.is_present[:, None])  # in a wall, looking along it
+    return sees | ((beyond(leds, arena.walls) > 0) & crowd.is_present[:, None])  # in a wall, looking along it

@@ -11,6 +11,7 @@ from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj.utils.walls import beyond
 
 _SHORTEST = 1e-9
 """Length of a ray at least, which MuJoCo needs [mm]."""
@@ -31,6 +32,8 @@ class Scene:
         self.object_of[solid] = n + np.arange(len(solid))
         self.boxes = numbers(config.arena.obstacles, RD)
         """(M, 6) of the obstacles."""
+        self.walls = arena.planes
+        """(W, 3) see `utils.walls.half_planes` [mm]."""
 
     def cast_rays(
         self,
@@ -112,23 +115,22 @@ def find_walls(
     A LED that a robot presses slightly into a wall sees it too.
     """
     length = max(mm_from_rd(scene.config.optics.wall_range), _SHORTEST)
-    edge = mm_from_rd(scene.config.arena.size) / 2
     sees = np.zeros((*poses.shape[:2], len(scene.robot.sides)), bool)
     reach = scene.robot.circumradius + length
-    may_see = np.abs(poses[..., :2]).max(axis=-1) + reach > edge
+    may_see = beyond(poses[..., :2], scene.walls) + reach > 0
     if len(scene.boxes):
         may_see |= distances(poses[..., :2].reshape(-1, 2), scene.boxes).reshape(may_see.shape) < reach
     world, robot = np.nonzero(may_see & is_present)
     leds = np.asarray(led_positions(poses[world, robot], scene.robot))
     outward = np.asarray(led_axes(poses[world, robot], scene.robot)) * length
-    beyond = np.abs(leds + outward).max(axis=-1) > edge
+    asked = beyond(leds + outward, scene.walls) > 0
     if len(scene.boxes):  # rays tell
-        beyond[:] = True
-    near, _ = np.nonzero(beyond)
-    share, hit = scene.cast_rays(world[near], leds[beyond], outward[beyond], robot[near])
-    found = np.abs(leds).max(axis=-1) > edge
+        asked[:] = True
+    near, _ = np.nonzero(asked)
+    share, hit = scene.cast_rays(world[near], leds[asked], outward[asked], robot[near])
+    found = beyond(leds, scene.walls) > 0
     if len(scene.boxes):
         found |= distances(leds.reshape(-1, 2), scene.boxes).reshape(found.shape) == 0
-    found[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
+    found[asked] |= (share <= 1.0) & (hit >= poses.shape[1])
     sees[world, robot] = found
     return sees

@@ -34,7 +34,7 @@ def sense(
     sight: Sight,
     light: Light,
     points: np.ndarray,
-    boxes: np.ndarray,
+    solids: np.ndarray,
     plane: Plane,
 ) -> None:
     """Find the light in some of B worlds, see `in_sight`.
@@ -47,7 +47,7 @@ def sense(
         sight: of all worlds, the output.
         light: optics.
         points: (5 S, 2) see `reception.points_of`.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
         plane: robots and walls.
     """
     n_robots = poses.shape[1]
@@ -66,13 +66,13 @@ def sense(
             for side in range(links.sender.shape[2]):
                 distance, code = -1.0, -1
                 for rank in range(light.n_senders):
-                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, boxes)
+                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, solids)
                     if code < 0:
                         break
                     here = world, i, side, rank
                     links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
                     links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
-                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, boxes)
+                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, solids)
 
 
 @inlined
