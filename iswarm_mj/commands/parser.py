@@ -46,8 +46,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         if twice := [one for one, n in Counter(named).items() if n > 1]:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
-        path = _words("config", given)
-        file = ConfigFile.read(Path(path[0]), named) if path else None
+        file = ConfigFile.read(Path(path[0]), named) if (path := _words("config", given)) else None
         words = {word: _words(word, given) for word in ("reading", "engine", *SETTINGS)}
         if file is not None:
             words = {word: found or file.words(word) for word, found in words.items()}
@@ -123,13 +122,12 @@ def _own(named: dict[str, list[str]]) -> dict[str, Any]:
     found = {}
     if "strategy" in named:
         from iswarm_mj.strategy.genome import Genome
-        from iswarm_mj.strategy.library import find_strategy, find_teams, is_team
+        from iswarm_mj.strategy.library import find_strategy, find_teams
         from iswarm_mj.strategy.pytrees import check_methods
 
-        words = named["strategy"]
-        are_teams = len(words) > 1 or is_team(words[0])
-        found["own"] = TeamFlags(find_teams(words)) if are_teams else find_strategy(words[0])
-        for one in found["own"].strategies.values() if are_teams else (found["own"],):
+        teams = TeamFlags(find_teams(named["strategy"]))
+        found["own"] = teams if teams.teams else find_strategy(named["strategy"][0])
+        for one in [*teams.strategies.values()] or [found["own"]]:
             if not isinstance(one, Genome):
                 check_methods(one)
     if "task" in named:

@@ -1,7 +1,6 @@
 """The arena with its robots and balls, composed from the MJCF files in `models/`."""
 
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -139,49 +138,35 @@ def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
 
 
 def _add_walls(spec: mujoco.MjSpec, corners: np.ndarray, planes: np.ndarray) -> None:
-    """Put the first wall of the file and its panel, and others like them, from each corner (W, 2) to the next [mm]."""
-    for surplus in [geom for geom in spec.geoms if re.fullmatch("(wall|panel)[1-9]", geom.name)]:
-        spec.delete(surplus)
-    wall, panel = spec.geom("wall0"), spec.geom("panel0")
-    thick = panel.size[0]
-    for k, (corner, other, (x, y, distance)) in enumerate(
-        zip(corners, np.roll(corners, -1, axis=0), planes, strict=True)
-    ):
-        if k:
-            wall = _like(wall, name=f"wall{k}", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
-            panel = _like(panel, name=f"panel{k}", type=mujoco.mjtGeom.mjGEOM_BOX, size=panel.size)
-        wall.pos[:2] = [x * distance, y * distance]
-        wall.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT  # in place of the file's zaxis
-        wall.quat = [math.cos(math.pi / 4), y * math.sin(math.pi / 4), -x * math.sin(math.pi / 4), 0.0]  # z inwards
-        panel.pos[:2] = (corner + other) / 2 + thick * np.array([x, y])
-        panel.size[1], panel.quat = np.hypot(*(other - corner)) / 2 + 2 * thick, _turn(math.atan2(y, x))
-
-
-def _like(given: mujoco.MjsGeom, **own: Any) -> mujoco.MjsGeom:
-    """Another geom of the world with the traits of a wall or of its panel."""
-    geom = given.parent.add_geom(**own)
-    for trait in _TRAITS:
-        setattr(geom, trait, getattr(given, trait))
-    geom.pos[2] = given.pos[2]
-    return geom
-
-
-def _turn(yaw: float) -> list[float]:
-    """Quaternion of a turn about the vertical axis [rad]."""
-    return [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
+    """Put walls from each corner (W, 2) to the next [mm] in place of those of the file; panels are what one sees."""
+    thick, _, height = spec.geom("panel0").size.tolist()
+    for given in [geom for geom in spec.geoms if geom.name.startswith(("wall", "panel"))]:
+        spec.delete(given)
+    ends = zip(corners, np.roll(corners, -1, axis=0), planes, strict=True)
+    for k, (corner, other, (x, y, distance)) in enumerate(ends):
+        inwards = [math.cos(math.pi / 4), y * math.sin(math.pi / 4), -x * math.sin(math.pi / 4), 0.0]
+        _add(spec, "wall", f"wall{k}", [x * distance, y * distance, 0.0], inwards)
+        middle, length = (corner + other) / 2 + [thick * x, thick * y], np.hypot(*(other - corner)) / 2 + 2 * thick
+        _add(spec, "panel", f"panel{k}", [*middle, height], _turn(y, x), size=[thick, length, height])
 
 
 def _add_obstacles(spec: mujoco.MjSpec, boxes: np.ndarray) -> None:
     """Add boxes as high as the walls' panels, with the walls' contacts; what one sees is another geom, as of a wall."""
-    wall, panel = spec.geom("wall0"), spec.geom("panel0")
+    height, box = spec.geom("panel0").size[2], mujoco.mjtGeom.mjGEOM_BOX
     for k, (x, y, c, s, half_x, half_y) in enumerate(boxes):
-        for name, like in ((f"obstacle{k}", wall), (f"block{k}", panel)):
-            geom = _like(like, name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, panel.size[2]])
-            geom.pos, geom.quat = [x, y, panel.pos[2]], _turn(math.atan2(s, c))
+        for name, like in ((f"obstacle{k}", "wall"), (f"block{k}", "panel")):
+            _add(spec, like, name, [x, y, height], _turn(s, c), type=box, size=[half_x, half_y, height])
 
 
-_TRAITS = ("contype", "conaffinity", "condim", "solref", "solimp", "solmix", "margin", "gap", "group", "material")
-"""Of walls and their panels, that obstacles share."""
+def _add(spec: mujoco.MjSpec, like: str, name: str, pos: list[float], quat: list[float], **own: Any) -> None:
+    """Add a geom of a class of the file to the world."""
+    spec.worldbody.add_geom(spec.find_default(like), name=name, pos=pos, quat=quat, **own)
+
+
+def _turn(sin: float, cos: float) -> list[float]:
+    """Quaternion of a turn about the vertical axis."""
+    yaw = math.atan2(sin, cos)
+    return [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
 
 
 def _tune_drive(spec: mujoco.MjSpec, robot: Robot, timestep: float) -> None:

@@ -83,12 +83,7 @@ worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact
 
 
 def take_phases(
-    bodies: Any,
-    phases: Sequence[Phase],
-    is_running: Bool[Array, "*B"],
-    walls: Float[Array, "W 3"],
-    robot: Robot,
-    take: Take,
+    bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], walls: Array, robot: Robot, take: Take
 ) -> Motion:
     """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
 
@@ -147,14 +142,13 @@ class Engine(Protocol[Bodies]):
         """Return x, y [mm] and yaw [rad] of the robots; yaw is not wrapped."""
         ...
 
-    def sense(
-        self, bodies: Bodies, emits: Bool[Array, "*B N"] | Float[Array, "*B N"], is_running: Bool[Array, "*B"]
-    ) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "*B"]) -> Sight:
         """Find links and walls in sight.
 
         Args:
             bodies: where the robots are.
-            emits: which robots send light, or the power of their LEDs from 0 to 1; others still stand in the way.
+            emits: (*B, N) bool, which robots send light, or the power of their LEDs, from 0 to 1; dark ones still stand
+                in the way.
             is_running: which worlds need an answer; that of the others has no meaning.
         """
         ...

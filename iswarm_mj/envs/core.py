@@ -19,7 +19,7 @@ from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.actuate import actuate
-from iswarm_mj.simulation.perceive import Handling, StepInputs, perceive, with_conditions
+from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
@@ -130,7 +130,7 @@ class Core:
         step = data.step + ran.astype(jnp.int32)
         params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool))
-        seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, Handling(before.is_alive))
+        seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, before.is_alive)
         progress = params.task.progress(seen.swarm.task)
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
         waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared

@@ -28,8 +28,6 @@ BALL_CLASSES = (
     (12, "delivered", rgb(PURPLE)),
 )
 LINK_CLASSES = ((20, "damaged message", rgb(PINK)), (21, "heard", (95, 95, 105)))
-
-
 TEAM_CLASS_OFFSET = 30
 """Class of the first team's robots; that of its loaded ones follows, then those of the other teams."""
 TEAM_COLOURS = tuple(map(rgb, (EMPTY, LOADED, SCOUT, PINK, YELLOW, SKY)))

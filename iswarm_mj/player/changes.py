@@ -53,8 +53,7 @@ def edit(run: Run, change: Change) -> None:
     if change.what == BALL:
         place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
         if not beyond(place, run.config.arena.walls) <= 0:
-            reach = f"{run.config.arena.inradius:g} rd {'or more ' * bool(run.config.arena.outline)}from the centre"
-            raise UserError(f"a ball must lie within the walls, {reach} (got {change})")
+            raise UserError(f"a ball must lie within the walls (got {change})")
         run.edit(partial(_with_ball, np.array(mm_from_rd(place), np.float32), run))
         return
     (robot,) = _numbers(change, int, 1, "a robot by its number")

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
@@ -16,7 +17,7 @@ from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
-from iswarm_mj.strategy.library import STRATEGIES, Offer, find, find_teams, is_team, offered
+from iswarm_mj.strategy.library import STRATEGIES, Offer, find, find_teams, offered
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -151,9 +152,8 @@ def _made(offer: Offer, name: str) -> Any:
     Raises:
         UserError: a field has none.
     """
-    words = shlex.split(name) if offer is STRATEGIES else []
-    if words and all(map(is_team, words)):
-        return Teams({team: (share, _object(found)) for team, (share, found) in find_teams(words).items()})
+    if offer is STRATEGIES and re.search(r"=[\d.]+$", name) and (teams := find_teams(shlex.split(name))):
+        return Teams({team: (share, _object(found)) for team, (share, found) in teams.items()})
     return _object(find(offer, name))
 
 

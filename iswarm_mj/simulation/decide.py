@@ -12,7 +12,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation.actuate import actuate
-from iswarm_mj.simulation.perceive import Handling, Spoken, StepInputs, perceive, with_conditions
+from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.declared import led_power, said
@@ -62,7 +62,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     payload = said(strategy, swarm.memory, swarm.is_loaded)
     picks = strategy.picks(swarm.memory) & is_alive
     releases = strategy.releases(swarm.memory) if isinstance(strategy, ReleasingStrategy) else None
-    seen = perceive(config, robot, params, swarm, begin, keys, payload, Handling(picks, releases))
+    seen = perceive(config, robot, params, swarm, begin, keys, payload, picks, releases)
     observation = seen.observation
     if config.strategy.update_order == "sequential" and payload:
         relaying = _relaying(strategy)

@@ -47,15 +47,6 @@ class Spoken(NamedTuple):
     """Of the sender of a link [mm]."""
 
 
-class Handling(NamedTuple):
-    """What N robots want to do with balls."""
-
-    picks: Bool[Array, "N"]
-    """The robot picks up what its tool reaches."""
-    releases: Bool[Array, "N"] | None = None
-    """It releases what it holds wherever it is; None: over the dump alone."""
-
-
 class Perceived(NamedTuple):
     """What N robots of a world perceive as a control step begins, after what they said and gripped."""
 
@@ -81,7 +72,8 @@ def perceive(
     begin: StepInputs,
     keys: StepKeys,
     payload: dict[str, Any],
-    handling: Handling,
+    picks: Bool[Array, "N"],
+    releases: Bool[Array, "N"] | None = None,
 ) -> Perceived:
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
@@ -93,7 +85,8 @@ def perceive(
         begin: poses, light and time, without a leading axis.
         keys: of the step.
         payload: what each robot says.
-        handling: of balls.
+        picks: which robots pick up what their tools reach.
+        releases: which robots release what they hold wherever they are; None: over the dump alone.
     """
     poses, sight, *_ = begin
     if config.optics.baud_rate:
@@ -115,14 +108,14 @@ def perceive(
         poses,
         params.is_present,
         swarm.is_alive,
-        handling.picks & ~is_empty,
+        picks & ~is_empty,
         jnp.asarray(team_numbers(params.strategy, len(poses))),
         params.conditions,
         config,
         robot,
         decider_of(config),
         voltage,
-        None if handling.releases is None else handling.releases & swarm.is_alive & ~is_empty,
+        None if releases is None else releases & swarm.is_alive & ~is_empty,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
     is_alive = swarm.is_alive

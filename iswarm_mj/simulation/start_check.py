@@ -29,11 +29,10 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robot, arena:
         robot: its hull.
         arena: walls and obstacles.
     """
-    a, b, _ = np.array(robot.half_edges) - _TOLERANCE / 2
-    yaw, size = poses[:, 2], np.broadcast_to((a, b), (len(poses), 2))
-    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), size])
-    outside = beyond(corners(hulls), in_mm(arena.walls)).max(axis=1) > 0
-    _refuse(name, "robot", poses, outside, f"such that robots stand within the walls, {_place(arena)}")
+    yaw, edges = poses[:, 2], np.array(robot.half_edges[:2]) - _TOLERANCE / 2
+    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), np.broadcast_to(edges, (len(poses), 2))])
+    outside = np.asarray(beyond(corners(hulls), in_mm(arena.walls))).max(axis=1) > 0
+    _refuse(name, "robot", poses, outside, f"such that robots stand {_within(arena)}")
     for box in numbers(arena.obstacles, RD):
         inside = overlap(hulls, np.broadcast_to(box, hulls.shape))
         _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle")
@@ -67,8 +66,8 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
         part: check_array(f"{name}.{part}", getattr(balls, part), (n_balls, *shape), kind)
         for part, shape, kind in _of_balls()
     }
-    outside = beyond(own["position"], in_mm(arena.walls)) > 0
-    _refuse(f"{name}.position", "ball", own["position"], outside, f"within the walls, {_place(arena)}")
+    outside = np.asarray(beyond(own["position"], in_mm(arena.walls))) > 0
+    _refuse(f"{name}.position", "ball", own["position"], outside, _within(arena))
     for part in ("radius", "work_tool_object", "work_object_substrate"):
         check(f"{name}.{part}", own[part].min(initial=np.inf), "above 0", bool((own[part] > 0).all()))
     held, holder = own["is_held"], own["holder"]
@@ -80,9 +79,8 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
     check(f"{name}.holder", holder[held].tolist(), "another robot for each held ball", is_one_each)
 
 
-def _place(arena: ArenaConfig) -> str:
-    """Where the walls are."""
-    return f"{mm_from_rd(arena.inradius):g} mm {'or more ' * bool(arena.outline)}from the middle"
+def _within(arena: ArenaConfig) -> str:
+    return f"within the walls, {mm_from_rd(arena.inradius):g} mm or more from the middle"
 
 
 def _refuse(name: str, what: str, places: np.ndarray, is_bad: np.ndarray, constraint: str) -> None:

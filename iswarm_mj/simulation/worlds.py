@@ -122,13 +122,7 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
 
 
 def first_state(
-    config: SwarmConfig,
-    starts: Sequence[Start],
-    task: Task,
-    robot: Robot,
-    capacity: int,
-    memory: Any = None,
-    led_power: Float[Array, "B N"] | None = None,
+    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robot, capacity: int, first: Any = (None, None)
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
 
@@ -138,19 +132,18 @@ def first_state(
         task: of the run.
         robot: geometry.
         capacity: places for robots.
-        memory: of the robots at the start, with a first axis of B worlds.
-        led_power: of the robots at the start; None for full power.
+        first: see `first_memories`.
     """
     here, zero = (len(starts), capacity), np.zeros(len(starts), np.int32)
     has_energy = config.energy.model != "none"
     swarm = SwarmState(
-        memory=memory,
+        memory=first[0],
         task=jax.tree.map(lambda *values: np.stack(values), *(start.task for start in starts)),
         is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
         is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
         energy=np.full(here, config.energy.full, np.float32) if has_energy else None,
         starved=np.zeros(here, np.int32) if has_energy else None,
-        led_power=led_power,
+        led_power=first[1],
     )
     state = WorldState(
         bodies=None,

@@ -30,9 +30,8 @@ def said(strategy: Any, memory: Any, is_loaded: Bool[Array, "N"]) -> dict[str, A
 
 def led_power(strategy: Any, memory: Any) -> Float[Array, "N"] | None:
     """Return the power of each robot's LEDs; None where all send at full power."""
-    if not isinstance(strategy, DimmingStrategy):
-        return None
-    return jnp.clip(strategy.led_power(memory), 0.0, 1.0)
+    is_dim = isinstance(strategy, DimmingStrategy)
+    return jnp.clip(strategy.led_power(memory), 0.0, 1.0) if is_dim else None
 
 
 def recorded_of(strategy: Any) -> dict[str, str]:

@@ -48,31 +48,25 @@ def find_strategy(name: str) -> Any:
     return find(STRATEGIES, name)
 
 
-def is_team(word: str) -> bool:
-    """Whether a word names a strategy and a share of the robots, as `walk.py:Walk=0.5`."""
-    share = word.rpartition("=")[2]
-    return "=" in word and share[:1] in {*"0123456789.-"}
-
-
 def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
     """Return share, and class or object, of teams by their names, those of the strategies.
 
     Args:
-        words: names of strategies with the share of the robots or their number, as `walk.py:Walk=0.5`.
+        words: names of strategies with the share of the robots or their number, as `walk.py:Walk=0.5`; of one strategy
+            without a share there are no teams.
 
     Raises:
         UserError: a share is missing or no number, or there is no such strategy.
     """
     found: dict[str, tuple[float | int, Any]] = {}
     for word in words:
-        name, _, share = word.rpartition("=")
-        form = "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
-        try:
-            size = int(share) if share.isdecimal() else float(share)
-        except ValueError:
-            raise ConfigError("strategy", word, form) from None
-        if not is_team(word):
+        match = re.fullmatch(r"(.+)=(\d+|\d*\.\d+)", word)
+        if match is None and len(words) == 1:
+            return {}
+        if match is None:
+            form = "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
             raise ConfigError("strategy", word, form)
+        name, size = match[1], int(match[2]) if match[2].isdecimal() else float(match[2])
         team = re.sub(r"\W", "_", name.rpartition(":")[2])
         n_same = sum(one == team or one.removeprefix(team).isdecimal() for one in found)
         found[f"{team}{n_same + 1}" if n_same else team] = size, find_strategy(name)

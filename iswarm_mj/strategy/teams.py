@@ -53,22 +53,20 @@ class Teams:
 
     def __post_init__(self):
         given = self.teams.items() if isinstance(self.teams, Mapping) else ()
-        pairs = [(name, value) for name, value in given if isinstance(value, tuple) and len(value) == 2]
-        if not pairs or len(pairs) < len(given):
+        if not given or not all(isinstance(value, tuple) and len(value) == 2 for _, value in given):
             raise UserError(f"teams are a dictionary of shares and strategies, as {_EXAMPLE} (got {self.teams!r})")
-        for name, (share, _) in pairs:
+        shares = [share for _, (share, _) in given]
+        for name, (share, _) in given:
             if not isinstance(name, str) or not name.isidentifier():
                 raise UserError(f"a team cannot be called {name!r}; give it a name as of a variable")
-            is_share = isinstance(share, int | float) and not isinstance(share, bool) and 0 < share < math.inf
-            if not is_share or (isinstance(share, float) and share > 1):
+            is_share = isinstance(share, float) and 0 < share <= 1
+            if not is_share and (not isinstance(share, int) or isinstance(share, bool) or share < 1):
                 raise ConfigError(f"share of team {name}", share, "a float above 0 and at most 1, or a whole number")
-        shares = [share for _, (share, _) in pairs]
         if len(are_floats := {isinstance(share, float) for share in shares}) > 1:
             raise UserError("shares of teams must all be floats, or all be numbers of robots; give one kind")
         if are_floats == {True} and abs(sum(shares) - 1) > 1e-6:
             raise ConfigError("shares of the teams", round(sum(shares), 6), "such that they add up to 1")
-        teams = tuple(Team(name, share, _usable(strategy)) for name, (share, strategy) in pairs)
-        object.__setattr__(self, "teams", teams)
+        object.__setattr__(self, "teams", tuple(Team(name, share, _usable(own)) for name, (share, own) in given))
         _ = self.payload
 
     def tree_flatten(self) -> tuple[tuple[Any, ...], Any]:
@@ -89,12 +87,12 @@ class Teams:
         Raises:
             UserError: a team has no robot, or they have not `n_robots` robots together.
         """
-        sizes = self.sizes(n_robots)
-        if isinstance(self.teams[0].share, int) and (total := sum(team.share for team in self.teams)) != n_robots:
+        total = sum(team.share for team in self.teams)
+        if isinstance(total, int) and total != n_robots:
             remedy = f"set `n_robots` to {total}, or give shares as 0.5"
             raise ConfigError("robots in teams", total, f"as many as there are robots, {n_robots}", remedy)
         found = {}
-        for (name, share, strategy), size in zip(self.teams, sizes, strict=True):
+        for (name, share, strategy), size in zip(self.teams, self.sizes(n_robots), strict=True):
             if not size:
                 raise ConfigError(f"share of team {name}", share, f"enough for one of {n_robots} robots")
             found[name] = size, _in_world(strategy, config, robot, size)
@@ -106,10 +104,6 @@ class Teams:
         scale = n_robots if isinstance(shares[0], float) else 1
         edges = [0, *(math.floor(edge * scale + 0.5) for edge in np.cumsum(shares[:-1])), n_robots]
         return tuple(np.diff(edges).tolist())
-
-    def numbers(self, n_robots: int) -> Int32[np.ndarray, "N"]:
-        """Return the number of each robot's team, from 0."""
-        return np.repeat(np.arange(len(self.teams), dtype=np.int32), self.sizes(n_robots))
 
     def _each(self, n_robots: int) -> Iterator[tuple[str, Any, slice]]:
         """Name, strategy and robots of each team."""
@@ -124,17 +118,14 @@ class Teams:
         Raises:
             UserError: two teams have different fields of the same name, or checks; or the fields have no room.
         """
-        fields, checks = {}, {}
-        for name, _, strategy in self.teams:
-            own = payload_of(strategy)
-            checks |= {own.check: name} if own.fields else {}
-            for field, kind in own.fields:
-                if fields.setdefault(field, kind) != kind:
-                    found = f"{kind} of the team {name} is {fields[field]} of another"
-                    raise UserError(f"teams share one channel, but the field {field!r}, {found}; rename one of them")
-        if len(checks) > 1:
-            found = " and ".join(f"{check} ({name})" for check, name in checks.items())
-            raise UserError(f"teams share one channel, but check messages by {found}; use the same check")
+        own = [payload_of(team.strategy) for team in self.teams]
+        pairs = dict.fromkeys(pair for payload in own for pair in payload.fields)
+        fields = dict([*pairs])
+        checks = dict.fromkeys(payload.check for payload in own if payload.fields)
+        if len(fields) < len(pairs) or len(checks) > 1:
+            what = "check messages alike" if len(checks) > 1 else "have equal fields of the same name"
+            found = "; ".join(f"{team.name}: {payload}" for team, payload in zip(self.teams, own, strict=True))
+            raise UserError(f"teams share one channel, and must {what} (got {found})")
         return Payload(fields, *checks)
 
     @property
@@ -152,35 +143,37 @@ class Teams:
 
     def picks(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
         """See `Strategy.picks`."""
-        parts = self._each(_count(memory))
-        return jnp.concatenate([strategy.picks(_of(memory[name], robots)) for name, strategy, robots in parts])
+        return self._chosen("picks", memory)
 
     def releases(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
         """See `ReleasingStrategy.releases`; robots of other strategies release balls over the dump alone."""
-        return self._chosen(ReleasingStrategy, "releases", memory, False)
+        return self._chosen("releases", memory, ReleasingStrategy, False)
 
     def led_power(self, memory: dict[str, Any]) -> Float[Array, "N"]:
         """See `DimmingStrategy.led_power`; robots of other strategies send at full power."""
-        return self._chosen(DimmingStrategy, "led_power", memory, 1.0)
+        return self._chosen("led_power", memory, DimmingStrategy, 1.0)
 
-    def _chosen(self, kind: Any, method: str, memory: dict[str, Any], usual: bool | float) -> Array:
+    def _chosen(self, method: str, memory: dict[str, Any], kind: Any = object, usual: bool | float = 0) -> Array:
         """What a method of strategies of a kind returns; the usual value for robots of others."""
-        parts = [
-            getattr(strategy, method)(_of(memory[name], robots))
-            if isinstance(strategy, kind)
-            else jnp.full(robots.stop - robots.start, usual)
-            for name, strategy, robots in self._each(_count(memory))
-        ]
-        return jnp.concatenate(parts)
+        n_robots = len(jax.tree.leaves(memory)[0])
+        return jnp.concatenate(
+            [
+                getattr(strategy, method)(_of(memory[name], robots))
+                if isinstance(strategy, kind)
+                else jnp.full(robots.stop - robots.start, usual)
+                for name, strategy, robots in self._each(n_robots)
+            ]
+        )
 
     def say(self, memory: dict[str, Any], is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
         """See `SpeakingStrategy.say`."""
-        n_robots, said_by = len(is_loaded), []
-        for name, strategy, robots in self._each(n_robots):
-            nothing = self.payload.shapes(robots.stop - robots.start)
-            silence = jax.tree.map(lambda its: jnp.zeros(its.shape, its.dtype), nothing)
-            said_by.append(silence | said(strategy, _of(memory[name], robots), is_loaded[robots]))
-        return jax.tree.map(lambda *parts: jnp.concatenate(parts), *said_by)
+        nothing = self.payload.shapes(len(is_loaded))
+        all_said = jax.tree.map(lambda its: jnp.zeros(its.shape, its.dtype), nothing)
+        for name, strategy, robots in self._each(len(is_loaded)):
+            own = said(strategy, _of(memory[name], robots), is_loaded[robots])
+            here = {field: all_said[field] for field in own}
+            all_said |= jax.tree.map(lambda a, mine, at=robots: a.at[at].set(mine), here, own)
+        return all_said
 
     def listen(self, memory: dict[str, Any], observation: Observation, key: Array) -> dict[str, Any]:
         """See `RelayingStrategy.listen`; teams whose strategy cannot pass on what they just heard do not."""
@@ -204,14 +197,14 @@ class Teams:
 
 def team_sizes(strategy: Any, n_robots: int) -> dict[str, int]:
     """Return the number of robots of each team by its name; empty without teams."""
-    if not isinstance(strategy, Teams):
-        return {}
-    return dict(zip((team.name for team in strategy.teams), strategy.sizes(n_robots), strict=True))
+    teams = strategy.teams if isinstance(strategy, Teams) else ()
+    return dict(zip((team.name for team in teams), strategy.sizes(n_robots) if teams else (), strict=True))
 
 
 def team_numbers(strategy: Any, n_robots: int) -> Int32[np.ndarray, "N"]:
     """Return the number of each robot's team, from 0; without teams, robots are one."""
-    return strategy.numbers(n_robots) if isinstance(strategy, Teams) else np.zeros(n_robots, np.int32)
+    sizes = [*team_sizes(strategy, n_robots).values()] or [n_robots]
+    return np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
 
 
 def _usable(strategy: Any) -> Any:
@@ -227,11 +220,6 @@ def _in_world(strategy: Any, config: SwarmConfig, robot: Robot, n_robots: int) -
         return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config, robot.probe_tip, robot.sides)
     made = strategy.for_world(config, robot, n_robots) if hasattr(strategy, "for_world") else strategy
     return as_strategy(made)
-
-
-def _count(memory: Any) -> int:
-    """Number of robots with a memory."""
-    return len(jax.tree.leaves(memory)[0])
 
 
 def _of(tree: Any, robots: slice) -> Any:

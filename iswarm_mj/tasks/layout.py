@@ -25,11 +25,9 @@ def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
         ConfigError: obstacles leave no cell.
     """
     low, high = np.min(arena.corners, axis=0), np.max(arena.corners, axis=0)
-    counts = ((high - low) / cell).astype(int)
-    x, y = (
-        ((np.arange(n) - (n - 1) / 2) * cell + middle) * RD for n, middle in zip(counts, (low + high) / 2, strict=True)
-    )
-    x, y = (a.ravel() for a in np.meshgrid(x, y, indexing="ij"))
+    counts, middle = ((high - low) / cell).astype(int), (low + high) / 2 * RD
+    centres = ((np.arange(n) - (n - 1) / 2) * (cell * RD) + at for n, at in zip(counts, middle, strict=True))
+    x, y = (a.ravel() for a in np.meshgrid(*centres, indexing="ij"))
     cells = np.column_stack([x, y])[np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD]
     if arena.outline:
         cells = cells[beyond(cells, in_mm(arena.walls)) <= -cell * RD / 2 + 1e-9]

@@ -184,12 +184,7 @@ class ChangingTask(Task, Protocol):
     """A task that changes noise, voltages and the like in time."""
 
     def conditions(self, state: Any, conditions: Conditions) -> Conditions:
-        """Return the conditions of a control step; JAX.
-
-        Args:
-            state: of the task as the step begins.
-            conditions: as the configuration has them.
-        """
+        """Return the conditions of a step that begins with this state, from those of the configuration; JAX."""
         ...
 
 
@@ -198,11 +193,8 @@ class DeadlyTask(Task, Protocol):
     """A task in which robots fail."""
 
     def survives(self, state: Any) -> Bool[Array, "N"]:
-        """Return which robots do not fail in a control step; those that fail only stand in the way from then on; JAX.
-
-        Args:
-            state: what `advance` made of it in this step.
-        """
+        """Return which robots do not fail in a step that `advance` ends with this state; others only stand in the way
+        from then on; JAX."""
         ...
 
 

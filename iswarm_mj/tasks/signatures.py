@@ -109,8 +109,8 @@ def _check_shapes(
     name, here = type(task).__name__, (n_robots,)
     flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
     plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
-    teams = jax.ShapeDtypeStruct(here, jnp.int32)
-    world = (jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), flags, flags, flags, teams)
+    poses, team = jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), jax.ShapeDtypeStruct(here, jnp.int32)
+    world = (poses, flags, flags, flags, team)
     conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
     whole = jax.ShapeDtypeStruct((), jnp.int32)
 

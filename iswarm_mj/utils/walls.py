@@ -13,10 +13,9 @@ from iswarm_mj.utils.units import RD
 
 Corner = tuple[float, float]
 """x and y [rd]."""
-_MOST = 32
 
 
-def outline_of(given: Any) -> tuple[Corner, ...]:
+def outline_of(given: Any) -> tuple[Any, ...]:
     """Return the outline of an arena as tuples of floats.
 
     Args:
@@ -26,15 +25,9 @@ def outline_of(given: Any) -> tuple[Corner, ...]:
         ConfigError: it is something else, or does not contain the origin.
     """
     what = "arena.outline"
-    given = given.tolist() if isinstance(given, np.ndarray) else given
-    is_list = isinstance(given, Sequence) and not isinstance(given, str)
-    if not is_list or not all(isinstance(one, Sequence) and len(one) == 2 for one in given):
-        raise ConfigError(what, given, "pairs of numbers: width and height, or the corners x and y [rd]")
-    if not all(isinstance(value, int | float) and math.isfinite(value) for one in given for value in one):
-        raise ConfigError(what, given, "finite numbers")
-    outline = tuple((float(x), float(y)) for x, y in given)
-    if len(outline) == 2 or len(outline) > _MOST:
-        raise ConfigError(what, f"{len(outline)} pairs", f"width and height, or 3 to {_MOST} corners")
+    outline = rows_of(what, given, ("x", "y"), "pairs of numbers: width and height, or the corners x and y [rd]")
+    if len(outline) == 2 or len(outline) > 32:
+        raise ConfigError(what, f"{len(outline)} pairs", "width and height, or 3 to 32 corners")
     corners = corners_of(outline)
     if len(outline) == 1 and min(outline[0]) <= 0:
         raise ConfigError(what, outline[0], "a width and a height above 0 rd")
@@ -48,7 +41,23 @@ def outline_of(given: Any) -> tuple[Corner, ...]:
     return outline
 
 
-def corners_of(outline: Sequence[Corner]) -> tuple[Corner, ...]:
+def rows_of(what: str, given: Any, names: Sequence[str], form: str) -> tuple[tuple[float, ...], ...]:
+    """Return rows of finite numbers with these names as tuples of floats.
+
+    Raises:
+        ConfigError: the setting `what` holds something else than this form.
+    """
+    given = given.tolist() if isinstance(given, np.ndarray) else given
+    is_list = isinstance(given, Sequence) and not isinstance(given, str)
+    if not is_list or not all(isinstance(one, Sequence) and len(one) == len(names) for one in given):
+        raise ConfigError(what, given, form)
+    for number, one in enumerate(given):
+        if not all(isinstance(value, int | float) and math.isfinite(value) for value in one):
+            raise ConfigError(f"{what}[{number}]", tuple(one), f"finite numbers {', '.join(names)}")
+    return tuple(tuple(map(float, one)) for one in given)
+
+
+def corners_of(outline: Sequence[Any]) -> tuple[Corner, ...]:
     """Return the corners of an arena, anticlockwise, see `outline_of`."""
     if len(outline) == 1:
         x, y = outline[0][0] / 2, outline[0][1] / 2

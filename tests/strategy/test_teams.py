@@ -19,7 +19,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.signatures import observation_shapes
-from iswarm_mj.strategy.teams import Teams
+from iswarm_mj.strategy.teams import Teams, team_numbers
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.errors import UserError
 
@@ -145,7 +145,7 @@ def test_one_team_of_a_genome_is_the_paper_s_strategy(share):
 def test_sizes(shares, n_robots, sizes):
     teams = Teams({f"team{k}": (share, Loud()) for k, share in enumerate(shares)})
     assert teams.sizes(n_robots) == sizes
-    assert np.bincount(teams.numbers(n_robots)).tolist() == list(sizes)
+    assert np.bincount(team_numbers(teams, n_robots)).tolist() == list(sizes)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -186,7 +186,7 @@ def test_worlds_of_other_sizes_are_refused():
         ({"a": (1.0, Loud)}, "class Loud itself"),
         ({"a": (1.0, object())}, "no method init"),
         ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
-        ({"a": (0.5, Counter()), "b": (0.5, Other())}, "rename one of them"),
+        ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),
     ],
 )
 def test_mistakes_are_refused(teams, match):

@@ -87,17 +87,14 @@ class Scene:
 
 
 def sense(
-    scene: Scene,
-    poses: Float[np.ndarray, "B N 3"],
-    emits: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"],
-    is_present: Bool[np.ndarray, "B N"],
+    scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: np.ndarray, is_present: Bool[np.ndarray, "B N"]
 ) -> Sight:
     """Light of a control step.
 
     Args:
         scene: what rays meet.
         poses: x, y [mm] and yaw [rad].
-        emits: which robots send light, or the power of their LEDs; the others still stand in the way.
+        emits: (B, N) which robots send light, or the power of their LEDs; the others still stand in the way.
         is_present: the others do not take part.
     """
     if not is_present.all():
