@@ -105,6 +105,18 @@ class DriveConfig:
     """Standard deviation of the executed turn about the command [deg]. The paper has no such error."""
     error_step: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
     """Relative standard deviation of the distance walked, clipped at `step_length`. The paper has no such error."""
+    stop_share: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
+    """Probability that a robot stays where it is in a control step, to emit: "they frequently stop in order to emit
+    some light impulses" (section 4.1). The paper gives no rate."""
+    turn_share: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
+    """Share of a control step that a turn of `max_turn` takes, and smaller turns in proportion; the robot walks in the
+    rest. 0: it walks as far however it turns. The paper does not say."""
+    loaded_speed: Annotated[float, Above(0, 1), PER_WORLD] = 1.0
+    """Speed of a robot that carries a ball, relative to that of others. The paper does not say."""
+    locations: Literal["free", "cells"] = "free"
+    """Robots walk wherever contacts let them (`free`); or there is one robot in each of the arena's `cells` of 1 rd, of
+    which one lies about the centre: a robot whose step would end in a cell where another one stands stays where it is,
+    which counts as a collision. Section 4.6.2: "49 x 49 = 2401 possible robot locations"; it does not say more."""
 
     def __post_init__(self):
         validate(self, "drive")
@@ -249,6 +261,9 @@ class StrategyConfig:
 
     dust_range: Annotated[float, Above(0, 5, "rd"), PER_WORLD] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
+    error_in_sensing: Annotated[float, Within(0, 1), PER_WORLD] = 0.0
+    """Probability per step that a robot senses neither the dust nor the dump that it is at. Section 4.2: the simulator
+    "allows one to simulate noise" on sensing; Table 1 has no such error."""
     avoidance_sides: Literal["front", "all"] = "front"
     """Sides used to avoid robots and walls. Section 4.1: "each robot will keep all photodiodes off, except those on the
     front side of the robot in order to detect an obstacle"."""
@@ -261,8 +276,6 @@ class StrategyConfig:
     their shorter distance to keep, so higher only near contact. Section 4.1: they "have higher repellent forces"."""
     avoids_at_dust: bool = False
     """Robots that approach a ball avoid others. The paper does not say; crowds then keep them away from balls."""
-    blocked: Literal["pushes", "waits"] = "pushes"
-    """A robot that hears another at most 1 rd ahead `pushes` on, or `waits` and only turns. The paper does not say."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
     """Largest turn of a random move, to either side [deg]. Section 4.1: "walk often randomly"."""
     scouts_pick: bool = False
@@ -319,5 +332,9 @@ READINGS = {
     "initial": SwarmConfig(
         ArenaConfig(dust_area_offset=16.0), strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")
     ),
+    "selected": SwarmConfig(
+        strategy=StrategyConfig(avoidance_course="crossing"), gripper=GripperConfig(drop_rate=0.01)
+    ),
 }
-"""Interpretations of the paper's rules: as it states them, and as in the first version of this simulator."""
+"""Interpretations of the paper's rules: as it states them, as in the first version of this simulator, and as Fig. 17
+and the penalties in Table 2 select them by the rule in docs/readings.md."""

@@ -1,7 +1,7 @@
-"""Small worlds in MJX, and what is compiled for them: tests that agree in all of this share one program.
+"""Small worlds in compiled engines, and what is compiled for them: tests that agree in all of this share one program.
 
 A program depends on the configuration, the number of robots, the worlds of a device, the number of recorded worlds
-and the steps of a chunk, which are 25 by default.
+and the steps of a chunk, which are ten in `ENGINES`.
 """
 
 import logging
@@ -12,9 +12,8 @@ import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.simulation.run import Run
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import PRESETS
 
 TINY = SwarmConfig(arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12))
 N, WORLDS, RECORDED, SEED = 24, 3, (2, 0), 5
@@ -22,12 +21,19 @@ N, WORLDS, RECORDED, SEED = 24, 3, (2, 0), 5
 
 def settings(**own):
     return RunSettings(
-        **{"n_robots": N, "steps": 25, "seed": SEED, "n_worlds": WORLDS, "record_worlds": RECORDED, **own}
+        **{"n_robots": N, "steps": 20, "seed": SEED, "n_worlds": WORLDS, "record_worlds": RECORDED, **own}
     )
 
 
 def mjx(**own):
     return MjxSettings(**{"devices": tuple(jax.devices("cpu")[:1]), **own})
+
+
+def warp(**own):
+    return PlanarSettings(**{"impl": "warp", "chunk": 10, "devices": tuple(jax.devices("cpu")[:1]), **own})
+
+
+ENGINES = {"mjx": mjx(chunk=10), "warp": warp()}
 
 
 def ran(run):
@@ -36,12 +42,6 @@ def ran(run):
     while not run.is_over:
         records.append(run.advance())
     return None if records[0] is None else jax.tree.map(lambda *a: np.concatenate(a), *records)
-
-
-def mjx_run(worlds=None, genome=PRESETS["type1"], **own):
-    """Three worlds in MJX, to their end, and their records."""
-    run = Run(TINY, genome, settings(**own), mjx(), worlds=worlds)
-    return run, ran(run)
 
 
 def poses(run):

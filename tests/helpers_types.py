@@ -5,27 +5,36 @@ from functools import wraps
 
 from beartype import BeartypeConf, beartype
 
-CALLS = 20
-"""Calls of a function that are checked in each test: a run calls some at every control step."""
+CALLS = 3
+"""Calls of a function with arguments and a result of the same types and shapes that are checked in each test."""
 _calls = Counter()
 _is_pep484_tower = beartype(conf=BeartypeConf(is_pep484_tower=True))
 """An int is a float, as PEP 484 says."""
 
 
 def check(function):
-    """Check the first calls of a function in each test; it is prepared for that when it is first called."""
+    """Check a function where types or shapes are new to the test; it is prepared for that when it is first called.
+
+    A run calls some functions at every control step, with the same ones. Results are checked like a further argument.
+    """
     checked = None
 
     @wraps(function)
-    def check_first(*args, **kwargs):
+    def check_new(*args, **kwargs):
         nonlocal checked
-        _calls[check_first] += 1
-        if _calls[check_first] > CALLS:
+        call = check_new, *map(kind, args), *map(kind, kwargs.values())
+        _calls[call] += 1
+        if _calls[call] > CALLS:
             return None
         checked = checked or _is_pep484_tower(function)
         return checked(*args, **kwargs)
 
-    return check_first
+    return check_new
+
+
+def kind(value):
+    """Type of an argument; of arrays also the shape and the type of the elements."""
+    return type(value), getattr(value, "shape", None), getattr(value, "dtype", None)
 
 
 def begin_test():

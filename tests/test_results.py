@@ -21,7 +21,9 @@ def tables():
     return Tables(ROOT)
 
 
-@pytest.mark.parametrize("results", ["results", "results-initial", "results-mujoco"])
+@pytest.mark.parametrize(
+    "results", ["results", "results-initial", "results-mujoco", "results-cells", "results-selected"]
+)
 def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables):
     files = findings_files(tables.topics(results).values())
     assert files and set(files) == set((ROOT / results).rglob(FINDINGS))

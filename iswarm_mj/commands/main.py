@@ -36,6 +36,9 @@ COMMANDS: dict[str, type] = {
 }
 """Subcommands by their names: dataclasses of their flags with a method `run`."""
 
+_MOST, _END = 1500, 300
+"""Characters of a message at most, and of its end, where the remedy stands, if it is longer."""
+
 
 def parse(arguments: Sequence[str]) -> Any:
     """Return the command that the arguments describe.
@@ -61,6 +64,13 @@ def parse(arguments: Sequence[str]) -> Any:
     raise UserError(f"{fact}. Commands: {', '.join(COMMANDS)}; `iswarm --help` describes them.")
 
 
+def check_text(arguments: Sequence[str]) -> None:
+    """Refuse arguments that are no text, which names of files may be, but no recording, table or page takes."""
+    for argument in arguments:
+        if not argument.isprintable() and any("\ud800" <= character <= "\udfff" for character in argument):
+            raise UserError(f"arguments must be text in UTF-8 (got {shown(argument)}); rename what is named so")
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
     command = None
@@ -71,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+        check_text(given)
         command = parse(given)
         check_effects(command)
         command.run()
@@ -120,7 +131,10 @@ def _user_code(error: BaseException, command: Any) -> int | None:
             words, code = f"there is not enough memory ({error or 'none is left'}); use fewer worlds or robots.", 2
         case _:
             return None
-    print(f"iswarm: {printable(' '.join(words.splitlines()))}", file=sys.stderr)
+    text = printable(" ".join(words.splitlines()))
+    if len(text) > _MOST:
+        text = f"{text[: _MOST - _END]} ... {text[-_END:]}"
+    print(f"iswarm: {text}", file=sys.stderr)
     return code
 
 

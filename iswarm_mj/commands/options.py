@@ -31,9 +31,9 @@ EngineName: TypeAlias = Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME
 class ConfigOptions:
     """The configuration, one group of flags for each of its parts; and the engine, whose flags have no group."""
 
-    reading: Literal["paper", "initial"] = "paper"
-    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, or that of
-    the first version of this simulator."""
+    reading: Literal["paper", "initial", "selected"] = "paper"
+    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, that of
+    the first version of this simulator, or what Fig. 17 and the penalties in Table 2 select."""
     arena: ArenaConfig = field(default_factory=ArenaConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     optics: OpticsConfig = field(default_factory=OpticsConfig)

@@ -17,9 +17,10 @@ from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
 from iswarm_mj.commands.rules import Rules, TeamFlags
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
-from iswarm_mj.engines.registry import find_engine
+from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError, printable
 
 HELP = {"-h", "--help"}
@@ -114,7 +115,10 @@ def _engine(name: str) -> EngineSettings:
     """The settings of an engine for this machine, which are the defaults of its flags."""
     found = find_engine(name)
     with user_code(found.__name__):
-        return found.usual()
+        settings = found.usual()
+    check_kind(f"{found.__name__}.usual()", settings, found)
+    check_settings(settings)
+    return settings
 
 
 def _own(named: dict[str, list[str]]) -> dict[str, Any]:

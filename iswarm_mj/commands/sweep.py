@@ -16,6 +16,7 @@ import tyro
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.parser import parse
+from iswarm_mj.strategy.sources import sources
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import SimulationFault
 
@@ -109,12 +110,13 @@ def _values(text: str) -> tuple[str, list[str]]:
 
 
 def _content(value: Any) -> str:
-    """What determines a run beside its settings: a hash of the files that one of them names, also as FILE.py:CLASS."""
-    words = value if isinstance(value, tuple) else (value,)
-    words = [str(word) for word in words if isinstance(word, str | Path)]
+    """What determines a run beside its settings: a hash of the files that one of them names, also as FILE.py:CLASS,
+    with what these import."""
+    words = [str(word) for word in (value if isinstance(value, tuple) else (value,)) if isinstance(word, str | Path)]
     names = [name for word in words for name in (word, word.rpartition(":")[0])]
-    found = [Path(name).read_bytes() for name in names if name and Path(name).is_file()]
-    return hashlib.sha256(b"".join(found)).hexdigest() if found else ""
+    named = [Path(name) for name in names if name and Path(name).is_file()]
+    files = [one for path in named for one in (sources(path) if path.suffix == ".py" else [path])]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest() if files else ""
 
 
 def _labels(texts: Sequence[str]) -> Sequence[Any]:

@@ -65,6 +65,11 @@ class EngineSettings(ABC):
         return {"engine": self.name, **own}
 
     @property
+    def is_shipped(self) -> bool:
+        """Whether this package has the engine, and not a user."""
+        return type(self).__module__.startswith(f"{__package__}.")
+
+    @property
     def on_host(self) -> bool:
         """Whether the CPU's threads do all."""
         return True

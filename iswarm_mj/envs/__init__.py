@@ -15,11 +15,24 @@ if TYPE_CHECKING:
     from iswarm_mj.envs.pettingzoo import SwarmParallelEnv as parallel_env
     from iswarm_mj.envs.policy import PolicyStrategy
     from iswarm_mj.envs.state import State
+    from iswarm_mj.envs.watch import EnvRecording, Pictures
 
-__all__ = ["Env", "PolicyStrategy", "State", "make_env", "parallel_env", "single_env", "vector_env"]
+__all__ = [
+    "Env",
+    "EnvRecording",
+    "Pictures",
+    "PolicyStrategy",
+    "State",
+    "make_env",
+    "parallel_env",
+    "single_env",
+    "vector_env",
+]
 
 _HOMES = {
     "Env": ("env", "Env"),
+    "EnvRecording": ("watch", "EnvRecording"),
+    "Pictures": ("watch", "Pictures"),
     "PolicyStrategy": ("policy", "PolicyStrategy"),
     "State": ("state", "State"),
     "make_env": ("make", "make_env"),

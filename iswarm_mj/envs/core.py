@@ -6,6 +6,7 @@ again. The stages are those of `simulation.step.control_step`, so that the same 
 
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -18,7 +19,7 @@ from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.actuate import actuate
+from iswarm_mj.simulation.actuate import Places, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
@@ -45,6 +46,8 @@ class Intent(NamedTuple):
     said: dict[str, Any]
     is_refused: Bool[Array, "*B N"]
     """The action was not finite."""
+    is_blocked: Bool[Array, "*B N"]
+    """See `Decision`."""
     is_running: Bool[Array, "*B"]
     """The world moves."""
     is_emitting: Bool[Array, "*B N"]
@@ -59,7 +62,9 @@ class Core:
 
     Attributes:
         config: what control steps are compiled for.
+        given: the configuration as it was given.
         robot: its geometry.
+        robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
         params: of all worlds, but for their keys.
         poses: (K, N, 3) x, y [mm] and yaw [rad] of K beginnings of an episode.
         worlds: likewise, states without bodies.
@@ -70,7 +75,9 @@ class Core:
     """
 
     config: SwarmConfig
+    given: SwarmConfig
     robot: Robot
+    robot_file: Path | None
     params: WorldParams
     poses: Float[Array, "K N 3"]
     worlds: WorldState
@@ -92,18 +99,21 @@ class Core:
         fresh, poses = self.begin(data.next_key)
         return jax.tree.map(partial(jnp.where, is_new), fresh, data), poses
 
-    def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"]) -> Intent:
-        """Return what robots do; those of an episode that begins do nothing."""
+    def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"], poses: Array) -> Intent:
+        """Return what robots at `poses` do; those of an episode that begins do nothing."""
         decoded = actions.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
         conditions, charge = with_conditions(self.params, swarm).conditions, data.tool_voltage_squared
-        done = actuate(self.config, conditions, command, swarm, data.waits, charge, key)
+        places = Places(poses, self.params.is_present)
+        done = actuate(self.config, conditions, command, swarm, data.waits, places, charge, key)
         is_refused = (done.is_refused | is_bad) & ~is_new
         said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
         energy = jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy)
         emits = is_emitting(self.config, swarm.is_alive, energy)
-        return Intent(done.command, said, is_refused, ~is_new & ~is_refused.any(), emits, energy)
+        return Intent(
+            done.command, said, is_refused, done.is_blocked & ~is_new, ~is_new & ~is_refused.any(), emits, energy
+        )
 
     def observe(
         self,
@@ -126,7 +136,7 @@ class Core:
         """
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
         motion = motion._replace(bodies=None, touching=motion.touching * ran)
-        moved = after_motion(data.world, motion, intent.is_refused, data.step, ran)
+        moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool))

@@ -108,13 +108,13 @@ class Env:
         data, poses = self._begin(key)
         is_new, zero = jnp.ones(self._axes, bool), jnp.zeros(self._axes, jnp.int32)
         bodies = self._engine.place(*self._given((poses, jnp.ones(poses.shape[:-1], bool))))
-        intent = self._act(data, is_new, jnp.zeros((*self._axes, self.n_robots, self.action_size)))
+        intent = self._act(data, is_new, jnp.zeros((*self._axes, self.n_robots, self.action_size)), poses)
         return self._seen(data, is_new, intent, Motion(bodies, data.world.touching, zero, zero))
 
     def _step(self, state: State, action: jax.Array) -> State:
         world, is_new = state.data.world, state.done
         data, poses = self._auto_reset(state.data._replace(world=world._replace(bodies=None)), is_new)
-        intent = self._act(data, is_new, action)
+        intent = self._act(data, is_new, action, jnp.asarray(self._engine.poses(world.bodies), jnp.float32))
         phases = drive_phases(self.core.config.drive, self._given(intent.command))
         motion = self._engine.move(world.bodies, phases, self._given(intent.is_running))
         return self._seen(data, is_new, intent, motion._replace(bodies=self._placed(motion.bodies, is_new, poses)))

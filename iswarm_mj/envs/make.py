@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.checked import make_compiled_engine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.envs import actions, observations
@@ -85,7 +86,9 @@ def make_env(
     with jax.default_device(setup.device):
         core = Core(
             config=setup.program_config,
+            given=config,
             robot=setup.robot,
+            robot_file=setup.robot_file,
             params=jax.tree.map(lambda a: jnp.asarray(a)[0], params),
             poses=jnp.asarray(poses, jnp.float32),
             worlds=jax.tree.map(jnp.asarray, worlds),
@@ -97,7 +100,7 @@ def make_env(
     if engine.on_host:
         return Env(core, setup.host_engine()(settings.n_worlds, _threads(engine)), settings.n_worlds, on_host=True)
     platform = devices_of(engine)[0].platform
-    made = engine.compiled_engine(setup.model, settings.n_worlds, platform)
+    made = make_compiled_engine(engine, setup.model, setup.robot, settings.n_worlds, platform)
     is_batch = made.mapping(platform) == "batch"
     return Env(core, made, settings.n_worlds if is_batch else None, on_host=False)
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.adapters import Worlds, installed
+from iswarm_mj.envs.adapters import FPS, MODES, Worlds, installed
 from iswarm_mj.utils.errors import UserError
 
 with installed():
@@ -17,12 +17,17 @@ with installed():
 class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """One world of N robots, called robot_0 and so on; all of them stay until the episode ends for all."""
 
-    metadata = {"name": "iswarm_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
-    render_mode = None
+    metadata = {  # noqa: RUF012
+        "name": "iswarm_v0",
+        "render_modes": [*MODES],
+        "render_fps": FPS,
+        "is_parallelizable": True,
+    }
 
     def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
-        """Make the world, see `make_env`."""
+        """Make the world, see `make_env`, and `adapters.Worlds` for `render_mode` and `record`."""
         self._worlds = Worlds(1, task=task, n_robots=n_robots, **settings)
+        self.render_mode = settings.get("render_mode")
         self.possible_agents = [f"robot_{robot}" for robot in range(self._worlds.env.n_robots)]
         self.agents: list[str] = []
         spaces = [self._worlds.spaces(Box) for _ in self.possible_agents]
@@ -78,11 +83,13 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         """
         return self._worlds.everything()[0]
 
-    def render(self) -> None:
-        """Nothing; recordings are made by `iswarm run`."""
+    def render(self) -> Any:
+        """See `Worlds.render`."""
+        return self._worlds.render()
 
     def close(self) -> None:
-        """Nothing is open."""
+        """See `Worlds.close`."""
+        self._worlds.close()
 
     def _each(self, obs: np.ndarray) -> dict[str, np.ndarray]:
         return {agent: row.copy() for agent, row in zip(self.possible_agents, obs, strict=True)}

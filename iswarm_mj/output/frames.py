@@ -13,7 +13,6 @@ from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.schema import ARRAYS, IN_FILES, Frames, Observed
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
@@ -37,11 +36,12 @@ class RecordedWorld:
         scene: what does not change in it.
     """
 
-    def __init__(self, run: Run, index: int):
+    def __init__(self, run: Any, index: int):
         """Take in how it starts.
 
         Args:
-            run: at its start.
+            run: a `Run` at its start, or what has the same config, worlds, settings, task, robot, recorded, payload and
+                start.
             index: which of its recorded worlds.
 
         Raises:

@@ -5,6 +5,7 @@ from pathlib import Path
 from PIL import Image
 
 from iswarm_mj.output.stage import Shot, Stage, recorded
+from iswarm_mj.output.trajectory import areas_of
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 
@@ -32,7 +33,8 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
     with Stage(run.config, frames, shot, run.robot_file) as stage:
-        pixels = stage.show(frames["pose"][step], frames["is_loaded"][step], frames["ball_position"][step], step)
+        pose, is_loaded, balls = (frames[name][step] for name in ("pose", "is_loaded", "ball_position"))
+        pixels = stage.show(pose, is_loaded, balls, areas_of(frames, step))
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)
     return step

@@ -11,7 +11,7 @@ import numpy as np
 
 from iswarm_mj import __version__
 from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, SCENE, TRAJECTORY, Scene
+from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
@@ -108,7 +108,7 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
 
 def write_trajectory(out: Path, scene: Scene, frames: FrameStore, about: Mapping[str, Any]) -> None:
     """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
-    more: dict[str, Any] = {SCENE + name: np.asarray(value) for name, value in scene._asdict().items()}
+    more: dict[str, Any] = scene.arrays()
     more[ABOUT] = np.bytes_(json.dumps(about).encode())
     with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
         frames.write(file, more)

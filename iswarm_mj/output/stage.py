@@ -1,5 +1,6 @@
 """The arena of a recorded run before a camera, rendered off-screen by MuJoCo."""
 
+import importlib
 import os
 import sys
 from pathlib import Path
@@ -63,8 +64,6 @@ class Stage:
     """
 
     def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: Path | None = None):
-        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-            os.environ.setdefault("MUJOCO_GL", "egl")
         import mujoco
 
         from iswarm_mj.engines.arena import compile_arena
@@ -90,7 +89,7 @@ class Stage:
                 model.geom(geom).size[:] = 1e-6
         names, colours, shapes = (frames[f"scene_area_{part}"].tolist() for part in ("names", "colours", "shapes"))
         self._areas = [
-            (shape == "disc", np.array([*colour, 255], np.float32) / 255, mm_from_m(frames[AREA + name].astype(float)))
+            (shape == "disc", np.array([*colour, 255], np.float32) / 255, AREA + name)
             for name, colour, shape in zip(names, colours, shapes, strict=True)
         ]
         if not shot.fine:
@@ -102,6 +101,7 @@ class Stage:
         if shot.camera == "oblique":
             _step_back(model, self._data, shot, mm_from_rd(config.arena.size) / 2)
         try:
+            _draw_without_display()
             self._renderer = mujoco.Renderer(model, shot.size[1], shot.size[0], max_geom=model.ngeom + 100)
         except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
             raise UserError(
@@ -123,7 +123,7 @@ class Stage:
         pose: Float[np.ndarray, "N 3"],
         is_loaded: Bool[np.ndarray, "N"],
         balls: Float[np.ndarray, "K 3"],
-        step: int = 0,
+        areas: Arrays | None = None,
     ) -> UInt8[np.ndarray, "height width 3"]:
         """Pixels of robots, balls and areas of the task.
 
@@ -131,7 +131,7 @@ class Stage:
             pose: x [m], y [m], yaw [rad].
             is_loaded: whether each robot carries a ball.
             balls: their centres [m].
-            step: of the trajectory, for the areas.
+            areas: of the task after the step, see `trajectory.areas_of`; those that it lacks are not drawn.
         """
         import mujoco
 
@@ -146,13 +146,22 @@ class Stage:
         mujoco.mj_camlight(model, data)
         self._renderer.update_scene(data, self._camera)
         scene = self._renderer.scene
-        for is_disc, colour, places in self._areas:
+        for is_disc, colour, name in self._areas:
             kind = mujoco.mjtGeom.mjGEOM_CYLINDER if is_disc else mujoco.mjtGeom.mjGEOM_BOX
-            for x, y, half in places[step]:
+            for x, y, half in mm_from_m(np.asarray((areas or {}).get(name, ()), float).reshape(-1, 3)):
                 size = [half, _FLAT, 0.0] if is_disc else [half, half, _FLAT]
                 mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, [x, y, -_FLAT], np.eye(3).ravel(), colour)
                 scene.ngeom += 1
         return self._renderer.render()
+
+
+def _draw_without_display() -> None:
+    """Have MuJoCo draw by EGL where there is no display, unless the user says by what."""
+    if sys.platform == "linux" and not os.environ.get("DISPLAY") and not os.environ.get("MUJOCO_GL"):
+        from mujoco.rendering.classic import gl_context
+
+        os.environ["MUJOCO_GL"] = "egl"
+        importlib.reload(gl_context)  # MuJoCo chose when it was imported
 
 
 MARGIN = 1.06

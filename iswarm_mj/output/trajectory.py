@@ -19,6 +19,11 @@ Arrays = Mapping[str, np.ndarray]
 """Arrays of a trajectory by their names: `Frames`, and with the prefix scene_ `Scene`."""
 
 
+def areas_of(arrays: Arrays, step: int) -> Arrays:
+    """Return the arrays (M, 3) of a task's areas after a step, by their names in a trajectory."""
+    return {name: values[step] for name, values in arrays.items() if name.startswith(AREA)}
+
+
 class Scene(NamedTuple):
     """Constants of one world with N robots, K balls and A dust areas. SI units throughout.
 
@@ -77,6 +82,10 @@ class Scene(NamedTuple):
         """Number of each robot's team; 0 without teams."""
         sizes = self.team_sizes or (len(self.is_scout),)
         return np.repeat(np.arange(len(sizes)), sizes)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return its values as arrays by their names in a trajectory."""
+        return {SCENE + name: np.asarray(value) for name, value in self._asdict().items()}
 
     @property
     def memory(self) -> list[tuple[str, str, int]]:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from iswarm_mj.output.stage import Shot, Stage, recorded
-from iswarm_mj.output.trajectory import METRIC, Arrays
+from iswarm_mj.output.trajectory import METRIC, Arrays, areas_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -99,7 +99,8 @@ def _pictures(stage: Stage, frames: Arrays, film: Film, last: int, bar: Progress
         delivered = f"{frames['delivered'][step]} of {balls.shape[0]} balls delivered"
         counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
         yield _captioned(
-            stage.show(pose, frames["is_loaded"][step], balls, step), [film.title, f"step {step}", *counts]
+            stage.show(pose, frames["is_loaded"][step], balls, areas_of(frames, step)),
+            [film.title, f"step {step}", *counts],
         )
         bar.update()
 

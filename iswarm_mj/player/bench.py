@@ -18,7 +18,7 @@ from iswarm_mj.output.trace_lines import NN, UM
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
 from iswarm_mj.player.controls import declared
 from iswarm_mj.player.view import linear
-from iswarm_mj.player.widgets import spots, widget
+from iswarm_mj.player.widgets import AXIS, spots, widget
 from iswarm_mj.utils.constraints import Within, validate
 
 _ROOT = "/bench"
@@ -120,10 +120,10 @@ class Bench:
         for control in declared(self.settings):
             widget(gui, control, partial(self._moved, control.name))
         gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
-        axes = ({"label": "height of the tool above touch [µm]"}, {"label": "force [nN]"})
+        axes = (AXIS | {"label": "height of the tool above touch [µm]"}, AXIS | {"label": "force [nN]"})
         lines = (("approach", GREEN), ("retract", BLUE))
         series = [{"label": name, "stroke": colour, "width": 2} for name, colour in lines]
-        nothing = (np.arange(2.0), np.zeros(2), np.zeros(2))
+        nothing = (np.arange(2.0), np.full(2, np.nan), np.full(2, np.nan))
         self._curve = gui.add_uplot(
             nothing, ({"label": "height"}, *series), title="Force on the tool; attraction is negative", axes=axes,
             scales={"x": {"time": False}}, height=220,

@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.tasks.protocol import balls_of
+from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 from iswarm_mj.utils.walls import beyond
@@ -44,22 +44,23 @@ class Change(NamedTuple):
         return cls(int(step), what.replace("-", "_"), value)
 
 
-def edit(run: Run, change: Change) -> None:
-    """Change the robots or the balls of a run's first world.
+def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
+    """Return what changes the robots or the balls of a run's first world, for `Run.edit`.
 
     Raises:
-        UserError: there is no such robot, place or ball.
+        UserError: there is no such robot or place, or there are no balls.
     """
     if change.what == BALL:
+        if not _has_balls(run.task, run.starts[0].task):
+            raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
         place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
         if not beyond(place, run.config.arena.walls) <= 0:
             raise UserError(f"a ball must lie within the walls (got {change})")
-        run.edit(partial(_with_ball, np.array(mm_from_rd(place), np.float32), run))
-        return
+        return partial(_with_ball, np.array(mm_from_rd(place), np.float32), run)
     (robot,) = _numbers(change, int, 1, "a robot by its number")
     if not 0 <= robot < run.settings.n_robots:
         raise UserError(f"there is no robot {robot}; they are numbered 0 to {run.settings.n_robots - 1}")
-    run.edit(partial(_with_life, robot, change.what == REVIVE))
+    return partial(_with_life, robot, change.what == REVIVE)
 
 
 def _numbers(change: Change, kind: Callable[[str], Any], n: int, words: str) -> list[Any]:
@@ -73,6 +74,11 @@ def _numbers(change: Change, kind: Callable[[str], Any], n: int, words: str) -> 
     return found
 
 
+def _has_balls(task: Task, state: Any) -> bool:
+    balls = balls_of(task, state)
+    return balls is not None and len(np.atleast_1d(balls.radius)) > 0
+
+
 def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
     alive = np.array(swarm.is_alive)
     alive[0, robot] = is_alive
@@ -81,9 +87,7 @@ def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
 
 def _with_ball(place: np.ndarray, run: Run, swarm: SwarmState) -> SwarmState:
     """The delivered ball that is farthest from a place, or else the farthest one on the floor, lies there."""
-    balls = balls_of(run.task, swarm.task)
-    if balls is None or not len(balls.radius[0]):
-        raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
+    balls: Any = balls_of(run.task, swarm.task)
     delivered, held = np.asarray(balls.is_delivered[0]), np.asarray(balls.is_held[0])
     free = delivered if delivered.any() else ~held
     if not free.any():

@@ -116,9 +116,13 @@ class Page:
     def _tick(self) -> bool:
         """Draw what is due; return whether the next drawing is due, too."""
         now = time.monotonic()
-        if now - self._time < FRAME_S:
-            return False
-        elapsed, self._time = now - self._time, now
+        if now - self._time >= FRAME_S:
+            elapsed, self._time = now - self._time, now
+            with self.session.lock:
+                self._draw(now, elapsed)
+        return False
+
+    def _draw(self, now: float, elapsed: float) -> None:
         session = self.session
         if session.version != self._version:
             self._version = session.version
@@ -145,7 +149,6 @@ class Page:
         if now - self._panel_at > PANEL_S:
             self._panel_at = now
             self._panel.update()
-        return False
 
     def _turn_to(self, shown: str) -> None:
         """Show the swarm or the bench, and let all browsers look at it."""

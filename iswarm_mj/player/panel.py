@@ -15,7 +15,7 @@ from iswarm_mj.player.controls import Control, controls
 from iswarm_mj.player.inspection import described
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
-from iswarm_mj.player.widgets import copied, show, spots, widget
+from iswarm_mj.player.widgets import AXIS, copied, show, spots, widget
 from iswarm_mj.utils.obstacles import Obstacle, distances, numbers
 from iswarm_mj.utils.units import RD
 
@@ -153,9 +153,10 @@ class Panel:
         self._by.options = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
         view.by = self._by.value
         self._draws.options = ("links", "trails", *view.vectors)
-        for plot in self._plots.values():
-            plot.remove()
-        self._plots = {}
+        if self._plots.keys() - session.lines.keys():  # of another task; viser keeps each removal for ever
+            for plot in self._plots.values():
+                plot.remove()
+            self._plots = {}
 
     def synchronise(self) -> None:
         """Show the values of the present settings."""
@@ -241,6 +242,7 @@ class Panel:
                         title=name.replace("_", " "),
                         scales={"x": {"time": False}},
                         legend={"show": False},
+                        axes=(AXIS, AXIS),
                         height=130,
                     )
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.saved import SavedRun
 from iswarm_mj.output.schema import ARRAYS, Frames
@@ -51,7 +52,7 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
     """Return what draws the first recorded world of a run, and its legend.
 
     Raises:
-        ConfigError: the run has no such steps, or no such colours.
+        ConfigError: the run has no such steps, no such colours, or nothing of that name to draw.
     """
     scene, known = run.scene, {*ARRAYS, *run.scene.memory_names}
     frames = Frames.of({k: v for k, v in run.arrays.items() if k in known or k.startswith((AREA, METRIC))})
@@ -60,6 +61,9 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
     check("last", last, f"a control step after the first one, up to {end}", film.first < last <= end)
     ways = arrays.ways_to_colour(scene, frames[:1])
     check("colour_by", film.by, f"one of {', '.join(ways)}", film.by in ways)
+    drawn = ("links", "trails", *(vector.stem for vector in vectors(scene.memory)))
+    for name in film.draws:
+        check("draw", name, f"some of {', '.join(drawn)}", name in drawn)
 
     def draw(server: Any) -> Iterator[float]:
         aim(server.initial_camera, scene)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from statistics import median
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,6 +68,7 @@ class Session:
         version: counts resets.
         messages: one-line errors for whoever plays.
         rate: control steps a second that could be computed.
+        lock: held while another run takes the place of the present one, and by whoever draws.
     """
 
     def __init__(self, scenario: Scenario, changes: Sequence[Change] = (), out: Path = Path("runs/play")):
@@ -87,21 +89,27 @@ class Session:
         self.wanted, self.waiting, self._out = scenario, sorted(changes, key=lambda change: change.step), out
         self.version, self.is_playing, self.is_busy, self.shown, self.rate = 0, False, False, math.inf, math.inf
         self.messages: SimpleQueue[str] = SimpleQueue()
+        self.lock = Lock()
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._recorder: Recorder | None = None
         self._begin(scenario)
+        for change in self.waiting:
+            if change.what in EDITS:
+                edit(self.run, change)  # which refuses what cannot be
 
     def _begin(self, scenario: Scenario) -> None:
         run = scenario.run()
-        self.start = self.now = self.wanted = scenario
-        self.made: list[Change] = []
-        self.run, self.world = run, RecordedWorld(run, 0)
-        self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
-        self.lines: dict[str, deque[float]] = {}
-        self.version += 1
-        self._laps: deque[float] = deque(maxlen=9)
-        self.is_alive = np.asarray(run.start.swarm.is_alive)[0, 0]
-        self._seen(run.start, None)
+        world = RecordedWorld(run, 0)
+        with self.lock:
+            self.start = self.now = self.wanted = scenario
+            self.made: list[Change] = []
+            self.run, self.world = run, world
+            self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
+            self.lines: dict[str, deque[float]] = {}
+            self.version += 1
+            self._laps: deque[float] = deque(maxlen=9)
+            self.is_alive = np.asarray(run.start.swarm.is_alive)[0, 0]
+            self._seen(run.start, None)
 
     @property
     def scene(self) -> Any:
@@ -188,7 +196,7 @@ class Session:
         """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
         change = Change(self.step, what, value)
         if what in EDITS:
-            edit(self.run, change)
+            self.run.edit(edit(self.run, change))
             self.is_alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
         else:
             now = self.now.set(what, parsed(self.now, what, value))

@@ -10,6 +10,9 @@ import numpy as np
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.player.controls import Control
 
+_LINE = {"stroke": "rgba(128,128,128,.4)", "width": 1}
+AXIS = {"stroke": "#888", "grid": _LINE, "ticks": _LINE}
+"""Of a plot, visible on a light and on a dark page."""
 _WIDEST = 400.0
 """Range that a slider can show."""
 

@@ -1,6 +1,7 @@
 """What the drives make of commands: errors, limits, robots that stand still, and the energy that all of it takes."""
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,7 +15,19 @@ from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.draws import draw
+from iswarm_mj.utils.fusion import fusion_barrier
 from iswarm_mj.utils.units import mm_from_rd
+
+CELLS = 2048
+"""Cells of 1 rd in a row, more than in the largest arena."""
+
+
+class Places(NamedTuple):
+    """Where N robots of a world are as a control step begins."""
+
+    poses: Float[Array, "N 3"]
+    """x, y [mm] and yaw [rad]."""
+    is_present: Bool[Array, "N"]
 
 
 class Actuated(NamedTuple):
@@ -22,6 +35,10 @@ class Actuated(NamedTuple):
 
     command: Command
     """With the actuators' errors, within the limits; zero for robots that are dead or wait."""
+    shortfall: Float[Array, "*B N"]
+    """Distance commanded that the drive does not walk, but for the actuators' errors; the robot knows it [mm]."""
+    is_blocked: Bool[Array, "*B N"]
+    """The robot stays where it is since another one is in its way."""
     is_refused: Bool[Array, "*B N"]
     """The command was not finite."""
     energy: Float[Array, "*B N"] | None
@@ -34,6 +51,7 @@ def actuate(
     command: Command,
     swarm: SwarmState,
     waits: Bool[Array, "N"],
+    places: Places,
     tool_voltage_squared: Float[Array, "N"],
     key: Array,
 ) -> Actuated:
@@ -45,23 +63,52 @@ def actuate(
         command: turns [rad] and distances [mm].
         swarm: which robots live, and what their capacitors have.
         waits: robots that stand still.
+        places: where robots are.
         tool_voltage_squared: see `tasks.protocol.Sensed` [V^2].
         key: of the errors.
     """
     acts = swarm.is_alive & ~waits
     turn, step = math.radians(config.drive.max_turn), mm_from_rd(config.step_length)
-    (turning,), (walking,) = draw(key, command.turn.shape, n_normal=1).normal
+    is_refused = acts & ~(jnp.isfinite(command.turn) & jnp.isfinite(command.forward))
     moves = (command.turn != 0.0) | (command.forward != 0.0)
-    turned = command.turn + jnp.where(moves, jnp.deg2rad(conditions.error_turn) * turning, 0.0)
-    slip = conditions.error_step * walking * jnp.clip(command.forward, -step, step)
-    turned, walked = (jnp.where(acts, part, 0.0) for part in (turned, command.forward + slip))
-    is_refused = ~(jnp.isfinite(turned) & jnp.isfinite(walked))
+    share = 1.0 - conditions.turn_share * jnp.minimum(jnp.abs(command.turn) / turn, 1.0)
+    reach = step * share * jnp.where(swarm.is_loaded, conditions.loaded_speed, 1.0)
+    wanted = command.forward
+    command = Command(jnp.clip(command.turn, -turn, turn), jnp.clip(wanted, -reach, reach))
+    is_blocked = jnp.zeros(len(wanted), bool)
+    if config.drive.locations == "cells":
+        is_blocked = acts & enters_taken_cell(places, command)
+        command = command._replace(forward=jnp.where(is_blocked, 0.0, command.forward))
+    turning, walking = fusion_barrier(partial(_errors, len(wanted)), conditions.error_turn, conditions.error_step, key)
+    turned, walked = command.turn + jnp.where(moves, turning, 0.0), command.forward * walking
+    turned, walked = (jnp.where(acts, part, 0.0) for part in (turned, walked))
     done = Command(jnp.clip(turned, -turn, turn), jnp.clip(walked, -step, step))
     energy = swarm.energy
     if energy is not None:
         lit = swarm.is_alive if swarm.led_power is None else swarm.is_alive * swarm.led_power
         energy = power.after(config, energy, done, tool_voltage_squared, lit)
-    return Actuated(done, is_refused, energy)
+    return Actuated(done, wanted - jnp.where(acts, command.forward, 0.0), is_blocked, is_refused, energy)
+
+
+def _errors(n_robots: int, error_turn: Array, error_step: Array, key: Array) -> tuple[Array, Array]:
+    """What actuators add to turns [rad], and by what they multiply distances."""
+    (turning,), (walking,) = draw(key, (n_robots,), n_normal=1).normal
+    return jnp.deg2rad(error_turn) * turning, 1.0 + error_step * walking
+
+
+def enters_taken_cell(places: Places, command: Command) -> Bool[Array, "N"]:
+    """Whether a robot's step would end in another cell of 1 rd than it begins in, where a robot stands as it begins."""
+    yaw = places.poses[:, 2] + command.turn
+    step = command.forward[:, None] * jnp.stack([jnp.cos(yaw), jnp.sin(yaw)], axis=-1)
+
+    def cells(xy: Array) -> Array:
+        column, row = jnp.round(xy / mm_from_rd(1.0)).astype(jnp.int32).T
+        return column * CELLS + row
+
+    now, then = cells(places.poses[:, :2]), cells(places.poses[:, :2] + step)
+    taken = jnp.sort(jnp.where(places.is_present, now, -(CELLS**2)))
+    found = taken[jnp.minimum(jnp.searchsorted(taken, then), len(taken) - 1)] == then
+    return found & (then != now)
 
 
 def drive_phases(drive: DriveConfig, command: Command) -> tuple[Phase, Phase]:

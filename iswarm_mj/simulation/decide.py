@@ -11,13 +11,14 @@ from jaxtyping import Bool, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
-from iswarm_mj.simulation.actuate import actuate
+from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import RelayingStrategy, ReleasingStrategy, Strategy
+from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -34,12 +35,14 @@ class Decision(NamedTuple):
     """As the drives carry it out, see `actuate.Actuated`."""
     is_refused: Bool[Array, "*B N"]
     """The robot's command was not finite."""
+    is_blocked: Bool[Array, "*B N"]
+    """The robot stays where it is since another one is in its way, see `DriveConfig.locations`."""
     progress: Int[Array, "*B"]
     """Of the task, see `Task.progress`."""
     has_priority: Bool[Array, "*B N"]
     """The robot sends the flag `priority` as the step begins; never where the payload has none."""
-    links: Links
-    """See `Perceived`."""
+    links: Links | None
+    """See `Perceived`; None where they are those of the inputs."""
     spoken: Spoken
 
 
@@ -74,13 +77,16 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
         turns = draw_turns(keys.turns, n_robots)
         observation = heard_in_turn(observation, turns, seen.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, keys.policy)
-    squared = seen.sensed.tool_voltage_squared
-    done = actuate(config, params.conditions, command, seen.swarm, observation.waits, squared, keys.actuators)
+    squared, places = seen.sensed.tool_voltage_squared, Places(begin.poses, params.is_present)
+    done = actuate(config, params.conditions, command, seen.swarm, observation.waits, places, squared, keys.actuators)
+    if isinstance(strategy, ReckoningStrategy):
+        memory = strategy.fell_short(memory, done.shortfall)
     decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.task)
-    return Decision(kept, done.command, done.is_refused, progress, flag, seen.links, seen.spoken)
+    links = seen.links if config.optics.baud_rate else None
+    return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken)
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
@@ -94,6 +100,14 @@ def decide_worlds(
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
+def decide_packed(config: SwarmConfig, robot: Robot, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
+    """`decide_invariant`, where the parameters are packed, and so are memories and the state of the task."""
+    swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
+    decision = decide_invariant(config, robot, params.tree, swarm, begin)
+    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
+    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
+
+
 def decide_invariant(
     config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:

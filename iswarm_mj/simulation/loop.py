@@ -12,7 +12,8 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
-from iswarm_mj.simulation.share import Share, is_key, rows, shares_of
+from iswarm_mj.simulation.packed import is_key, unpacked
+from iswarm_mj.simulation.share import Share, rows, shares_of
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.utils.profiling import Stopwatch
 
@@ -163,4 +164,4 @@ def _joined(parts: Sequence[Tree]) -> Tree:
             return jnp.concatenate(values)
         return np.asarray(values[0]) if len(values) == 1 else np.concatenate(values)
 
-    return jax.tree.map(join, *parts)
+    return jax.tree.map(join, *map(unpacked, parts))

@@ -1,5 +1,6 @@
 """Memory that a run needs, estimated before any of it is taken."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,35 +16,35 @@ def devices_of(engine: EngineSettings) -> list[Any]:
     return list(getattr(engine, "devices", None) or jax.local_devices())
 
 
-def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> int:
+def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int, remembered: Any = None) -> int:
     """Return how many bytes a run needs at least, beside what the libraries take.
 
     Args:
         engine: that carries it out.
         n_worlds: of this process.
         n_robots: places for robots in each world.
+        remembered: shapes and types of what the robots of a world remember.
     """
     n_worlds, n_robots = int(n_worlds), int(n_robots)  # which never overflow
-    return n_worlds * n_robots * engine.bytes_per_robot
+    own = sum(math.prod(leaf.shape) * leaf.dtype.itemsize for leaf in jax.tree.leaves(remembered))
+    return n_worlds * (n_robots * engine.bytes_per_robot + own)
 
 
-def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int) -> None:
+def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int, remembered: Any = None) -> None:
     """Refuse a run for which there is not enough memory.
 
-    Args:
-        engine: that carries it out.
-        n_worlds: of this process.
-        n_robots: places for robots in each world.
+    Args: as of `needed_memory`.
 
     Raises:
         ConfigError: with what is needed and what is free.
     """
-    needed, free = needed_memory(engine, n_worlds, n_robots), _free_memory(engine)
+    needed, free = needed_memory(engine, n_worlds, n_robots, remembered), _free_memory(engine)
     if free is not None and needed > free:
-        most = free // needed_memory(engine, 1, n_robots)
+        most = free // needed_memory(engine, 1, n_robots, remembered)
+        less = "" if remembered is None else ", or let robots remember less"
         share = f"so that the run fits into the {gigabytes(free)} of memory that are free, for it needs"
         constraint = f"at most {most} with {n_robots} robots in each, {share} {gigabytes(needed)}"
-        raise ConfigError("n_worlds", n_worlds, constraint, "use fewer worlds or robots")
+        raise ConfigError("n_worlds", n_worlds, constraint, f"use fewer worlds or robots{less}")
 
 
 def most_worlds(engine: EngineSettings, n_robots: int) -> float:

@@ -20,6 +20,7 @@ from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.draws import draw, split
 from iswarm_mj.utils.robot import Robot
 
 
@@ -104,6 +105,7 @@ def perceive(
         energy = power.charged(config, swarm.energy)
         voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
         swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
+    (stop,), (misses,) = draw(split(keys.actuators, 1)[0], (len(poses),), n_uniform=1).uniform
     inputs = TaskInputs(
         poses,
         params.is_present,
@@ -116,6 +118,7 @@ def perceive(
         decider_of(config),
         voltage,
         None if releases is None else releases & swarm.is_alive & ~is_empty,
+        notices=misses >= params.conditions.error_in_sensing,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
     is_alive = swarm.is_alive
@@ -136,7 +139,7 @@ def perceive(
         is_loaded=sensed.is_loaded,
         grasp_failed=sensed.grasp_failed,
         sensed=sensed.own,
-        waits=is_empty | sensed.is_busy,
+        waits=is_empty | sensed.is_busy | (stop < params.conditions.stop_share),
     )
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
     return Perceived(observation, swarm, sensed, inputs, sight.links, spoken, transmit)

@@ -9,11 +9,13 @@ import jax
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.checked import check_links
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.memory_check import check_memory
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.standing import Standing
@@ -140,7 +142,8 @@ class Run(Standing):
             self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
-            check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
+            memory = check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
+            check_memory(setup.engine, n_worlds, setup.capacity, memory)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.teams = team_sizes(own, setup.capacity)
         self.watch = Stopwatch()
@@ -205,6 +208,8 @@ class Run(Standing):
         if first == 0:  # which compiles: of no stage
             self.first_call_s, self._first_steps = self.watch.laps["advance"][0], taken
             self.watch.laps.clear()
+        if record is not None and not self.engine.is_shipped:
+            check_links(f"the engine {self.engine.name}", record.links, record.poses.shape[-2], len(self.robot.sides))
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 

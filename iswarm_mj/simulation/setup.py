@@ -10,7 +10,8 @@ import jax
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import CompiledEngine, Engine
-from iswarm_mj.engines.registry import ENGINES
+from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
+from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
 from iswarm_mj.simulation.initial import Start
@@ -72,12 +73,13 @@ class Setup(NamedTuple):
 
     def host_engine(self) -> Callable[[int, int], Engine]:
         """Return what makes an engine on the host for a number of worlds and of threads."""
-        return self.engine.host_engine(self.model)
+        return make_host_engine(self.engine, self.model, self.robot)
 
     def compiled_engine(self, n_worlds: int) -> tuple[CompiledEngine, Sequence[Any]]:
         """Return an engine for programs of JAX, and the devices that share so many worlds."""
         devices = devices_of(self.engine)[:n_worlds]
-        return self.engine.compiled_engine(self.model, -(-n_worlds // len(devices)), devices[0].platform), devices
+        n_rows, platform = -(-n_worlds // len(devices)), devices[0].platform
+        return make_compiled_engine(self.engine, self.model, self.robot, n_rows, platform), devices
 
 
 def set_up(
@@ -106,6 +108,7 @@ def set_up(
     check_kind("settings", settings, RunSettings)
     known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
     check("engine", engine, f"settings of an engine, as {known}", isinstance(engine, EngineSettings))
+    check_settings(engine)
     check_kind("robot_file", robot_file, (Path, str, NoneType))
     file = None if robot_file is None else Path(robot_file).absolute()
     robot = read_robot(file)

@@ -10,7 +10,8 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
-from iswarm_mj.simulation.decide import Decision, decide_invariant
+from iswarm_mj.simulation.decide import Decision, decide_packed
+from iswarm_mj.simulation.packed import is_key, pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
@@ -33,18 +34,24 @@ def shares_of(n_worlds: int) -> list[slice]:
 
 
 class Share:
-    """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled."""
+    """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled.
+
+    Attributes:
+        engine: of these worlds.
+        params: as NumPy arrays, but for random keys.
+        state: with packed memories and a packed state of the task (`packed.Packed`).
+    """
 
     def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
         self.engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
-        self._goal, self._is_present = params.goal, params.is_present
-        self.params, self.state = params, state
+        self.state = state
         self.replace(params, state.swarm)
 
     def replace(self, params: WorldParams, swarm: SwarmState) -> None:
         """See `loop.Loop.replace`."""
         cpu = jax.local_devices(backend="cpu")[0]
-        self.params, swarm = jax.device_put((params, swarm), cpu)
+        swarm = swarm._replace(memory=pack(swarm.memory), task=pack(swarm.task))
+        self.params, (self._packed_params, swarm) = params, jax.device_put((pack(params), swarm), cpu)
         self.state = self.state._replace(swarm=swarm)
 
     def advance(self, step: int, last: int, recorded: Sequence[int]) -> StepRecord | None:
@@ -58,19 +65,20 @@ class Share:
         Returns:
             Their record (W, ...) as NumPy arrays; None where no world is recorded.
         """
-        params = self.params._replace(goal=self._goal, is_present=self._is_present)
         stepper = Stepper(self.engine, self._config, self._decide, bool(recorded))
         self.state, record = control_step(
-            stepper, params, self.state, np.asarray(step, np.int32), np.asarray(last, np.int32)
+            stepper, self.params, self.state, np.asarray(step, np.int32), np.asarray(last, np.int32)
         )
-        return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], record)
+        return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], unpacked(record))
 
     def _decide(self, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
         with self._watch("policy"):
             begin = begin._replace(poses=begin.poses.astype(np.float32))
-            decision = decide_invariant(self._config, self.engine.robot, self.params, swarm, begin)
-            needed = jax.tree.map(np.asarray, decision._replace(swarm=None, spoken=None))
-            return needed._replace(swarm=decision.swarm, spoken=decision.spoken)
+            decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
+            command, is_refused, progress = jax.tree.map(
+                np.asarray, (decision.command, decision.is_refused, decision.progress)
+            )
+            return decision._replace(command=command, is_refused=is_refused, progress=progress)
 
 
 def rows(tree: Any, worlds: slice) -> Any:
@@ -83,11 +91,6 @@ def rows(tree: Any, worlds: slice) -> Any:
         return np.asarray(values)[worlds]
 
     return jax.tree.map(of, tree)
-
-
-def is_key(values: Array) -> bool:
-    """Whether an array holds random keys, which are no numbers."""
-    return isinstance(values, jax.Array) and jnp.issubdtype(values.dtype, jax.dtypes.prng_key)
 
 
 class TimedEngine:

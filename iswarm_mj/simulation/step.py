@@ -54,13 +54,18 @@ def control_step(
     decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)
     motion = engine.move(state.bodies, drive_phases(config.drive, decision.command), moves)
-    moved = after_motion(state, motion, decision.is_refused, step, is_running)
+    moved = after_motion(state, motion, decision.is_refused, decision.is_blocked, step, is_running)
     new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)
     return new, record(stepper, params, new, decision, begin) if stepper.records else None
 
 
 def after_motion(
-    state: WorldState, motion: Motion, is_refused: Bool[Array, "*B N"], step: Int[Array, ""], is_running: Array
+    state: WorldState,
+    motion: Motion,
+    is_refused: Bool[Array, "*B N"],
+    is_blocked: Bool[Array, "*B N"],
+    step: Int[Array, ""],
+    is_running: Array,
 ) -> WorldState:
     """Account for the motion of a control step: bodies, faults, collisions.
 
@@ -68,6 +73,7 @@ def after_motion(
         state: before the step.
         motion: of the robots.
         is_refused: commands that were not finite.
+        is_blocked: robots that stay where they are since another one is in their way.
         step: number of the step, from 0.
         is_running: (*B,) worlds that take it.
     """
@@ -80,7 +86,8 @@ def after_motion(
         xp.where(bits != 0, step + 1, state.fault.step).astype(state.fault.step.dtype),
         xp.where(bits != 0, robot, state.fault.robot),
     )
-    begun = new_contacts(state.touching, motion.touching).astype(state.collisions.dtype)
+    begun = new_contacts(state.touching, motion.touching) + is_blocked.sum(axis=-1)
+    begun = begun.astype(state.collisions.dtype)
     collisions = state.collisions + xp.where(is_running & (fault.bits == 0), begun, 0)
     return state._replace(bodies=motion.bodies, touching=motion.touching, collisions=collisions, fault=fault)
 
@@ -121,7 +128,7 @@ def record(
         decision: of the robots.
         begin: how the step began.
     """
-    links, spoken, is_running = decision.links, decision.spoken, begin.is_running
+    links, spoken, is_running = decision.links or begin.sight.links, decision.spoken, begin.is_running
     xp = array_module(is_running)
     poses = stepper.engine.poses(state.bodies)
     return StepRecord(
@@ -131,7 +138,7 @@ def record(
         links=links._replace(valid=links.valid & is_running[..., None, None]),
         has_priority=decision.has_priority,
         message=spoken.message,
-        is_heard=xp.asarray(spoken.is_heard) & is_running[..., None, None],
+        is_heard=spoken.is_heard & is_running[..., None, None],
         measured_distance=spoken.measured_distance,
         command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.command)),
         collisions=state.collisions,

@@ -8,10 +8,6 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.strategy.rules import Rules, reads
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
-from iswarm_mj.utils.units import mm_from_rd
-
-BLOCKING_DISTANCE = 1.0
-"""A neighbour this near ahead [rd], by the measured distance, blocks the way."""
 
 
 class Kept(NamedTuple):
@@ -74,18 +70,3 @@ def repulsion(
     strength = weight * jnp.clip(1.0 - distance / jnp.maximum(kept.reach, 1e-6), 0.0, 1.0) * (distance < kept.threshold)
     away = -jnp.stack([jnp.cos(bearing), jnp.sin(bearing)], axis=-1)
     return (strength[..., None] * away).sum(axis=-2)
-
-
-def is_blocked(
-    rules: Rules, is_heard: Bool[Array, "N S"], distance: Float[Array, "N S"], sides: Sides = PAPER_SIDES
-) -> Bool[Array, "N"]:
-    """Whether a robot does not walk on, since it hears another one right ahead and these rules make it wait.
-
-    Args:
-        rules: genome and readings.
-        is_heard: a neighbour is heard on this side.
-        distance: measured [mm].
-        sides: of the robot.
-    """
-    is_near = is_heard & (distance <= mm_from_rd(BLOCKING_DISTANCE)) & jnp.asarray(sides.front)
-    return is_near.any(axis=1) & reads(rules, "blocked", "waits")

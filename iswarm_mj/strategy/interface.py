@@ -36,7 +36,7 @@ class Observation(NamedTuple):
     sensed: Mapping[str, Array]
     """(N, ...) what the task lets robots sense, by the names in `tasks.protocol.Task.senses`."""
     waits: Bool[Array, "N"]
-    """The robot cannot move in this step: it works at a ball, or has no energy."""
+    """The robot does not move in this step: it works at a ball, has no energy, or stops to emit."""
 
 
 class Command(NamedTuple):

@@ -70,6 +70,20 @@ class DimmingStrategy(Strategy, Protocol):
 
 
 @runtime_checkable
+class ReckoningStrategy(Strategy, Protocol):
+    """A strategy whose robots learn that they did not walk as far as they meant to."""
+
+    def fell_short(self, memory: Any, shortfall: Float[Array, "N"]) -> Any:
+        """Return the memory after a step that was shorter than commanded.
+
+        Args:
+            memory: from `act`.
+            shortfall: distance commanded that the drive did not walk, see `simulation.actuate.Actuated` [mm].
+        """
+        ...
+
+
+@runtime_checkable
 class SpeakingStrategy(Strategy, Protocol):
     """A strategy with its own message fields."""
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import jax
 
+from iswarm_mj.strategy.contract import check_has
 from iswarm_mj.utils.errors import UserError
 
 
@@ -24,12 +25,7 @@ def check_methods(given: Any) -> None:
         return
     declares = "payload" in dir(given)
     names = ("say", "init", "picks", "act") if declares else ("init", "picks", "act")
-    missing = [method for method in names if not callable(getattr(given, method, None))]
-    if missing:
-        raise UserError(
-            f"{_class(given).__name__} has no method {' and no method '.join(missing)}; a strategy has "
-            f"{', '.join(names)}, see iswarm_mj.strategy.protocol.Strategy"
-        )
+    check_has(given, names, "a strategy", "iswarm_mj.strategy.protocol.Strategy")
     if hasattr(given, "say") and not declares:
         raise UserError(
             f"{_class(given).__name__} has a method say, but no attribute payload; declare what it says, as "

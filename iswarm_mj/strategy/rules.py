@@ -14,7 +14,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import choices
 
-NON_STRATEGY_FIELDS = {"dust_range", "message_range", "update_order"}
+NON_STRATEGY_FIELDS = {"dust_range", "error_in_sensing", "message_range", "update_order"}
 """Settings of `StrategyConfig` that sensors and channel apply."""
 
 _FIELDS = [(cls, f) for cls in (Genome, StrategyConfig) for f in fields(cls) if f.name not in NON_STRATEGY_FIELDS]

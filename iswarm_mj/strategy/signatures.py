@@ -8,31 +8,15 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.contract import compare, shapes_of
 from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
-
-_TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32}
-
-
-def shapes_of(cls: Any, **sizes: int) -> dict[str, Any]:
-    """Return the shapes and types that the annotations of a named tuple declare, as `Float[Array, "N 2"]`.
-
-    Args:
-        cls: the named tuple; fields with other annotations are left out.
-        sizes: of its axes by their names.
-    """
-    return {
-        name: jax.ShapeDtypeStruct([sizes.get(axis) or int(axis) for axis in kind.dim_str.split()], _TYPES[kind.dtype])
-        for name, kind in cls.__annotations__.items()
-        if hasattr(kind, "dim_str")
-    }
 
 
 def observation_shapes(
@@ -44,7 +28,7 @@ def observation_shapes(
     return Observation(**shapes_of(Observation, N=n_robots, S=n_sides), payload=messages, sensed=sensed or {})
 
 
-def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sensed: Any = None) -> None:
+def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sensed: Any = None) -> Any:
     """Check the shapes and types of what the methods of strategies return, and that they return it each time.
 
     Args:
@@ -52,6 +36,9 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         n_robots: N.
         n_sides: S.
         sensed: shapes and types of what else the task lets robots sense, by its names.
+
+    Returns:
+        Shapes and types of what the robots of a world remember.
 
     Raises:
         UserError: a method returns something else, raises an exception, cannot be compiled, or depends on more than
@@ -99,6 +86,7 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
     compare(f"{name}.act", returned[0], memory, "memory")
     compare(f"{name}.act", returned[1], Command(**shapes_of(Command, N=n_robots)), "command")
+    return memory
 
 
 def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> Any:
@@ -139,26 +127,3 @@ def _text(program: Any) -> list[Any]:
     """A program and the numbers in it, without addresses in the memory and random keys."""
     numbers = [values for values in program.consts if not jnp.issubdtype(values.dtype, jax.dtypes.prng_key)]
     return [re.sub("0x[0-9a-f]+", "", str(program)), *(np.asarray(values).tobytes() for values in numbers)]
-
-
-def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
-    """Raise a UserError unless what a method returned has the structure, shapes and types of what it should."""
-    same = " as it was given" if what == "memory" else ""
-    if jax.tree.structure(given) != jax.tree.structure(wanted):
-        raise UserError(
-            f"{method} must return {_named(wanted)} as its {what}{same} (got {_named(given)}); return the same type "
-            "with the same parts"
-        )
-    for (path, mine), its in zip(jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True):
-        if (mine.shape, mine.dtype) != (its.shape, its.dtype):
-            part = jax.tree_util.keystr(path)
-            remedy = "convert it, for instance with astype" if mine.shape == its.shape else "return one of that shape"
-            raise UserError(
-                f"{method} must return {its.dtype}{list(its.shape)} as {part + ' of ' if part else ''}its {what}{same} "
-                f"(got {mine.dtype}{list(mine.shape)}); {remedy}"
-            )
-
-
-def _named(tree: Any) -> str:
-    is_array = isinstance(tree, jax.ShapeDtypeStruct)
-    return "an array" if is_array else f"{type(tree).__name__} of {len(jax.tree.leaves(tree))} arrays"

@@ -15,7 +15,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.declared import payload_of, recorded_of, said
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy
+from iswarm_mj.strategy.protocol import DimmingStrategy, ReckoningStrategy, RelayingStrategy, ReleasingStrategy
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -183,6 +183,15 @@ class Teams:
                 own = _of(memory[name], robots), _seen(strategy, observation, robots), jax.random.fold_in(key, k)
                 heard[name] = _placed(strategy.listen(*own), robots, len(observation.waits))
         return heard
+
+    def fell_short(self, memory: dict[str, Any], shortfall: Float[Array, "N"]) -> dict[str, Any]:
+        """See `ReckoningStrategy.fell_short`; robots of other strategies do not learn of it."""
+        known = dict(memory)
+        for name, strategy, robots in self._each(len(shortfall)):
+            if isinstance(strategy, ReckoningStrategy):
+                own = strategy.fell_short(_of(memory[name], robots), shortfall[robots])
+                known[name] = _placed(own, robots, len(shortfall))
+        return known
 
     def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
         """See `Strategy.act`."""

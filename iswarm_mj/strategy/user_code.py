@@ -14,6 +14,11 @@ _INNER = ("<", str(Path(iswarm_mj.__file__).parent), *map(sysconfig.get_path, ("
 """How paths of code begin that is not the user's."""
 
 
+def is_users(file: str) -> bool:
+    """Return whether code in a file is a user's: neither of this package, nor of Python, nor installed."""
+    return not file.startswith(_INNER)
+
+
 @contextmanager
 def user_code(what: str) -> Iterator[None]:
     """Turn exceptions of the user's code into a `UserError` that names its line; those of this package pass.
@@ -29,7 +34,7 @@ def user_code(what: str) -> Iterator[None]:
     except (UserError, SimulationFault):
         raise
     except (Exception, SystemExit) as error:
-        frames = [one for one in traceback.extract_tb(error.__traceback__) if not one.filename.startswith(_INNER)]
+        frames = [one for one in traceback.extract_tb(error.__traceback__) if is_users(one.filename)]
         if isinstance(error, SystemExit) and not frames:  # the command line's parser has explained a flag
             raise
         raise UserError(_sentence(what, error, frames)) from error

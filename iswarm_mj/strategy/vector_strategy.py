@@ -6,14 +6,13 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.fields import Flag, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy import controller
-from iswarm_mj.strategy.avoidance import is_blocked
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
@@ -105,12 +104,16 @@ class VectorStrategy:
         steered = fusion_barrier(jax.jit(partial(controller.steer, config)), wish, target.limit, prefers_left)
         approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))
         command = controller.approach(config, self.probe_tip, approaches, observation.ball_vector, steered)
-        waits = is_blocked(rules, observation.is_heard, observation.distance, self.sides)
-        command = command._replace(forward=jnp.where(waits, jnp.minimum(command.forward, 0.0), command.forward))
         command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
         believed = believed_motion(rules, *command, draws.odometry)
         dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
         return known._replace(dust=dust, dump=dump), command
+
+    def fell_short(self, memory: RobotMemory, shortfall: Float[Array, "N"]) -> RobotMemory:
+        """Return the memories of robots that walked less than they commanded, see `ReckoningStrategy`."""
+        still = jnp.zeros_like(shortfall)
+        dust, dump = (after_motion(vectors, still, -shortfall) for vectors in (memory.dust, memory.dump))
+        return memory._replace(dust=dust, dump=dump)
 
     def _remember(self, memory: RobotMemory, observation: Observation, draws: controller.Draws) -> RobotMemory:
         """Memories after forgetting, listening, sensing the floor and, if so configured, finding nothing."""

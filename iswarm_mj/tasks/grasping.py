@@ -26,6 +26,12 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
     balls = carry(balls, tips)
     dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
     floor = sense(inputs.poses, tips, balls.position, balls.is_lying, dump_size, reach)
+    floor = floor._replace(
+        on_dump=floor.on_dump & inputs.notices,
+        tip_on_dump=floor.tip_on_dump & inputs.notices,
+        at_dust=floor.at_dust & inputs.notices,
+        ball_vector=jnp.where(jnp.asarray(inputs.notices)[..., None], floor.ball_vector, 0.0),
+    )
     fall_key, attempt_key = split(key, 2)
     falls = draw(fall_key, balls.is_held.shape, n_uniform=1).uniform[0][0] < conditions.drop_rate
     balls, grasp_failed = handle(

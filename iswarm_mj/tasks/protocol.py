@@ -63,6 +63,8 @@ class TaskInputs(NamedTuple):
     """What the drives carried out in the step; only in `Task.reward`."""
     message: UInt32[Array, "N"] | None = None
     """The 32 bits that each robot sent in the step (`Payload.unpack`); only in `Task.reward`."""
+    notices: Bool[Array, "N"] | bool = True
+    """Robots that sense the dust and the dump that they are at, see `StrategyConfig.error_in_sensing`."""
 
 
 class Sensed(NamedTuple):

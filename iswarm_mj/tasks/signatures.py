@@ -9,9 +9,9 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
+from iswarm_mj.strategy.contract import check_has, compare
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_pytree
-from iswarm_mj.strategy.signatures import compare
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
@@ -28,13 +28,7 @@ def check_methods(given: Any) -> None:
         UserError: one is missing.
     """
     needed = (*_METHODS, "areas") if getattr(given, "drawn", None) else _METHODS
-    missing = [method for method in needed if not callable(getattr(given, method, None))]
-    if missing:
-        name = given.__name__ if isinstance(given, type) else type(given).__name__
-        raise UserError(
-            f"{name} has no method {' and no method '.join(missing)}; a task has {', '.join(needed)}, "
-            "see iswarm_mj.tasks.protocol.Task"
-        )
+    check_has(given, needed, "a task", "iswarm_mj.tasks.protocol.Task")
 
 
 def check_object(given: Any) -> None:

@@ -1,4 +1,4 @@
-"""Robots with other hulls and optics: light by every engine, and against a reference that tries every pair."""
+"""Light by every engine, of the paper's robots and of others, and against a reference that tries every pair."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,8 @@ EDGE = 7.5 * 2 * np.sqrt(2)
 
 @pytest.fixture(scope="module", params=ROBOTS)
 def file(request, tmp_path_factory):
-    return robot_file(tmp_path_factory.mktemp("robots"), request.param)
+    """File of a robot; none for the paper's."""
+    return None if request.param == "paper" else robot_file(tmp_path_factory.mktemp("robots"), request.param)
 
 
 def crowds(seed, density, n_worlds=2, scale=1.45):
@@ -68,13 +69,28 @@ def senses(file, config, poses, inside, emits):
     return sights | {"mjx": jax.tree.map(lambda *parts: np.stack(parts), *each)}
 
 
-@pytest.mark.parametrize(("mode", "baud_rate"), [("sector", 0), ("power", 2000)])
-def test_every_engine_senses_the_same(file, mode, baud_rate):
-    config = SwarmConfig(arena=SMALL.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
+OPTICS = {
+    "sector": OpticsConfig(),
+    "blind": OpticsConfig(line_of_sight=False),
+    "several": OpticsConfig(baud_rate=2000),
+    "power": OpticsConfig(mode="power", baud_rate=2000),
+}
+
+
+@pytest.mark.parametrize(
+    ("file", "optics"),
+    [*(("paper", optics) for optics in OPTICS), ("four askew", "sector"), *((robot, "power") for robot in ROBOTS)],
+    indirect=["file"],
+)
+def test_every_engine_senses_the_same(file, optics):
+    """Some robots are absent, and neither send, nor receive, nor hide others; some are dark, others dim."""
+    config = SwarmConfig(arena=SMALL.arena, optics=OPTICS[optics])
     poses, inside = crowds(4, 0.5)
-    emits = np.random.default_rng(5).random(inside.shape) < 0.9
-    sights = senses(file, config, poses, inside, emits)
+    emits, present = np.random.default_rng(5).random((2, *inside.shape)) < 0.9
+    inside &= present
+    sights = senses(file, config, poses, inside, emits * np.random.default_rng(6).choice([0.3, 1.0], emits.shape))
     expected = sights.pop("mujoco")
+    assert expected.links.valid.ndim == (4 if config.optics.baud_rate else 3)
     assert expected.links.valid.sum() > 30 and expected.sees_wall.sum() > 5
     for name, sight in sights.items():
         np.testing.assert_array_equal(sight.links.valid, expected.links.valid, err_msg=name)

@@ -6,22 +6,15 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import crowd as bricks
 from helpers_small import SMALL
 from helpers_touching import pairs_of
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 
@@ -137,42 +130,3 @@ def test_jams_end_where_mujoco_ends(impl):
             np.testing.assert_array_equal(here.touching, in_c.touching)
         poses = in_c.bodies.poses
     assert pairs_of(here.touching).sum() > 90
-
-
-def test_runs_begin_alike(small):
-    """Strategy, messages and balls included; later, chaos makes different runs of them."""
-    settings = RunSettings(30, 8, seed=5, n_worlds=8, failed_fraction=0.1, record_worlds=tuple(range(8)))
-    runs = [Run(small, Genome(), settings, engine) for engine in (MujocoSettings(1), PlanarSettings(1, 1, 2e-5))]
-    for _ in range(8):
-        in_c, here = (run.advance() for run in runs)
-        np.testing.assert_allclose(here.poses, in_c.poses, atol=1e-5)
-        np.testing.assert_array_equal(here.collisions, in_c.collisions)
-        np.testing.assert_array_equal(here.links.sender, in_c.links.sender)
-    assert in_c.collisions.sum() > 10
-
-
-@BOTH
-@pytest.mark.parametrize("density", [0.2, 0.5, 0.8])
-@pytest.mark.parametrize("baud_rate", [0, 2000])
-@pytest.mark.parametrize("mode", ["sector", "power"])
-def test_links_and_walls_are_those_of_mujoco(mode, baud_rate, density, impl):
-    """The nearest sender of each side, or where messages take time several."""
-    rng = np.random.default_rng(4)
-    config = SwarmConfig(arena=SMALL.arena, optics=OpticsConfig(mode=mode, baud_rate=baud_rate))
-    poses = np.stack([bricks(rng, density) for _ in range(4)])
-    poses[..., :2] += rng.uniform(-0.2, 0.2, poses[..., :2].shape) + np.array([13, -11])  # some touch, some see walls
-    inside = np.abs(poses[..., :2]).max(axis=-1) < EDGE - 1
-    emits, running = rng.random(inside.shape) < 0.9, np.ones(4, bool)
-    in_c, here = (
-        engine.sense(engine.place(poses, inside), emits, running) for engine in engines(*inside.shape, config, impl)
-    )
-    assert in_c.links.valid.shape[3:] == ((config.optics.n_senders,) if baud_rate else ())
-    np.testing.assert_array_equal(here.links.valid, in_c.links.valid)
-    for values, expected in zip(here.links, in_c.links, strict=True):
-        values, expected = np.asarray(values)[in_c.links.valid], expected[in_c.links.valid]
-        if impl == "numba" or expected.dtype != np.float32:
-            np.testing.assert_array_equal(values, expected)
-        else:
-            np.testing.assert_allclose(values, expected, atol=2e-5)
-    np.testing.assert_array_equal(here.sees_wall, in_c.sees_wall)
-    assert in_c.links.valid.sum() > 100 and in_c.sees_wall.sum() > 10

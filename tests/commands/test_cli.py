@@ -98,6 +98,20 @@ class TestRefusals:
         assert (here / "file").read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [["replay", "--title", "a\udcff"], ["sweep", "clean", "--over", "seed=1,2", "--out", "a\udcff"], ["\udc80"]],
+)
+def test_arguments_that_are_no_text(capfd, here, arguments):
+    assert "must be text in UTF-8 (got" in refused(capfd, here, *arguments)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "\x1b[31m" * 900])
+def test_messages_are_short_and_end_with_the_remedy(capfd, here, name):
+    error = refused(capfd, here, "clean", "--config", name)
+    assert len(error) < 2000 and error.endswith("or a result.json.\n") and "\x1b" not in error
+
+
 def test_a_number_is_no_file_of_a_robot(capfd, here):
     assert "perhaps you meant --robots 5" in refused(capfd, here, "clean", "--robot", "5")
 

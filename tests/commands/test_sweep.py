@@ -54,6 +54,16 @@ def test_finished_runs_are_kept_unless_a_file_has_changed(here, made):
     assert code_of(*command, "speed=0.5,1") == 0 and len(made) == 5
 
 
+def test_modules_that_a_strategy_imports_count(here, made):
+    (here / "walk.py").write_text(WALK.replace("import jax.numpy", "import fast\nimport jax.numpy"))
+    (here / "fast.py").write_text("from slow import HOW\n")
+    (here / "slow.py").write_text("HOW = 1\n")
+    command = ["sweep", "clean", *FLAGS, "--robots=5", "--strategy=walk.py:Walk", "--over", "speed=0.5,1"]
+    for text, n_made in (("HOW = 1\n", 2), ("HOW = 1\n", 2), ("HOW = 2\n", 4)):
+        (here / "slow.py").write_text(text)
+        assert code_of(*command) == 0 and len(made) == n_made
+
+
 def test_metrics_of_a_task_are_columns(here):
     command = ["sweep", "run", "--task=aggregation", "--engine=planar", "--threads=1", "--steps=5", "--robots=12"]
     assert code_of(*command, "--over", "strategy=beeclust", "seed=0,1", "--out=found") == 0

@@ -22,7 +22,6 @@ from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import models_directory, read_robot
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.output.frames import RecordedWorld
-from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.simulation.initial import Start
@@ -213,35 +212,31 @@ class TestOutput:
         boxes = read(tmp_path / "a.rrd")["/" + ROBOTS]
         np.testing.assert_allclose(boxes["Boxes3D:half_sizes"], [[0.5, 1, 0.5]])
 
-    def test_plan_shows_rectangles(self, scene):
-        corners = outlines(np.array([[0, 0, np.pi / 2]]), scene.robot_size[:2])[0]
-        np.testing.assert_allclose(np.abs(corners), [[1e-3, 0.5e-3]] * 4, atol=1e-12)
-
     @needs_opengl
     def test_picture_shows_a_smaller_robot(self, file):
         """The solar cell of 0.92 mm covers the middle of the area."""
-        whole, half = (blue_area(robot_file) for robot_file in (None, file))
+        robots = [(path and str(path), tuple(map(float, read_robot(path).half_edges))) for path in (None, file)]
+        code = SHOW.format(robots=robots)
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        whole, half = map(int, done.stdout.split())
         assert half / whole == pytest.approx((2 - 0.92**2) / (4 - 0.92**2), abs=0.04)
 
 
-def blue_area(robot_file):
-    """Pixels of loaded robots in a picture from above, drawn by a process that has OpenGL."""
-    code = f"""
+SHOW = """
 import numpy as np
 from pathlib import Path
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.stage import Shot, Stage
-path = {str(robot_file or "")!r}
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
-size = 2e-3 * np.array({tuple(map(float, read_robot(robot_file).half_edges))})
-frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool), scene_robot_size=size)
-frames |= dict(scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
-frames |= {{f"scene_area_{{part}}": np.zeros(0) for part in ("names", "colours", "shapes")}}
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
-with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=Path(path) if path else None) as stage:
-    pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
-red, green, blue = np.moveaxis(pixels, -1, 0)
-print(((blue > 90) & (red < 0.38 * blue) & (green > 0.55 * blue)).sum())
+for path, half_edges in {robots}:
+    path, size = path and Path(path), 2e-3 * np.array(half_edges)
+    frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
+    frames |= dict(scene_robot_size=size, scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
+    frames |= {{"scene_area_" + part: np.zeros(0) for part in ("names", "colours", "shapes")}}
+    with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=path) as stage:
+        pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+    print(((blue > 90) & (red < 0.38 * blue) & (green > 0.55 * blue)).sum())
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return int(done.stdout)
+"""Prints the pixels of loaded robots in pictures from above, drawn by a process that has OpenGL."""

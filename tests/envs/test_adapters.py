@@ -4,7 +4,6 @@ import copy
 import pickle
 import subprocess
 import sys
-from functools import partial
 
 import gymnasium
 import jax
@@ -21,6 +20,10 @@ from iswarm_mj.envs import parallel_env, single_env, vector_env
 from iswarm_mj.utils.errors import UserError
 
 FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}
+
+
+def pickled(env):
+    return pickle.loads(pickle.dumps(env))
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +46,8 @@ def one():
 
 @pytest.mark.filterwarnings("error:.*:UserWarning:pettingzoo")
 def test_pettingzoo_finds_nothing_wrong(env):
-    parallel_api_test(env, num_cycles=50)
-    parallel_seed_test(lambda: parallel_env(**FEW), num_cycles=20)
+    parallel_api_test(env, num_cycles=25)
+    parallel_seed_test(lambda: parallel_env(**FEW), num_cycles=5)
 
 
 def test_gymnasium_finds_nothing_wrong(one):
@@ -71,14 +74,14 @@ def test_all_do_the_same(env, one):
     assert many.agents == []
 
 
-def test_worlds_of_a_vector_begin_anew_by_themselves():
-    env = vector_env(num_envs=3, **FEW)
+def test_worlds_of_a_vector_begin_anew_by_themselves(batch):
+    env = batch
     assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
     first, _ = env.reset(seed=1)
-    assert first.shape == (3, 5, env.single_observation_space.shape[1]) and not np.array_equal(first[0], first[1])
+    assert first.shape == (2, 5, env.single_observation_space.shape[1]) and not np.array_equal(first[0], first[1])
     for step in range(1, 24):
         obs, reward, ended, cut, info = env.step(env.action_space.sample())
-        assert env.observation_space.contains(obs) and reward.shape == ended.shape == cut.shape == (3,)
+        assert env.observation_space.contains(obs) and reward.shape == ended.shape == cut.shape == (2,)
         assert cut.all() == (step == 20) and not ended.any()
         if step == 21:
             np.testing.assert_array_equal(info["collisions"], 0)
@@ -93,19 +96,16 @@ def test_seeds_are_whole_numbers_of_any_type(one):
     assert not np.array_equal(plain, largest)
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
-@pytest.mark.parametrize("make", [parallel_env, single_env, partial(vector_env, num_envs=2)])
-def test_copies_are_environments_of_the_same_settings(make, copied):
-    env = make(**FEW)
-    other = copied(env)
-    (seen, _), (again, _) = env.reset(seed=3), other.reset(seed=3)
+@pytest.mark.parametrize(("name", "copied"), [("env", copy.deepcopy), ("one", copy.copy), ("batch", pickled)])
+def test_copies_are_environments_of_the_same_settings(request, name, copied):
+    env = request.getfixturevalue(name)
+    (seen, _), (again, _) = env.reset(seed=3), copied(env).reset(seed=3)
     jax.tree.map(np.testing.assert_array_equal, again, seen)
 
 
-def test_a_critic_knows_all_observations_and_where_robots_are():
-    env = parallel_env(**FEW)
+def test_a_critic_knows_all_observations_and_where_robots_are(env):
     with pytest.raises(UserError, match="state needs an episode; call reset first"):
-        env.state()
+        parallel_env(**FEW).state()
     seen, _ = env.reset(seed=1)
     state, n = env.state(), len(env.agents)
     np.testing.assert_array_equal(state[: -3 * n], np.concatenate([seen[agent] for agent in env.agents]))
@@ -113,11 +113,11 @@ def test_a_critic_knows_all_observations_and_where_robots_are():
     assert (np.abs([x, y]) < FEW["config"].arena.size / 2).all() and np.ptp(x) > 1 and (np.abs(yaw) <= 2 * np.pi).all()
 
 
-def test_gymnasium_makes_them_by_name():
+def test_gymnasium_makes_them_by_name(one):
     settings = {name: value for name, value in FEW.items() if name != "task"}
     env = gymnasium.make("iswarm_mj.envs.gymnasium:iswarm/Cleaning-v0", **settings)
     seen, _ = env.reset(seed=2)
-    np.testing.assert_array_equal(seen, single_env(**settings).reset(seed=2)[0])
+    np.testing.assert_array_equal(seen, one.reset(seed=2)[0])
     many = gymnasium.make_vec("iswarm_mj.envs.gymnasium:iswarm/Cleaning-v0", num_envs=2, **settings)
     assert many.reset(seed=2)[0].shape == (2, *seen.shape)
 

@@ -59,8 +59,8 @@ SLOW = replace(SMALL, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
 
 @pytest.mark.parametrize(
     "engine, config",
-    [(PlanarSettings(1), NOISY), (MujocoSettings(1), NOISY), (PlanarSettings(1), SLOW)],
-    ids=["planar", "mujoco", "slow grasps and little energy"],
+    [(MujocoSettings(1), NOISY), (PlanarSettings(1), SLOW)],
+    ids=["mujoco", "planar, slow grasps and little energy"],
 )
 def test_worlds_do_what_they_do_in_a_run(engine, config):
     """The same start, noise, messages and errors of the drive: poses, what is heard, and balls."""
@@ -199,10 +199,15 @@ def test_engines_agree():
         np.testing.assert_allclose(other, ends[0], atol=0.02)
 
 
+@pytest.fixture(scope="module")
+def eastward():
+    return make_env(Eastward(), n_robots=8, config=SMALL, n_worlds=2, engine=PlanarSettings(1), steps=2, n_starts=4)
+
+
 @pytest.mark.parametrize("last", [1, 2])
-def test_a_fault_brings_no_reward_and_is_not_the_end_of_the_time(last):
+def test_a_fault_brings_no_reward_and_is_not_the_end_of_the_time(eastward, last):
     """Also in the last step of an episode; the same step without the fault is rewarded."""
-    env = make_env(Eastward(), n_robots=8, config=SMALL, n_worlds=2, engine=PlanarSettings(1), steps=2, n_starts=4)
+    env = eastward
     ends = []
     for number in (0.0, np.nan):
         state, action = env.reset(KEYS[:2]), np.zeros((2, 8, 2), np.float32)
@@ -218,26 +223,18 @@ def test_a_fault_brings_no_reward_and_is_not_the_end_of_the_time(last):
     np.testing.assert_array_equal(faulty.info["truncated"], [False, last == 2])
 
 
-def test_rewards_are_of_the_task():
-    """Robots that stand on dust pick it up: 20 points a ball."""
-    env = make_env(n_robots=40, config=SMALL, n_worlds=2, engine=PlanarSettings(1), steps=100)
-    state, total = env.reset(KEYS[:2]), 0.0
+def test_rewards_are_of_the_task_whose_goal_ends_an_episode():
+    """Robots that stand on dust pick it up, and one delivers its ball: 20 points for either."""
+    env = make_env(n_robots=60, config=SMALL, n_worlds=1, engine=PlanarSettings(1), steps=400, stop_at=1)
+    state, total, rng = env.reset(KEYS[:1]), 0.0, np.random.default_rng(2)
     first = np.asarray(state.metrics["picked"])
-    rng = np.random.default_rng(0)
-    for _ in range(60):
-        state = env.step(state, rng.uniform(-0.3, 1, (2, 40, 2)))
+    while not state.done[0]:
+        state = env.step(state, rng.uniform(-0.2, 1, (1, 60, 2)))
         total += np.asarray(state.reward).sum(axis=1)
     balls = np.asarray(state.metrics["picked"]) - first + np.asarray(state.metrics["delivered"])
     np.testing.assert_array_equal(total, 20 * balls)
-    assert balls.sum() > 3
-
-
-def test_the_goal_ends_an_episode():
-    env = make_env(n_robots=60, config=SMALL, n_worlds=1, engine=PlanarSettings(1), steps=400, stop_at=1)
-    state, rng = env.reset(KEYS[:1]), np.random.default_rng(2)
-    while not state.done[0]:
-        state = env.step(state, rng.uniform(-0.2, 1, (1, 60, 2)))
-    assert state.info["is_finished"][0] and not state.info["truncated"][0] and state.metrics["delivered"][0] >= 1
+    assert balls.sum() > 3 and state.metrics["delivered"][0] >= 1
+    assert state.info["is_finished"][0] and not state.info["truncated"][0]
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import pytest
 from helpers_findings import GRASP_SETTINGS, grasp_rows, replicated, search_rows, settings_of
 from helpers_hop_count import write_hop_count
+from matplotlib.figure import Figure
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.experiments.runner.experiment import Plan
@@ -33,3 +34,14 @@ def paper():
 def random():
     """Eight made-up searches that learn nothing."""
     return replicated(8, seed=1, learns=False)
+
+
+@pytest.fixture
+def few_pixels(monkeypatch):
+    """Figures of few pixels; their SVG files, which take as long again, are empty."""
+    savefig = Figure.savefig
+
+    def save(drawing, path, format, metadata):
+        savefig(drawing, path, format=format, metadata=metadata, dpi=20) if format == "png" else path.touch()
+
+    monkeypatch.setattr(Figure, "savefig", save)

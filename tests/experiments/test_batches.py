@@ -126,9 +126,9 @@ class TestPlanarInBatches:
         assert [found[index].steps for index in range(2)] == [13, 20]
 
     def test_jobs_end_as_alone(self, small, monkeypatch):
-        """Jobs of two lengths and of different numbers of robots, some of them dead, as two batches."""
-        given = [(12, 1, 20, 0.0), (10, 2, 20, 0.5), (12, 3, 10, 0.0)]
-        jobs = [Job(small, Genome(), n, seed, steps=steps, failed_fraction=dead) for n, seed, steps, dead in given]
+        """Jobs of two lengths, one with dead robots, as two batches."""
+        given = [(1, 20, 0.0), (2, 20, 0.5), (3, 10, 0.0)]
+        jobs = [Job(small, Genome(), 12, seed, steps=steps, failed_fraction=dead) for seed, steps, dead in given]
         begun = []
 
         def run(*arguments, **parts):

@@ -107,6 +107,17 @@ def test_other_settings_are_refused(path, written):
         entries(path, {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}})
 
 
+def test_what_is_refused_stays_as_it_was(path, written):
+    whole = path.read_bytes()
+    for size in (*range(0, len(whole), 512), len(whole)):
+        for settings in ({"seed": 4}, {"seed": 3, "config": {}}):
+            path.write_bytes(whole[:size])
+            if size:
+                with pytest.raises(UserError):
+                    entries(path, settings)
+                assert path.read_bytes() == whole[:size] and [one.name for one in path.parent.iterdir()] == [path.name]
+
+
 def test_another_version_is_refused(path, written, monkeypatch):
     monkeypatch.setattr(journal, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
     with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):

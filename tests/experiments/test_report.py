@@ -149,6 +149,7 @@ def figures(monkeypatch):
     return kept
 
 
+@pytest.mark.usefixtures("few_pixels")
 def test_figures_of_a_directory_are_drawn_beside_their_tables(tmp_path, figures):
     """Runs that did not end are triangles; an SVG file is kept where one was."""
     for name in ("hop-count/hop_count.parquet", "grasp/trials.parquet"):
@@ -164,6 +165,7 @@ def test_figures_of_a_directory_are_drawn_beside_their_tables(tmp_path, figures)
     assert counts == [12, 0, 0, 0]
 
 
+@pytest.mark.usefixtures("few_pixels")
 @pytest.mark.parametrize("name", ["types", "sensitivity", "resolved-grasps", "infer"])
 def test_each_experiment_draws_its_table(tmp_path, name, monkeypatch):
     monkeypatch.setattr("iswarm_mj.experiments.analysis.statistics.RESAMPLES", 99)

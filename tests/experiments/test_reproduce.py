@@ -8,6 +8,7 @@ from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import read_table, write_table
 
+pytestmark = pytest.mark.usefixtures("few_pixels")
 PARTS = ["hop-count", "evolve-random"]
 PAGE = "Text with 17 of its own.\n<!-- results: {} -->\n<!-- end -->\n"
 

@@ -148,6 +148,7 @@ def test_killed_and_resumed(tmp_path):
     assert len(rows) == 12 and {row["n_robots"] for row in rows} == {12} and len({row["fitness"] for row in rows}) > 6
 
 
+@pytest.mark.slow
 def test_generations_as_batches(small, tmp_path):
     """Two generations in MJX, with swarms of two sizes; their first steps are those of MuJoCo C."""
     out = tmp_path / "out"

@@ -26,6 +26,8 @@ from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.tables import read_table
 
+pytestmark = pytest.mark.usefixtures("few_pixels")
+
 
 class TestTable:
     @pytest.fixture

@@ -31,6 +31,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.rollout import Rollout
 
+pytestmark = pytest.mark.usefixtures("few_pixels")
 SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
 TRAINING = Training(config=SMALL, robots=4, steps=10, generations=5, population=4, worlds=2, seed=3)
 GOAL = np.array([0.5, -1.0, 0.25])

@@ -111,6 +111,14 @@ def test_threads_and_company_change_nothing():
         assert getattr(together.release[GAP], name)[2] == getattr(alone.release[GAP], name)[0]
 
 
+def test_each_gap_begins_with_the_lifted_ball():
+    trials = random_trials(3)
+    both, last = (run_trials(trials, QUICK, gaps=Gaps(gaps, ())) for gaps in ((2e-6, GAP), (GAP,)))
+    for name in ("voltage", "flight_time", "landing_speed"):
+        np.testing.assert_array_equal(getattr(both.release[GAP], name), getattr(last.release[GAP], name))
+    assert (both.release[2e-6].flight_time < both.release[GAP].flight_time).all()
+
+
 def test_a_trace_is_the_trial():
     trial = draw(0, 20e-6, 10.0, 0)
     outcome = run_trials([trial], Protocol())

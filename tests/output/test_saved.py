@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_mjx import TINY, N, mjx, poses, settings
+from helpers_mjx import ENGINES, TINY, N, poses, settings
 from helpers_recorded import of_world
 from helpers_worlds import centres
 
@@ -13,8 +13,6 @@ import iswarm_mj
 from iswarm_mj import PRESETS, PlanarSettings, Run
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean
-
-ENGINES = {"planar": lambda: PlanarSettings(1), "planar-warp": lambda: PlanarSettings(impl="warp"), "mjx": mjx}
 
 
 def cleaned(run, out):
@@ -35,11 +33,12 @@ def array(table, name, shape):
     return np.array(table[name].to_pylist(), float).reshape(shape)
 
 
-@pytest.fixture(scope="module", params=["planar", "planar-warp", pytest.param("mjx", marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=["planar", "warp", pytest.param("mjx", marks=pytest.mark.slow)])
 def done(request, tmp_path_factory):
     """A run of three worlds of which 2 and 0 are recorded, its records, and what was read back."""
     out = tmp_path_factory.mktemp("run")
-    run = Run(TINY, PRESETS["type1"], settings(), ENGINES[request.param]())
+    engine = ENGINES.get(request.param, PlanarSettings(1))
+    run = Run(TINY, PRESETS["type1"], settings(steps=25), engine)
     records = cleaned(run, out)
     return run, records, iswarm_mj.load(out), out
 

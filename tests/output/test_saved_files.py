@@ -162,6 +162,7 @@ def test_configurations_come_back(config):
         ("link_sender", lambda a: a + a.dtype.type(30), "`link_sender` must lie between 0 and 29"),
         ("ball_state", lambda a: a + a.dtype.type(120), "`ball_state` must lie between 0 and 2"),
         ("scene_memory_units", lambda a: a[:-1], "`scene_memory_units` does not fit"),
+        ("dust_hop", lambda a: a[:, :-1], "`dust_hop` is not there for each step and robot"),
     ],
 )
 def test_values_that_no_run_has(small_run, copy, name, values, words):

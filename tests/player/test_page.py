@@ -15,6 +15,7 @@ import zstandard
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.bench import BenchSettings, outcome
 from iswarm_mj.player.page import close_server, open_server
@@ -54,6 +55,16 @@ def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
     finally:
         close_server(other)
     assert played.url in played._repr_html_()
+
+
+def test_resets_while_it_draws(played, monkeypatch):
+    """However long a reset takes, no drawing mixes both runs, of which one has fewer robots."""
+    session, frames = played.session, RecordedWorld.frames
+    monkeypatch.setattr(RecordedWorld, "frames", lambda *given: (time.sleep(0.5), frames(*given))[1])
+    session.post(lambda: (session.set("robots", 12), session.reset()))
+    wait(lambda: session.version > 1 and played._version == session.version)
+    time.sleep(1)
+    assert played._error is None and len(session.is_alive) == 12
 
 
 def test_clicks_select_kill_and_drop(played):
@@ -121,7 +132,7 @@ def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
     assert min(np.abs(one - expected).max() for one in found) <= 1 / 128 + 1e-4
 
 
-@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(by="red")])
+@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(by="red"), Film(draws=("links", "foo"))])
 def test_impossible_replays(run, film, tmp_path):
     with pytest.raises(UserError):
         write_replay(run, film, tmp_path / "page.html")

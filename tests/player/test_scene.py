@@ -1,5 +1,7 @@
 """What is drawn is where robots and balls are, in millimetres."""
 
+import itertools
+
 import numpy as np
 import pytest
 from helpers_robots import robot_file
@@ -51,6 +53,17 @@ def test_between_two_steps_robots_are_between(session):
     first, middle, end = (arrays.moment(scene, before, after, share) for share in (0.0, 0.25, 1.0))
     np.testing.assert_allclose(middle.centre, 0.75 * first.centre + 0.25 * end.centre, atol=1e-4)
     np.testing.assert_allclose(first.centre[:, :2], before.pose[0, :, :2] * 1e3, atol=1e-4)
+
+
+def test_balls_are_carried_between_two_steps(session):
+    """Those that a robot holds before and after; a robot goes 1 mm at most."""
+    n_moved = 0
+    for one, other in itertools.pairwise(session.snapshots):
+        first, middle, end = (arrays.moment(session.scene, one.frames, other.frames, s).ball for s in (0.0, 0.25, 1.0))
+        held = (one.frames.ball_state[0] == 1) & (other.frames.ball_state[0] == 1)
+        np.testing.assert_allclose(middle[held], 0.75 * first[held] + 0.25 * end[held], atol=1e-4)
+        n_moved += (np.linalg.norm(end[held] - first[held], axis=-1) > 0.2).sum()
+    assert n_moved > 10
 
 
 def test_links_lead_from_receivers_to_senders_in_range(session):

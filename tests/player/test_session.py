@@ -187,7 +187,7 @@ def test_controls_have_the_ranges_that_settings_declare():
     found = {control.name: control for control in controls(SCENARIO)}
     forget = found["p_vector_forget"]
     assert (forget.low, forget.high, forget.value, forget.is_live) == (0, 1, 0.29, True)
-    assert found["strategy.blocked"].choices == ("pushes", "waits")
+    assert found["strategy.priority_repulsion"].choices == ("higher", "scaled")
     assert found["robots"].value == 20 and not found["robots"].is_live
     own = {c.name: c for c in controls(Scenario(strategy=Beeclust(), task=Aggregation()))}
     assert own["longest_wait"].is_live and "p_vector_forget" not in own and "gripper.drop_rate" not in own
@@ -205,6 +205,17 @@ def test_earlier_changes_of_a_setting_are_kept():
     session.advance()
     session.change("p_vector_forget", "0.6")
     assert [str(change) for change in session.made] == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
+
+
+@pytest.mark.parametrize("text", ["1:kill=20", "3:revive=-1", "2:kill=x", "2:ball=3", "2:ball=99,0", "2:ball=nan,0"])
+def test_impossible_edits_are_refused_at_the_start(text):
+    with pytest.raises(UserError):
+        Session(SCENARIO, [Change.parse(text)])
+
+
+def test_balls_are_refused_where_a_task_has_none():
+    with pytest.raises(UserError, match="Aggregation has no balls"):
+        Session(Scenario(strategy=Beeclust(), task=Aggregation(), robots=4), [Change.parse("9:ball=0,0")])
 
 
 def test_the_robot_after_the_last_cannot_be_killed():

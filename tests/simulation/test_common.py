@@ -27,11 +27,11 @@ TYPE1 = PRESETS["type1"]
 OTHERS = {
     "strategy": StrategyConfig(
         dust_range=1.0,
+        error_in_sensing=0.1,
         avoidance_sides="all",
         avoidance_course="oncoming",
         priority_repulsion="scaled",
         avoids_at_dust=True,
-        blocked="waits",
         random_turn=90.0,
         scouts_pick=True,
         avoidance_gain=4.0,
@@ -48,7 +48,7 @@ OTHERS = {
         parity_check=False,
         p_communication_break=0.3,
     ),
-    "drive": DriveConfig(error_turn=10.0, error_step=0.2),
+    "drive": DriveConfig(error_turn=10.0, error_step=0.2, stop_share=0.2, turn_share=0.5, loaded_speed=0.8),
     "gripper": GripperConfig(
         drop_rate=0.1,
         grasp_voltage=41.0,

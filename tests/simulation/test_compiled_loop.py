@@ -1,25 +1,28 @@
-"""Runs in MJX: the same swarm as in MuJoCo in C, worlds that differ, faults that end their own world alone."""
+"""Runs of compiled engines: the swarm of the engines for CPUs, worlds that differ, faults, devices."""
 
+import importlib.util
 import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
+from typing import NamedTuple
 
 import jax
 import numpy as np
 import pytest
-from helpers_mjx import RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, mjx_run, poses, ran, settings
+from helpers_mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, settings, warp
 from helpers_worlds import begin_with, centres, start_of
 
 from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mjx.arena import contact_capacity
-from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
+from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.worlds import World, vector_strategies
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -28,16 +31,25 @@ from iswarm_mj.utils.profiling import Stopwatch
 
 TYPE1 = PRESETS["type1"]
 WORLD = World(TYPE1, N, SEED)
+ON_THE_HOST = {"mjx": MujocoSettings(1), "warp": PlanarSettings(1)}
 
 
-def in_c(worlds=None, steps=4, **own):
-    run = Run(TINY, TYPE1, settings(steps=steps, **own), MujocoSettings(threads=1), worlds=worlds)
+def run_in(engine, worlds=None, genome=TYPE1, **own):
+    """Three worlds to their end, and their records."""
+    run = Run(TINY, genome, settings(**own), engine, worlds=worlds)
     return run, ran(run)
 
 
-def of_one_kind(*worlds):
-    """Three worlds, numbered."""
-    return [replace(world, index=index) for index, world in enumerate(worlds)]
+class Batch(NamedTuple):
+    name: str
+    run: Run
+    record: StepRecord
+
+
+@pytest.fixture(scope="module", params=list(ENGINES))
+def batch(request):
+    """Two calls, of ten control steps each."""
+    return Batch(request.param, *run_in(ENGINES[request.param]))
 
 
 def assert_same_bits(one, other):
@@ -49,44 +61,97 @@ def assert_same_bits(one, other):
         np.testing.assert_array_equal(bits(mine), bits(yours))
 
 
-@pytest.fixture(scope="module")
-def batch():
-    """Two calls, of 25 and of 15 control steps."""
-    return mjx_run(steps=40)
-
-
-class TestAgainstMujocoInC:
+def test_the_first_steps_are_those_on_the_host(batch):
     """The same random numbers, so only rounding parts them."""
+    run, theirs = run_in(ON_THE_HOST[batch.name], steps=3)
+    assert_same_bits(batch.run.start, run.start)
+    assert jax.tree.structure(batch.record) == jax.tree.structure(theirs)
+    ours = jax.tree.map(lambda a: a[:3], batch.record)
+    for name, mine, yours in zip(ours._fields, ours, theirs, strict=True):
+        assert [a.shape for a in jax.tree.leaves(mine)] == [a.shape for a in jax.tree.leaves(yours)], name
+    for name in ("valid", "sender", "led"):
+        np.testing.assert_array_equal(getattr(ours.links, name), getattr(theirs.links, name))
+    for name in ("step", "has_priority", "collisions", "is_running"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    for mine, yours in (
+        (ours.poses, theirs.poses),
+        (ours.links.true_distance, theirs.links.true_distance),
+        (centres(ours), centres(theirs)),
+    ):
+        np.testing.assert_allclose(mine, yours, atol=0.02)
+    np.testing.assert_allclose(ours.speed, theirs.speed, rtol=1e-3)
+    assert ours.links.valid.sum() > 100 and ours.collisions.max() > 0
 
-    def test_the_first_steps_agree(self, batch):
-        ours = batch[1]
-        _, theirs = in_c(steps=3)
-        assert jax.tree.structure(ours) == jax.tree.structure(theirs)
-        ours = jax.tree.map(lambda a: a[:3], ours)
-        for name, mine, yours in zip(ours._fields, ours, theirs, strict=True):
-            assert [a.shape for a in jax.tree.leaves(mine)] == [a.shape for a in jax.tree.leaves(yours)], name
-        np.testing.assert_allclose(ours.poses, theirs.poses, atol=0.02)
-        for name in ("valid", "sender", "led"):
-            np.testing.assert_array_equal(getattr(ours.links, name), getattr(theirs.links, name))
-        np.testing.assert_allclose(ours.links.true_distance, theirs.links.true_distance, atol=0.02)
-        for name in ("step", "has_priority", "collisions", "is_running"):
-            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
-        np.testing.assert_allclose(centres(ours), centres(theirs), atol=0.02)
-        np.testing.assert_allclose(ours.speed, theirs.speed, rtol=1e-3)
-        assert ours.links.valid.sum() > 100 and ours.collisions.max() > 0
 
-    def test_the_start_is_the_same(self, batch):
-        assert_same_bits(batch[0].start, in_c(steps=1)[0].start)
+def test_what_is_recorded_is_what_happened(batch):
+    _, run, record = batch
+    np.testing.assert_array_equal(record.poses[-1], poses(run)[list(RECORDED)])
+    assert record.poses.shape == (20, 2, N, 3) and record.is_running.all()
+    assert record.step.tolist() == [[step, step] for step in range(1, 21)]
+    assert record.collisions[-1].tolist() == [run.measures(w).collisions for w in RECORDED]
+    moves = np.linalg.norm(np.diff(np.concatenate([run.start.poses, record.poses]), axis=0)[..., :2], axis=-1)
+    np.testing.assert_allclose(moves.mean(axis=-1), record.speed, rtol=1e-4)
+    assert sum(run.measures(w).picked for w in range(WORLDS)) > 3
 
-    def test_worlds_of_other_sizes_and_genomes(self):
-        """In a run with more robots, each world does what it does alone in C, but for rounding."""
-        small, other = replace(WORLD, n_robots=15), replace(WORLD, genome=PRESETS["type2"], index=1)
-        mixed = poses(mjx_run([small, other, WORLD], steps=4)[0])
-        full, alone = in_c([other, other, WORLD])[0], in_c([small], n_worlds=1, n_robots=15, record_worlds=())[0]
-        for place, n, theirs in ((0, 15, poses(alone)[0]), (1, N, poses(full)[1]), (2, N, poses(full)[2])):
-            off = np.abs(mixed[place, :n] - theirs)[..., :2].max(axis=-1)
-            assert np.median(off) < 1e-3 and off.max() < 0.5
-        assert np.abs(mixed[1] - mixed[2]).max() > 1
+
+def test_a_fault_ends_its_world_alone(batch, monkeypatch):
+    """World 1 begins as a heap with more pairs in contact than MJX has room for; with Warp, robot 3 is nowhere."""
+    start = start_of(TINY, N, SEED, 1)
+    if batch.name == "mjx":
+        assert contact_capacity(TINY, N).pairs < N * (N - 1) / 2
+        start, kind = start._replace(poses=start.poses * [0.1, 0.1, 1]), FaultKind.TOO_MANY_PAIRS
+        says = r"step 1, world 1: buffer of robot pairs full.*`contact_capacity`"
+    else:
+        start.poses[3, 0], kind, says = np.nan, FaultKind.POSE_NOT_FINITE, "the pose of robot 3 is not finite"
+    begin_with(monkeypatch, {1: start})
+    run, record = run_in(ENGINES[batch.name], [replace(WORLD, index=index) for index in range(3)])
+    (fault,) = run.faults
+    assert fault.kind & kind and (fault.world, fault.step) == (1, 1)
+    with pytest.raises(SimulationFault, match=says):
+        run.raise_faults()
+    np.testing.assert_array_equal(poses(run)[1], start.poses.astype(np.float32))
+    assert run.measures(1).collisions == 0 and run.step == 20
+    assert_same_bits(record, batch.record)
+    assert [run.measures(w) for w in (0, 2)] == [batch.run.measures(w) for w in (0, 2)]
+    np.testing.assert_array_equal(poses(run)[[0, 2]], poses(batch.run)[[0, 2]])
+
+
+def test_the_run_ends_with_the_last_world(monkeypatch):
+    """Robot 3 begins nowhere in each."""
+    start = start_of(TINY, N, SEED, 0)
+    start.poses[3, 0] = np.nan
+    begin_with(monkeypatch, dict.fromkeys(range(3), start))
+    run, record = run_in(warp(), [replace(WORLD, index=index) for index in range(3)])
+    assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)
+    assert [(fault.world, fault.kind) for fault in run.faults] == [(w, FaultKind.POSE_NOT_FINITE) for w in range(3)]
+
+
+def test_a_world_stands_still_once_it_is_finished():
+    """Also when other settings and another swarm are put in place of what there was."""
+    plain, record = run_in(warp(), stop_at=2, steps=30)
+    assert plain.is_over and not plain.faults
+    ends = [plain.measures(world).finished_at for world in range(WORLDS)]
+    assert max(ends) == plain.step and sorted(ends)[1] <= 20 < ends[0]
+    for row, world in enumerate(RECORDED):
+        assert (record.poses[ends[world] :, row] == record.poses[ends[world] - 1, row]).all()
+        assert record.is_running[:, row].tolist() == [step < ends[world] for step in range(len(record.poses))]
+        assert (np.diff(record.poses[: ends[world], row], axis=0) != 0).any(axis=(1, 2)).all()
+    run = Run(TINY, TYPE1, settings(stop_at=2, steps=30), warp())
+    run.advance(), run.advance()
+    run.change(TINY, PRESETS["type2"])
+    run.edit(lambda swarm: swarm._replace(is_alive=~swarm.is_alive))
+    ran(run)
+    np.testing.assert_array_equal(poses(run)[1:], poses(plain)[1:])
+    assert [run.measures(world).finished_at for world in (1, 2)] == ends[1:] and not run.measures(0).finished_at
+
+
+def test_worlds_of_other_sizes_and_genomes():
+    worlds = [replace(WORLD, n_robots=15), replace(WORLD, genome=PRESETS["type2"], index=1), replace(WORLD, index=2)]
+    ours, theirs = (run_in(engine, worlds, steps=4)[0] for engine in (warp(), ON_THE_HOST["warp"]))
+    np.testing.assert_allclose(poses(ours)[:, :15], poses(theirs)[:, :15], atol=0.02)
+    np.testing.assert_allclose(poses(ours)[1:], poses(theirs)[1:], atol=0.02)
+    assert [ours.measures(w) for w in range(3)] == [theirs.measures(w) for w in range(3)]
+    assert np.abs(poses(ours)[1] - poses(ours)[2]).max() > 1
 
 
 LOOSE = replace(WORLD, index=1)
@@ -104,7 +169,7 @@ def test_worlds_of_other_conditions():
     loose = differing(gripper=GripperConfig(drop_rate=1.0))
     deaf = differing(optics=OpticsConfig(p_communication_break=1.0))
     dead = replace(LOOSE, failed_fraction=1.0)
-    grips, hears = mjx_run([LOOSE, humid, loose], steps=20)[0], mjx_run([LOOSE, deaf, dead], steps=20)[0]
+    grips, hears = (run_in(ENGINES["mjx"], [LOOSE, *others])[0] for others in ((humid, loose), (deaf, dead)))
     assert not grips.faults and not hears.faults
     picked = [grips.measures(w).picked for w in range(3)]
     carried = grips.arrays()[1].swarm.task.carried_steps.sum(axis=1)
@@ -113,59 +178,6 @@ def test_worlds_of_other_conditions():
     hops = np.asarray(hears.arrays()[1].swarm.memory.dust.hop)
     assert hops[0].max() > 0 and hops[1].max() == 0
     np.testing.assert_allclose(poses(hears)[2], hears.starts[2].poses, atol=1e-5)
-
-
-class TestFaults:
-    def test_a_heap_ends_its_world_alone(self, batch, monkeypatch):
-        """All robots of world 1 begin at one place, where more pairs of them touch than the buffers have room for."""
-        start = start_of(TINY, N, SEED, 1)
-        heap = start._replace(poses=start.poses * [0.1, 0.1, 1])
-        assert contact_capacity(TINY, N).pairs < N * (N - 1) / 2
-        begin_with(monkeypatch, {1: heap})
-        run, record = mjx_run(of_one_kind(WORLD, WORLD, WORLD), steps=40)
-        (fault,) = run.faults
-        assert fault.kind & FaultKind.TOO_MANY_PAIRS and (fault.world, fault.step) == (1, 1)
-        with pytest.raises(SimulationFault, match=r"step 1, world 1: buffer of robot pairs full.*`contact_capacity`"):
-            run.raise_faults()
-        np.testing.assert_array_equal(poses(run)[1], heap.poses.astype(np.float32))
-        assert run.measures(1).collisions == 0
-        assert_same_bits(record, batch[1])
-        assert [run.measures(w) for w in (0, 2)] == [batch[0].measures(w) for w in (0, 2)]
-        np.testing.assert_array_equal(poses(run)[[0, 2]], poses(batch[0])[[0, 2]])
-        assert run.step == 40
-
-    def test_the_run_ends_with_the_last_world(self, monkeypatch):
-        """Robot 3 begins nowhere in each."""
-        start = start_of(TINY, N, SEED, 0)
-        start.poses[3, 0] = np.nan
-        begin_with(monkeypatch, dict.fromkeys(range(3), start))
-        run, record = mjx_run(of_one_kind(WORLD, WORLD, WORLD), steps=40)
-        assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)
-        assert [(fault.world, fault.kind) for fault in run.faults] == [(w, FaultKind.POSE_NOT_FINITE) for w in range(3)]
-
-
-def test_what_is_recorded_is_what_happened(batch):
-    run, record = batch
-    worlds = list(RECORDED)
-    np.testing.assert_array_equal(record.poses[-1], poses(run)[worlds])
-    assert record.poses.shape == (40, 2, N, 3) and record.is_running.all()
-    assert record.step.tolist() == [[step, step] for step in range(1, 41)]
-    assert record.collisions[-1].tolist() == [run.measures(w).collisions for w in worlds]
-    moved = np.linalg.norm(np.diff(np.concatenate([run.start.poses, record.poses]), axis=0)[..., :2], axis=-1)
-    np.testing.assert_allclose(moved.mean(axis=-1), record.speed, rtol=1e-4)
-    assert sum(run.measures(w).picked for w in range(WORLDS)) > 3
-
-
-def test_a_world_stands_still_once_it_is_finished(batch):
-    run, record = mjx_run(stop_at=2, steps=40)
-    assert run.is_over and not run.faults
-    for row, world in enumerate(RECORDED):
-        end = run.measures(world).finished_at
-        assert end > 0 and run.measures(world).delivered >= 2
-        np.testing.assert_array_equal(record.poses[:end, row], batch[1].poses[:end, row])
-        assert (record.poses[end:, row] == record.poses[end - 1, row]).all()
-        assert record.is_running[:, row].tolist() == [step < end for step in range(len(record.poses))]
-    assert run.step == max(run.measures(w).finished_at for w in range(WORLDS)) < 40
 
 
 def loop_of_one_world(engine):
@@ -181,34 +193,45 @@ def test_stages_are_timed_on_worlds_of_the_run_alone():
     assert not np.asarray(state.is_finished).any()
     assert_same_bits((params, state), loop.worlds())
     assert engine.arena.capacity == contact_capacity(TINY, N) and engine.arena.n_robots == N
+    assert loop_of_one_world(mjx(contact_capacity=2)).on_first_device()[2].arena.capacity == contact_capacity(
+        TINY, N, 2
+    )
+    times = Run(TINY, TYPE1, settings(steps=1), warp()).stage_times()
+    assert times.keys() == {"sense", "policy", "physics"} and min(times.values()) > 0
 
 
-def test_capacity_of_contacts_is_that_of_the_settings():
-    loop = loop_of_one_world(mjx(contact_capacity=2))
-    assert loop.on_first_device()[2].arena.capacity == contact_capacity(TINY, N, 2)
+@pytest.mark.parametrize(
+    ("make", "own", "says"),
+    [
+        (mjx, {"impl": "torch"}, r"impl must be jax or warp.*\(got 'torch'\)"),
+        (mjx, {"solver_iterations": 0}, r"solver_iterations must be .*\(got 0\)"),
+        (warp, {"impl": "jax"}, r"impl must be numba or warp.*\(got 'jax'\)"),
+        (warp, {"chunk": 0}, r"chunk must be .*\(got 0\)"),
+        (warp, {"devices": ()}, r"devices must be a tuple of JAX devices, or None \(got \(\)\)"),
+        (settings, {"record_worlds": (3,)}, r"record_worlds must be .*worlds from 0 to 2 \(got \(3,\)\)"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(make, own, says):
+    with pytest.raises(UserError, match=says):
+        make(**own)
 
 
-def test_settings_that_do_not_fit_are_refused():
-    for own, says in (
-        ({"impl": "torch"}, r"impl must be jax or warp.*\(got 'torch'\)"),
-        ({"solver_iterations": 0}, r"solver_iterations must be .*\(got 0\)"),
-        ({"chunk": 0}, r"chunk must be .*\(got 0\)"),
-    ):
-        with pytest.raises(UserError, match=says):
-            MjxSettings(**own)
-    with pytest.raises(UserError, match=r"record_worlds must be .*worlds from 0 to 2 \(got \(3,\)\)"):
-        settings(record_worlds=(3,))
+def test_without_the_package_warp_is_refused(monkeypatch):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "warp" else found(name, *a))
+    with pytest.raises(UserError, match=r"`impl` warp needs the package warp-lang; .*iswarm-mj\[warp\]"):
+        Run(TINY, TYPE1, settings(), warp())
 
 
 def test_worlds_that_cannot_share_a_program_are_refused():
     for other in ({"optics": OpticsConfig(mode="power")}, {"gripper": GripperConfig(release_gap=4e-6)}):
         with pytest.raises(UserError, match="which all worlds of one run share; run it separately"):
-            mjx_run([WORLD, WORLD, differing(**other)])
+            run_in(ENGINES["mjx"], [WORLD, WORLD, differing(**other)])
 
 
 def test_genomes_need_no_other_program(batch):
     with compilations() as names:
-        mjx_run(genome=Genome(p_vector_forget=0.9))
+        Run(TINY, Genome(p_vector_forget=0.9), settings(), ENGINES[batch.name]).advance()
     assert names == []
 
 
@@ -216,23 +239,33 @@ CODE = """
 import json
 import sys; sys.path.insert(0, "tests")
 import conftest  # keeps what is compiled
-from helpers_mjx import *
-run = Run(TINY, PRESETS["type1"], settings(steps=40), MjxSettings(chunk=5))
+from dataclasses import replace
+from helpers_mjx import ENGINES, TINY, poses, ran, settings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.strategy.genome import PRESETS
+run = Run(TINY, PRESETS["type1"], settings(), replace(ENGINES[sys.argv[1]], devices=None, chunk=5))
 record = ran(run)
 sums = [record.poses[-1].astype(float).sum((1, 2)).tolist(), poses(run).astype(float).sum((1, 2)).tolist()]
 print(json.dumps([len(run.devices), [run.measures(w) for w in range(3)], sums]))
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("devices", "used"), [(2, 2), (4, 3)])
-def test_devices_rows_and_chunks_change_no_bit(batch, devices, used):
+@pytest.mark.parametrize(
+    ("batch", "devices", "used"),
+    [
+        ("warp", 2, 2),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in (("warp", 4, 3), ("mjx", 2, 2), ("mjx", 4, 3))),
+    ],
+    indirect=["batch"],
+)
+def test_devices_and_chunks_change_no_bit(batch, devices, used):
     """Of three worlds two devices take two each, one of them a filler; of four devices three take one each."""
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
     env = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
-    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, env=env, check=True)
+    given = [sys.executable, "-c", CODE, batch.name]
+    done = subprocess.run(given, capture_output=True, text=True, env=env, check=True)
     size, measures, sums = json.loads(done.stdout.splitlines()[-1])
-    run, record = batch
+    _, run, record = batch
     assert size == used
     assert measures == [list(run.measures(w)) for w in range(WORLDS)]
     np.testing.assert_array_equal(sums[0], record.poses[-1].astype(float).sum((1, 2)))

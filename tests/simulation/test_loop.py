@@ -38,7 +38,7 @@ class TestShares:
 def test_threads_do_not_matter(small, settings, monkeypatch):
     """Not in the last bit; nine worlds are three shares here, so one of two threads takes two of them."""
     monkeypatch.setattr(share, "WORLDS", 4)
-    one, *others = (run_in(small, settings(threads)) for threads in (1, 2, 3, 7))
+    one, *others = (run_in(small, settings(threads)) for threads in (1, 2, 7))
     poses, measures = end_of(one)
     assert np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
     for other in others:
@@ -61,10 +61,16 @@ def test_a_world_is_the_same_in_any_batch(small, settings, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("reading", READINGS)
 def test_a_world_of_many_robots_is_the_same_alone(reading):
-    """Its program is another one than that of ten, which may round otherwise where XLA optimises."""
+    """Bit by bit with JAX 0.10; XLA of later versions rounds its program otherwise than that of ten worlds."""
     one, many = (run_in(READINGS[reading], PlanarSettings(1), n_worlds, 30, n_robots=283) for n_worlds in (1, 20))
     of_many = jax.tree.map(lambda a: a[:1], end_and_state(many))
-    jax.tree.map(np.testing.assert_array_equal, end_and_state(one), of_many)
+    rounding = 0.0 if jax.__version_info__ < (0, 11) else 1e-6
+
+    def check(alone, among):
+        tolerance = rounding if np.issubdtype(alone.dtype, np.floating) else 0.0
+        np.testing.assert_allclose(alone, among, rtol=tolerance, atol=tolerance)
+
+    jax.tree.map(check, end_and_state(one), of_many)
 
 
 def end_and_state(run):

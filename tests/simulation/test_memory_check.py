@@ -2,11 +2,13 @@
 
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import pytest
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.envs import PolicyStrategy
 from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.memory_check import check_memory, needed_memory
 from iswarm_mj.simulation.run import Run
@@ -34,6 +36,19 @@ def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small, monkey
     monkeypatch.setattr(World, "__post_init__", lambda world: pytest.fail("a world was made"))
     with pytest.raises(ConfigError, match=r"needs 10 GB \(got 1000000\); use fewer worlds or robots"):
         Run(small, settings=RunSettings(10, 3, n_worlds=1_000_000, record_worlds=()))
+
+
+def test_what_robots_remember_counts(four_gigabytes, small):
+    def policy(n_numbers):
+        def apply(params, obs, memory):
+            return jnp.zeros((len(obs), 2)), memory
+
+        return PolicyStrategy(apply, (), memory=lambda n_robots: jnp.zeros((n_robots, n_numbers)))
+
+    settings = RunSettings(10, 3, n_worlds=100)
+    Run(small, settings=settings, engine=PlanarSettings(), strategy=policy(10))
+    with pytest.raises(ConfigError, match=r"n_worlds must be at most 99 .*; use fewer .*, or let robots remember less"):
+        Run(small, settings=settings, engine=PlanarSettings(), strategy=policy(1_000_000))
 
 
 @pytest.mark.parametrize(("impl", "times"), [("jax", 25), ("warp", 4)])

@@ -114,6 +114,18 @@ def test_in_the_dark_a_swarm_comes_to_rest(small):
     np.testing.assert_array_equal(waited, (np.diff(energies, axis=0) == 0).sum(axis=0) + (energies[0] == FULL))
 
 
+def test_the_dead_do_not_wait_for_energy(small):
+    """Robot 3 dies when all capacitors are empty."""
+    config = replace(small, energy=EnergyConfig(model="capacitor", light_power=0.0))
+    run = Run(config, settings=RunSettings(12, 14, seed=3), engine=PlanarSettings(threads=1))
+    while run.step < 12:
+        before = run.advance().swarm.starved[-1, 0]
+    run.edit(lambda swarm: swarm._replace(is_alive=swarm.is_alive & (np.arange(12) != 3)))
+    while not run.is_over:
+        waited = run.advance().swarm.starved[-1, 0] - before
+    assert waited.tolist() == [0 if robot == 3 else 2 for robot in range(12)]
+
+
 def test_robots_that_wait_for_energy_are_dark(small):
     """And are heard again when there is light: the same poses, with robots whose capacitors are empty."""
     alive = np.ones((1, 3), bool)

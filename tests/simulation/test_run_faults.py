@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from helpers_runs import N, end_of, place_of, poses_of, records, run_of, scripted
-from helpers_worlds import begin_with, start_of
 
 from iswarm_mj.engines.base import find_lost
 from iswarm_mj.simulation.worlds import World
@@ -13,8 +12,6 @@ from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import corners_of, half_planes, in_mm
 
 TYPE1 = PRESETS["type1"]
-CROWD = 100
-"""Robots in the densest swarm, and the capacity of another one, which shares its program."""
 
 
 def far_apart():
@@ -113,24 +110,6 @@ class TestFaults:
         found = [(fault.step, fault.robots, fault.kind) for fault in run.faults]
         assert found == [(2, (robot,), FaultKind.COMMAND_NOT_FINITE) for robot in (7, 8, 9)]
         assert run.step == 2 and run.is_over
-
-    @pytest.mark.parametrize("x, kind", [(np.nan, FaultKind.POSE_NOT_FINITE), (50.0, FaultKind.OUTSIDE)])
-    def test_of_the_start(self, small, x, kind, monkeypatch):
-        start = start_of(small, N, 0, 1)
-        start.poses[3, 0] = x
-        begin_with(monkeypatch, {1: start})
-        run = run_of(small, n_worlds=3, steps=5, stop_at=self.GOAL)
-        self.check_others(run, (0, 2), small)
-        assert [(f.step, f.world, f.robots, f.kind) for f in run.faults] == [(1, 1, (3,), kind)]
-
-    def test_when_all_worlds_have_one_the_run_is_over(self, small):
-        strategy = scripted(run_of(small, n_worlds=3), step=[2, 4, 3], robot=[1, 2, 3], turn=np.nan, forward=0.0)
-        run = run_of(small, n_worlds=3, strategy=strategy)
-        assert len(list(records(run))) == run.step == 4
-        with pytest.raises(SimulationFault, match=r"^step 2, world 0: [^;]*robot 1 .*; step 4, world 1: .*robot 3 "):
-            run.raise_faults()
-        with pytest.raises(RuntimeError, match="the run is over after 4 control steps"):
-            run.advance()
 
     def test_without_one_nothing_is_raised(self, small):
         run = run_of(small, steps=1)

@@ -1,6 +1,6 @@
 """One control step: driving, walls in sight, balls at the tips, and no direction better than another."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ from iswarm_mj.engines.base import Motion, Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.actuate import actuate, drive_phases
+from iswarm_mj.simulation.actuate import Places, actuate, drive_phases
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.perceive import Spoken, StepInputs
@@ -51,12 +51,15 @@ def driven(config, poses, turn, forward, running=None):
     return engine.move(bodies, drive_phases(config.drive, Command(np.array(turn), np.array(forward))), running)
 
 
-def carried_out(config, turn, forward, is_alive=True, waits=False):
+def carried_out(config, turn, forward, is_alive=True, waits=False, poses=None, is_present=True, is_loaded=False):
     """What the drives of N robots make of commands."""
-    n = len(turn)
-    swarm = swarm_of(None, lay((0.0, 60.0)), n)._replace(is_alive=jnp.full(n, is_alive))
+    n, key = len(turn), jax.random.key(0)
+    alive, loaded = jnp.full(n, is_alive), jnp.full(n, is_loaded)
+    swarm = swarm_of(None, lay((0.0, 60.0)), n)._replace(is_alive=alive, is_loaded=loaded)
     command = Command(*(jnp.asarray(part, jnp.float32) for part in (turn, forward)))
-    return actuate(config, conditions_of(config), command, swarm, jnp.full(n, waits), jnp.zeros(n), jax.random.key(0))
+    poses = jnp.zeros((n, 3)) if poses is None else jnp.asarray(poses, jnp.float32)
+    places = Places(poses, jnp.full(n, is_present))
+    return actuate(config, conditions_of(config), command, swarm, jnp.full(n, waits), places, jnp.zeros(n), key)
 
 
 def touching_pairs(motion):
@@ -97,6 +100,32 @@ class TestDrive:
         done = carried_out(small, [1.0, np.nan], [1.0, 0.5], **who)
         assert not np.any(done.command) and not done.is_refused.any()
 
+    def test_turns_take_their_share_of_the_step_and_balls_slow_down(self, small):
+        """Of a turn of 45 degrees the half; what was commanded within that is walked."""
+        config = replace(small, drive=replace(small.drive, turn_share=0.6, loaded_speed=0.5))
+        turn, forward = [0.0, np.pi / 4, -np.pi / 2, -np.pi / 2], [STEP, STEP, -STEP, 0.1]
+        for loaded, factor in ((False, 1.0), (True, 0.5)):
+            done = carried_out(config, turn, forward, is_loaded=loaded)
+            walked = np.array([STEP, 0.7 * STEP, -0.4 * STEP, 0.1 / factor]) * factor
+            np.testing.assert_allclose(done.command.forward, walked, rtol=1e-5)
+            np.testing.assert_allclose(done.shortfall, np.array(forward) - walked, atol=1e-5)
+            assert np.isclose(done.command.turn, turn).all()
+
+    def test_one_robot_stands_in_a_cell(self, small):
+        """The first would enter the second's cell, whose robot may move within it; the third turns away; the fourth
+        walks backwards into the third's; the fifth is gone, and its cell is free for the sixth."""
+        config = replace(small, drive=replace(small.drive, locations="cells"))
+        poses = [(0, 0, 0), (RD, 0.4, 0), (0, RD, 0), (0, 2 * RD, np.pi / 2), (5 * RD, 0, 0), (4 * RD, 0, 0)]
+        turn, forward = [0, 0, np.pi / 2, 0, 0, 0], [0.5 * RD + 0.01, 0.4, 0.4, -0.5 * RD - 0.01, 0, STEP]
+        is_there = np.array([True, True, True, True, False, True])
+        config = replace(config, drive=replace(config.drive, step_length=0.6, walk_substeps=8))
+        done = carried_out(config, turn, forward, poses=poses, is_present=is_there, is_alive=is_there)
+        assert done.is_blocked.tolist() == [True, False, False, True, False, False]
+        np.testing.assert_allclose(done.command.forward, [0, 0.4, 0.4, 0, 0, STEP], atol=1e-6)
+        np.testing.assert_allclose(done.shortfall, np.where(done.is_blocked, forward, 0), atol=1e-6)
+        still = carried_out(config, turn, np.full(6, 0.5 * RD - 0.01), poses=poses, is_present=is_there)
+        assert not still.is_blocked.any() and not carried_out(small, turn, forward, poses=poses).is_blocked.any()
+
 
 class TestWalls:
     def seen(self, config, poses):
@@ -134,6 +163,7 @@ def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
         swarm=SwarmState(None, balls, *np.ones((2, 2, 2), bool)),
         command=Command(np.ones((2, 2)), np.ones((2, 2))),
         is_refused=np.zeros((2, 2), bool),
+        is_blocked=np.zeros((2, 2), bool),
         has_priority=lit[..., 0],
         links=Links(*[lit] * len(Links._fields)),
         spoken=Spoken(np.zeros((2, 2), np.uint32), lit, np.ones((2, 2, 4))),
@@ -145,6 +175,53 @@ def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
     made = record_of(Stepper(engine, small, None, True), params, state, decision, begin)
     for values in (made.links.valid, made.is_heard, *made.command):
         assert values[0].all() and not values[1].any()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_robots_stop_to_emit_as_often_as_configured(small, share):
+    """And are heard all the same; worlds of one run may differ in it."""
+    often = replace(small, drive=replace(small.drive, stop_share=share))
+    run = run_of(small, Genome(), worlds=[World(Genome(), N, 3, config=often)] * 2, steps=8)
+    stands = []
+    for record in records(run):
+        stands.append((record.command.turn == 0) & (record.command.forward == 0))
+        assert record.is_heard.any() or not record.step.any()
+    assert np.mean(stands[1:]) == pytest.approx(share, abs=0.05)
+
+
+def test_robots_that_sense_neither_dust_nor_dump_pick_nothing_up(small):
+    blind = replace(small, strategy=replace(small.strategy, error_in_sensing=1.0))
+    run = run_of(small, Genome(), worlds=[World(Genome(), N, 3, config=c) for c in (small, blind)], steps=60)
+    picked = [record.swarm.task.was_picked.sum(axis=-1) for record in records(run)][-1]
+    assert picked[0] > 0 and picked[1] == 0
+
+
+@jax.tree_util.register_static
+@dataclass(frozen=True)
+class Ahead:
+    """Robots walk straight on."""
+
+    def init(self, n_robots, key):
+        return jnp.zeros(n_robots)
+
+    def picks(self, memory):
+        return jnp.zeros(len(memory), bool)
+
+    def act(self, memory, observation, key):
+        return memory, Command(jnp.zeros(len(memory)), jnp.full(len(memory), STEP))
+
+
+@pytest.mark.parametrize("locations, collisions, stay", [("cells", [2, 4, 6, 8], True), ("free", [1, 1, 1, 1], False)])
+def test_robots_that_meet_push_or_stay_and_collide_in_each_step(small, locations, collisions, stay):
+    """Two face each other a little aside, in neighbouring cells; a third walks alone."""
+    config = replace(small, drive=replace(small.drive, locations=locations))
+    poses = np.array([(0.1 * RD, 0, 0), (0.9 * RD, 0.3, np.pi), (0, 4 * RD, 0)])
+    start = start_of(config, 3, 0, 0)._replace(poses=poses)
+    run = run_of(config, Genome(), 3, 4, worlds=[World(Genome(), 3, 0, start=start)], strategy=Ahead())
+    seen = list(records(run))
+    assert [int(record.collisions[0]) for record in seen[-4:]] == collisions
+    ends = np.asarray(seen[-1].poses[0])
+    assert np.allclose(ends[:2], poses[:2], atol=1e-9) == stay and ends[2, 0] > 3 * STEP
 
 
 SEEDS = range(14)
@@ -239,7 +316,7 @@ def test_robots_walk_half_a_diameter(small):
 class TestAccount:
     """Three worlds of three robots: one goes on, one is finished, one has a fault already."""
 
-    def after(self, small, *, fault=(0, 0, 0), refused=(), delivered=0):
+    def after(self, small, *, fault=(0, 0, 0), refused=(), blocked=(), delivered=0):
         run = run_of(small, n_robots=3, n_worlds=3, steps=9, stop_at=2)
         params, state = run.arrays()
         state = state._replace(
@@ -251,11 +328,12 @@ class TestAccount:
         touching = np.zeros_like(state.touching)
         touching[:, :2, 0] = 2, 1
         motion = Motion(state.bodies, touching, np.array(fault, np.int32), np.array([2, 2, 2], np.int32))
-        is_refused = np.zeros((3, 3), bool)
-        for world, robot in refused:
-            is_refused[world, robot] = True
+        is_refused, is_blocked = np.zeros((2, 3, 3), bool)
+        for flags, where in ((is_refused, refused), (is_blocked, blocked)):
+            for world, robot in where:
+                flags[world, robot] = True
         step, running = np.int32(6), np.array([True, False, False])
-        moved = after_motion(state, motion, is_refused, step, running)
+        moved = after_motion(state, motion, is_refused, is_blocked, step, running)
         return after_task(params, moved, np.full(3, delivered), step, running)
 
     def test_only_worlds_that_run_count(self, small):
@@ -263,6 +341,9 @@ class TestAccount:
         assert new.collisions.tolist() == [12, 20, 30]
         assert new.is_finished.tolist() == [True, True, False] and new.finished_at.tolist() == [7, 4, 0]
         assert [values.tolist() for values in new.fault] == [[0, 0, FaultKind.OUTSIDE], [0, 0, 5], [0, 0, 1]]
+
+    def test_robots_that_another_stops_are_collisions(self, small):
+        assert self.after(small, blocked=[(0, 1), (0, 2), (1, 0)]).collisions.tolist() == [14, 20, 30]
 
     def test_a_world_with_a_new_fault_does_not_count(self, small):
         new = self.after(small, delivered=2, fault=(FaultKind.OUTSIDE, 0, 0))

@@ -28,6 +28,8 @@ PAPER = Operators()
 STILL = Operators(dependent_rate=0.0, independent_rate=0.0, crossover_rate=0.0)
 REAL = ~IS_BOOLEAN
 DRAWS = 20_000
+CHILDREN = 6_000
+"""Of pairs that are selected, one after the other."""
 
 
 def rng(seed=0):
@@ -163,7 +165,7 @@ POPULATION = [Genome(p_vector_forget=i / 10) for i in range(10)]
 class TestSelection:
     def parents(self, operators, fitness):
         generator, found = rng(3), []
-        for _ in range(DRAWS // 8):
+        for _ in range(CHILDREN // 8):
             found += next_generation(operators, POPULATION, fitness, generator)[operators.elite :]
         return found
 
@@ -171,7 +173,7 @@ class TestSelection:
         fitness = np.arange(0.0, 1000.0, 100.0)
         children = self.parents(replace(STILL, crossover_rate=0.2), fitness)
         alone = [c for c in children if c.origin == "mutation"]
-        assert all(c.genome == POPULATION[c.parents[0]] for c in alone) and near(len(alone), DRAWS, 0.8)
+        assert all(c.genome == POPULATION[c.parents[0]] for c in alone) and near(len(alone), CHILDREN, 0.8)
         counts = np.bincount([c.parents[0] for c in alone], minlength=10)
         assert counts[0] == 0
         assert stats.chisquare(counts[1:], fitness[1:] / 4500 * len(alone)).pvalue > 1e-3

@@ -1,4 +1,4 @@
-"""Readings of the rules beside avoidance: at dust, blocked, with errors of odometry."""
+"""Readings of the rules beside avoidance: at dust, with errors of odometry."""
 
 import jax
 import jax.numpy as jnp
@@ -10,12 +10,12 @@ from helpers_worlds import swarm_of
 
 from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.actuate import actuate
-from iswarm_mj.strategy.avoidance import is_blocked
+from iswarm_mj.simulation.actuate import Places, actuate
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.strategy.vectors import believed_motion
 from iswarm_mj.utils.units import RD
 
@@ -47,33 +47,14 @@ def test_robots_at_dust_avoid_others_if_so_read():
         assert (np.asarray(careful.turn) > 1.5).all() if swerves else (np.asarray(careful.turn == plain.turn)).all()
 
 
-@pytest.mark.parametrize(("distance", "heard", "stands"), [(0.9, True, True), (1.1, True, False), (0.9, False, False)])
-def test_a_blocked_robot_waits_if_so_read(distance, heard, stands):
-    seen = senses_nothing(1)
-    seen = seen._replace(is_heard=seen.is_heard.at[0, 0].set(heard), distance=seen.distance.at[0, 0].set(distance * RD))
-    usual, waiting = (rules_of(PRESETS["type1"], StrategyConfig(blocked=word)) for word in ("pushes", "waits"))
-    assert not is_blocked(usual, seen.is_heard, seen.distance)[0]
-    assert is_blocked(waiting, seen.is_heard, seen.distance)[0] == stands
-
-
-def test_who_waits_turns_but_does_not_walk():
-    seen = neighbour_ahead(0.9 * RD)._replace(at_dust=jnp.zeros(N, bool))
-    pushes, waits = (acts(StrategyConfig(blocked=word, avoidance_gain=0.1), seen)[1] for word in ("pushes", "waits"))
-    assert (np.asarray(pushes.forward) > 1.0).all() and not np.asarray(waits.forward).any()
-    np.testing.assert_array_equal(pushes.turn, waits.turn)
-
-
-def test_who_waits_may_back_away_from_a_ball():
-    """One 0.4 mm nearer than the tip reaches."""
-    near = neighbour_ahead(0.9 * RD)._replace(ball_vector=jnp.broadcast_to(jnp.array([0.5, 0.0]), (N, 2)))
-    np.testing.assert_allclose(acts(StrategyConfig(blocked="waits"), near)[1].forward, -0.4, rtol=1e-5)
-
-
-def test_who_is_not_heard_blocks_nobody():
-    """A distance means something only where a neighbour is heard: here to the left, and in the second case ahead."""
-    rules = rules_of(Genome(), StrategyConfig(blocked="waits"))
-    is_heard = jnp.array([[False, True, False, False], [True, False, False, False]])
-    assert is_blocked(rules, is_heard, jnp.zeros((2, 4))).tolist() == [False, True]
+def test_robots_know_that_they_fell_short():
+    """Vectors to a place are those of a robot that commanded what it walked in truth."""
+    strategy = VectorStrategy(rules_of(Genome()), 0, SwarmConfig(), PROBE)
+    place = remember(jnp.array([[3.0, 1.0], [-2.0, 4.0]]))
+    memory = RobotMemory(place, place._replace(known=jnp.array([True, False])), jnp.zeros(2, bool))
+    short = strategy.fell_short(memory, jnp.array([0.5, -1.0]))
+    np.testing.assert_allclose(short.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
+    assert short.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]
 
 
 def test_odometry_errs_as_configured():
@@ -122,8 +103,9 @@ def test_actuators_err_as_configured():
     command = Command(jnp.full(N, 0.5).at[0].set(0.0), jnp.full(N, 0.9).at[0].set(0.0))
     sloppy = DriveConfig(error_turn=10.0, error_step=0.1)
     swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), jnp.zeros(N)
+    places = Places(jnp.zeros((N, 3)), zero == 0)
     exact, wrong = (
-        actuate(config, conditions_of(config), command, swarm, zero > 0, zero, jax.random.key(0)).command
+        actuate(config, conditions_of(config), command, swarm, zero > 0, places, zero, jax.random.key(0)).command
         for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
     )
     np.testing.assert_array_equal(exact, command)

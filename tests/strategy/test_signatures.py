@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.contract import shapes_of
 from iswarm_mj.strategy.declared import parts_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.pytrees import as_strategy
-from iswarm_mj.strategy.signatures import check_strategies, shapes_of
+from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.utils.errors import UserError
 
 N, S = 5, 6

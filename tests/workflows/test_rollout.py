@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_mjx import TINY, N, compilations, mjx
+from helpers_mjx import TINY, N, compilations, warp
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -61,7 +61,7 @@ def walk(strategy, engine=None, steps=7):
         every=5,
         strategy_per_world=True,
         poses_of=(2, 0, 1),
-        engine=engine or mjx(),
+        engine=engine or warp(),
     )
 
 
@@ -95,7 +95,7 @@ class TestStraightOn:
         assert names == []
         with compilations() as names:
             one = Straight(jnp.float32(0.3), jnp.float32(0.0), jnp.int32(NEVER))
-            rollout(TINY, one, KEYS, n_robots=N_FEW, steps=4, every=5, poses_of=(0, 1, 2), engine=mjx())
+            rollout(TINY, one, KEYS, n_robots=N_FEW, steps=4, every=5, poses_of=(0, 1, 2), engine=warp())
         assert not any("advance" in name for name in names), names
 
     def test_nothing_is_picked_or_hit(self, straight_on):
@@ -159,6 +159,13 @@ class TestSwarm:
             late = swarm.steps >= swarm.finished_at[world]
             np.testing.assert_array_equal(swarm.delivered_after[world] >= 6, late)
         np.testing.assert_array_equal(np.isnan(swarm.mean_carriage_steps), swarm.delivered == 0)
+
+    @pytest.mark.parametrize("row", [0, 1])
+    def test_progress_is_that_of_shorter_rollouts(self, swarm, row):
+        shorter = papers(KEYS, steps=int(swarm.steps[row]))
+        np.testing.assert_array_equal(swarm.delivered_after[:, row], shorter.delivered)
+        np.testing.assert_array_equal(swarm.delivered_after[:, : row + 1], shorter.delivered_after)
+        assert len(np.unique(swarm.delivered_after.sum(axis=0))) > 1
 
     def test_a_world_is_its_key(self, swarm):
         again = papers(KEYS[::-1], poses_of=(0, 2))

@@ -137,11 +137,12 @@ class MujocoEngine:
         """Add the pairs of robots of a world that touched in its last physics step, see `Motion.touching`."""
         contact = self._batch.get_data(world, self._scratch).contact
         n_contacts[world] = len(contact.geom)
-        first, second = self._scene.object_of[contact.geom[contact.dist <= 0]].T
-        robots = (first < self._n_robots) & (second < self._n_robots)
-        first, second = np.sort([first[robots], second[robots]], axis=0)
-        rank, robot = np.nonzero(touching)
-        codes = np.union1d(robot * self._capacity + touching[rank, robot], first * self._capacity + second)[::-1]
+        first, second = self._scene.object_of[contact.geom].T
+        low, high = np.minimum(first, second), np.maximum(first, second)
+        now = (low * self._capacity + high)[(high < self._n_robots) & (contact.dist <= 0)]
+        rank, robot = np.nonzero(touching > 0)
+        codes = np.sort(np.concatenate([[-1], robot * self._capacity + touching[rank, robot], now]))
+        codes = codes[1:][codes[1:] != codes[:-1]][::-1]  # as np.unique, whose calls show
         robot, partner = np.divmod(codes, self._capacity)
         rank = np.arange(len(robot)) - np.searchsorted(-robot, -robot)
         fits = rank < len(touching)

@@ -88,27 +88,28 @@ def draw_support(
     Args:
         every: combinations of the sample, and named readings.
         shares: of the labels of each factor among the accepted combinations.
-        asked: texts of the statements, in the order of the answers.
+        asked: texts of the statements that select, then of those held out.
         path: of the files, without suffix.
     """
     sample, named = [c for c in every if c.reading is None], [c for c in every if c.reading is not None]
     kept = accepted(sample)
     caption = (
-        f"n = {len(sample)} combinations; the {len(kept)} that reproduce most statements are accepted.\n"
+        f"n = {len(sample)} combinations; the {len(kept)} that reproduce most statements that select are accepted.\n"
         "Intervals: Wilson's, at 95 %, not corrected for the number of choices."
     )
     height = max(4.0, 0.17 * (sum(map(len, shares.values())) + len(shares)))
     with figure(path, columns=3, size=(4.6, height), caption=caption) as (left, middle, right):
-        counts, total = Counter(sum(c.answers) for c in sample), len(asked)
+        counts, total = Counter(sum(c.answers) for c in sample), len(sample[0].answers)
         left.bar(list(counts), list(counts.values()), color=PALE, edgecolor=STRONG, linewidth=0.8)
         left.xaxis.set_major_locator(MaxNLocator(integer=True))
-        left.set(xlabel=f"statements reproduced, of {total}", ylabel="combinations")
-        place = np.arange(total)[::-1]
+        left.set(xlabel=f"statements that select reproduced, of {total}", ylabel="combinations")
+        place = np.arange(len(asked))[::-1]
+        middle.axhline(len(asked) - total - 0.5, color="#999999", linewidth=1)
         for group, shift, hue in ((sample, 0.2, PALE), (kept, -0.2, STRONG)):
-            middle.barh(place + shift, np.mean([c.answers for c in group], axis=0), 0.4, color=hue)
+            middle.barh(place + shift, np.mean([[*c.answers, *c.held_out] for c in group], axis=0), 0.4, color=hue)
         for k, (hue, dashes, one) in enumerate(zip(_MARKERS, _DASHES, named, strict=False)):
             left.axvline(sum(one.answers), color=hue, linestyle=dashes, linewidth=2, label=f"reading {one.reading}")
-            holds = np.array(one.answers, bool)
+            holds = np.array([*one.answers, *one.held_out], bool)
             middle.plot(np.full(holds.sum(), 1.06 + 0.07 * k), place[holds], "o", color=hue, markersize=4.5)
         left.legend(loc="upper left")
         middle.set_yticks(place, asked)
@@ -132,7 +133,7 @@ def draw_support(
         right.grid(axis="y", visible=False)
         titles = (
             f"(a) {len(sample)} combinations",
-            "(b) light: all combinations, dark: the accepted ones",
+            "(b) light: all, dark: accepted; above the line: select",
             "(c) orange: supported, blue: contradicted",
         )
         for axes, title in zip((left, middle, right), titles, strict=True):

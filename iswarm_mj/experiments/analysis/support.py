@@ -1,8 +1,10 @@
 """Support of readings by the paper's statements: approximate Bayesian computation by rejection.
 
 Combinations of readings are drawn from a prior in which all labels of a factor are equally probable. Those that
-reproduce the most statements are accepted; a label's share among them is its posterior probability, given how many
-statements hold. Source: Pritchard et al. (1999), Mol. Biol. Evol. 16, 1791.
+reproduce the most of the statements that select (`statements.ASKED`) are accepted; a label's share among them is its
+posterior probability, given how many of these hold. The other statements are held out.
+
+Source: Pritchard et al. (1999), Mol. Biol. Evol. 16, 1791.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,11 +29,13 @@ class Combination(NamedTuple):
     labels: Mapping[str, str | None]
     """By factors. A named reading has none; with one value changed, it has that one."""
     answers: Sequence[bool]
-    """Which statements it reproduces."""
-    time_error: float
+    """Which of the statements that select it reproduces."""
+    penalty_error: float
     """Decides between combinations that reproduce equally many; the smaller, the better."""
     single: Sequence[int] = ()
-    """How many statements single runs of each setting reproduce, by layouts."""
+    """How many of them single runs of each setting reproduce, by layouts."""
+    held_out: Sequence[bool] = ()
+    """Which of the other statements it reproduces."""
 
     @property
     def is_named(self) -> bool:
@@ -41,7 +45,7 @@ class Combination(NamedTuple):
 
 def accepted(sample: Sequence[Combination], fraction: float = ACCEPTED) -> list[Combination]:
     """The best `fraction` of a sample, at least one."""
-    ranking = sorted(sample, key=lambda c: (-sum(c.answers), c.time_error))
+    ranking = sorted(sample, key=lambda c: (-sum(c.answers), c.penalty_error))
     return ranking[: max(1, round(fraction * len(sample)))]
 
 
@@ -112,8 +116,8 @@ def chances(
     return dict(zip(factors, zip(raw, holm(raw), strict=True), strict=True))
 
 
-def answers(rows: Rows) -> list[bool]:
-    """Whether each of `ASKED` holds for one set of runs, whose `study` and `setting` say what each is run for."""
+def answers(rows: Rows, selects: bool = True) -> list[bool]:
+    """Whether each of `ASKED` that selects, or each held out, holds for one set of runs, by `study` and `setting`."""
     listed = [{**row, "use_hop_count": row["setting"] == "with", "type": row["setting"]} for row in rows]
     studies = by(listed, "study")
-    return [holds(studies[study]) for study, holds in ASKED.values()]
+    return [asked.holds(studies[asked.study]) for asked in ASKED.values() if asked.selects == selects]

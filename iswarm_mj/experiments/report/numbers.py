@@ -86,9 +86,16 @@ def readings(rows: Rows) -> str:
     every = infer.combinations_of(rows)
     sample = [one for one in every if one.reading is None]
     counted = [_reproduced(f"all {len(sample)}", sample)]
+    counted.append(_reproduced(f"the {len(accepted(sample))} accepted", accepted(sample)))
     counted += [_reproduced(f"reading `{one.reading}`", [one]) for one in every if one.is_named]
     first = table(
-        ["combinations", f"statements reproduced, of {len(every[0].answers)}", "mean by single runs"], counted
+        [
+            "combinations",
+            f"statements that select reproduced, of {len(every[0].answers)}",
+            "mean by single runs",
+            f"mean of the {len(every[0].held_out)} held out",
+        ],
+        counted,
     )
     kept, lines = accepted(sample), []
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in infer.FACTORS.items()})
@@ -105,7 +112,7 @@ def readings(rows: Rows) -> str:
             ]
         )
     head = ["reading", f"share of the {len(kept)} accepted of {len(sample)}", "p", "p by Holm"]
-    alone = ["statements that `paper` reproduces with this value, the default first", "more by single runs"]
+    alone = ["statements that select and `paper` reproduces with this value, the default first", "more by single runs"]
     return first + "\n\n" + table([*head, *alone], lines)
 
 
@@ -113,7 +120,9 @@ def _reproduced(label: str, group: Sequence[Combination]) -> list[object]:
     """How many statements combinations reproduce."""
     counts = [sum(one.answers) for one in group]
     most = f"; at most {max(counts)}, by {counts.count(max(counts))}" if len(group) > 1 else ""
-    return [label, f"{np.median(counts):g}{most}", short(interval([n for one in group for n in one.single]))]
+    held_out = interval([sum(one.held_out) for one in group]) if len(group) > 1 else None
+    others = short(held_out) if held_out else sum(group[0].held_out)
+    return [label, f"{np.median(counts):g}{most}", short(interval([n for one in group for n in one.single])), others]
 
 
 def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:

@@ -15,8 +15,8 @@ one parent or the other. Choices where it is silent:
   `boolean_mutation` has other choices. An intermediate crossover takes a Boolean from either parent.
 - A fitness below zero counts as zero; if none is above zero, all swarms are equally probable. The elite takes part in
   the draw.
-- Densities lie within 0.01 and 0.3304, as "the biggest swarm that was tested" had 785 robots. All other parameters
-  lie within 0 and 1, distances in units of the sensory radius.
+- Densities lie within 0.01 and 1, a robot in each cell: "the biggest swarm that was tested", of 785 robots, is what
+  came of the paper's evolution. All other parameters lie within 0 and 1, distances in units of the sensory radius.
 """
 
 from collections.abc import Sequence
@@ -66,8 +66,8 @@ class Operators:
     """Share of the crossovers that average both parents; in the others each value comes from one of them."""
     density_min: Annotated[float, Above(0, 1)] = 0.01
     """Smallest density of robots; 24 robots in the paper's arena."""
-    density_max: Annotated[float, Above(0, 1)] = 0.3304
-    """Largest density of robots; 785 robots in the paper's arena."""
+    density_max: Annotated[float, Above(0, 1)] = 1.0
+    """Largest density of robots; 2376 robots in the paper's arena."""
 
     def __post_init__(self):
         validate(self, "operators")

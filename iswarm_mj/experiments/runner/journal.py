@@ -53,10 +53,16 @@ class Journal:
                 raise ValueError("it is no file of SQLite")
             self._file = sqlite3.connect(path)
             try:
-                with self._file:
-                    self._file.execute("CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, entry TEXT, crc INT)")
-                    self._file.execute("INSERT OR IGNORE INTO runs VALUES (?, ?, ?)", _row((), wanted))
-                rows = list(self._file.execute("SELECT * FROM runs"))
+                # One that is refused stays as it is, so that nothing is written before it is read.
+                has_table = self._file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+                rows = list(self._file.execute("SELECT * FROM runs")) if has_table else []
+                if not rows:
+                    rows = [_row((), wanted)]
+                    with self._file:
+                        self._file.execute(
+                            "CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, entry TEXT, crc INT)"
+                        )
+                        self._file.execute("INSERT INTO runs VALUES (?, ?, ?)", *rows)
                 self.entries: dict[Key, Any] = {tuple(json.loads(key)): json.loads(entry) for key, entry, _ in rows}
                 if rows != [_row(key, entry) for key, entry in self.entries.items()]:
                     raise ValueError("a checksum differs")

@@ -23,7 +23,7 @@ from iswarm_mj.experiments.analysis.findings import (
 )
 from iswarm_mj.experiments.analysis.measures import STEPS, by, select
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_support
-from iswarm_mj.experiments.analysis.statements import ASKED, time_error
+from iswarm_mj.experiments.analysis.statements import ASKED, penalty_error
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import (
     Combination,
@@ -43,8 +43,10 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 
 COMBINATIONS = 512
+NAMED = ("paper", "initial")
+"""Readings that are run beside the sample."""
 NAMED_REPEATS = 12
-"""Runs of each setting for the named readings, and for the paper's with one value changed."""
+"""Runs of each setting for these, and for the paper's with one value changed."""
 
 FACTORS: Mapping[str, Mapping[str, Values]] = {
     "avoidance_sides": {"front": {}, "all": {"strategy.avoidance_sides": "all"}},
@@ -55,7 +57,11 @@ FACTORS: Mapping[str, Mapping[str, Values]] = {
     },
     "priority_repulsion": {"higher": {}, "scaled": {"strategy.priority_repulsion": "scaled"}},
     "avoids_at_dust": {"no": {}, "yes": {"strategy.avoids_at_dust": True}},
-    "blocked": {"pushes": {}, "waits": {"strategy.blocked": "waits"}},
+    "locations": {"free": {}, "cells": {"drive.locations": "cells"}},
+    "stops": {"none": {}, "25 %": {"drive.stop_share": 0.25}, "50 %": {"drive.stop_share": 0.5}},
+    "turns": {"none": {}, "half a step": {"drive.turn_share": 0.5}, "a step": {"drive.turn_share": 1.0}},
+    "loaded_speed": {"100 %": {}, "50 %": {"drive.loaded_speed": 0.5}},
+    "sensing_errors": {"none": {}, "10 %": {"strategy.error_in_sensing": 0.1}},
     "random_turn": {f"{turn:g} deg": {"strategy.random_turn": turn} for turn in (30.0, 90.0, 180.0)},
     "max_turn": {"90 deg": {}, "180 deg": {"drive.max_turn": 180.0, "drive.turn_substeps": 6}},
     "avoidance_gain": {f"{gain:g}": {"strategy.avoidance_gain": gain} for gain in (2.0, 8.0, 32.0)},
@@ -129,18 +135,18 @@ def entries(combinations: int, plan: Plan) -> list[Entry]:
     part of the sample and have negative numbers."""
     n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
     listed = []
-    for place, name in enumerate(READINGS):
-        labels = dict.fromkeys(FACTORS) | {"combination": place - len(READINGS), "reading": name}
+    for place, name in enumerate(NAMED):
+        labels = dict.fromkeys(FACTORS) | {"combination": place - len(NAMED), "reading": name}
         listed += _runs(plan, _named(plan, name), labels, place, named)
     for place, labels in enumerate(design(n, plan.seed)):
         settings = {key: value for label in labels.items() for key, value in settings_of(*label).items()}
         config = varied(plan.config, settings)
         labels = {**labels, "combination": place, "reading": None}
-        listed += _runs(plan, config, labels, place + len(READINGS), 1)
+        listed += _runs(plan, config, labels, place + len(NAMED), 1)
     for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
-        number_of = -1 - len(READINGS) - place
+        number_of = -1 - len(NAMED) - place
         labels = dict.fromkeys(FACTORS) | {name: label, "combination": number_of, "reading": "paper"}
-        paper = list(READINGS).index("paper")
+        paper = NAMED.index("paper")
         listed += _runs(plan, varied(_named(plan, "paper"), FACTORS[name][label]), labels, paper, named)
     return listed
 
@@ -178,8 +184,10 @@ def combinations_of(rows: Rows) -> list[Combination]:
         labels, layouts = {name: runs[0][name] for name in FACTORS}, sorted(by(runs, "repeat").items())
         each = [answers(mine) for _, mine in layouts]
         held = answers(runs) if len(each) > 1 else each[0]
+        others = answers(runs, selects=False)
         types = [{**row, "type": row["setting"]} for row in select(runs, study="types")]
-        listed.append(Combination(runs[0]["reading"], labels, held, time_error(types), [sum(one) for one in each]))
+        single = [sum(one) for one in each]
+        listed.append(Combination(runs[0]["reading"], labels, held, penalty_error(types), single, others))
     return listed
 
 
@@ -198,14 +206,18 @@ def findings(rows: Rows) -> list[Finding]:
     sample, named = [c for c in every if c.reading is None], [c for c in every if c.is_named]
     kept = accepted(sample)
     counts = [sum(c.answers) for c in sample]
-    most, total = max(counts), len(ASKED)
-    said = "; ".join(f"{c.reading} {sum(c.answers)} of {total}" for c in named)
+    most, total, others = max(counts), len(sample[0].answers), len(sample[0].held_out)
+    said = "; ".join(
+        f"{c.reading} {sum(c.answers)} of {total}, and of those held out {sum(c.held_out)} of {others}" for c in named
+    )
+    apart = [float(np.mean([sum(c.held_out) for c in group])) for group in (kept, sample)]
     rule = (
         f"{len(sample)} combinations drawn from {len(FACTORS)} readings; the {len(kept)} that miss the fewest "
-        "statements are accepted (approximate Bayesian computation by rejection); of equals those nearer in the times "
-        "of both types"
+        "statements that select are accepted (approximate Bayesian computation by rejection); of equals those nearer "
+        "in the penalties of both types"
     )
     ours = f"at most {most} of {total}, by {counts.count(most)}; median {number(float(np.median(counts)))}; {said}"
+    ours += f"; held out, mean of {others}: accepted {number(apart[0])}, all {number(apart[1])}"
     verdict = "" if len(sample) >= LEAST_COMBINATIONS else TOO_FEW
     listed = [best._replace(ours=ours, statistics=rule, verdict=verdict)]
     by_factor = chances(sample, kept, {name: list(levels) for name, levels in FACTORS.items()})
@@ -218,17 +230,23 @@ def findings(rows: Rows) -> list[Finding]:
         prior = (
             f"share of the accepted combinations, of which {number(100 / len(FACTORS[name]))} % without any support; "
             f"Wilson; exact multinomial p = {number(p, 2)}, {number(adjusted, 2)} by Holm for {len(FACTORS)} readings; "
-            f"statements of `paper` with one value: {', '.join(f'{label} {n}' for label, n in alone.items())}"
+            f"of `paper` with one value hold, of those that select: "
+            f"{', '.join(f'{label} {n}' for label, n in alone.items())}"
         )
         claim = f"Support of {name.replace('_', ' ')}"
         listed.append(Finding(claim, NOT_IN_PAPER, "not stated", NOT_COMPARABLE, text, prior, verdict))
     return listed
 
 
+def _texts() -> list[str]:
+    """Texts of the statements, those that select first."""
+    return [text for which in (True, False) for text, asked in ASKED.items() if asked.selects == which]
+
+
 def draw(rows: Rows, path: Path) -> list[Path]:
     """Draw how many statements are reproduced, and the support of each choice."""
     every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
-    return draw_support(every, supported([c for c in every if c.reading is None]), list(ASKED), path)
+    return draw_support(every, supported([c for c in every if c.reading is None]), _texts(), path)
 
 
 def experiment_of(combinations: int = COMBINATIONS) -> Experiment:

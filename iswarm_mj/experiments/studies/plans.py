@@ -93,12 +93,16 @@ CHOICES: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
         "strategy.avoidance_course": ("crossing", "oncoming"),
         "strategy.priority_repulsion": ("higher", "scaled"),
         "strategy.avoids_at_dust": (True,),
-        "strategy.blocked": ("waits",),
         "optics.parity_check": (False,),
         "strategy.odometry_error_turn": (10.0,),
         "strategy.odometry_error_step": (0.1,),
         "drive.error_turn": (10.0,),
         "drive.error_step": (0.1,),
+        "drive.locations": ("free", "cells"),
+        "drive.stop_share": (0.25, 0.5),
+        "drive.turn_share": (0.5, 1.0),
+        "drive.loaded_speed": (0.5,),
+        "strategy.error_in_sensing": (0.1,),
     },
 }
 """Values that are tried one at a time, by groups; those that are the default's are left out. The paper's own values

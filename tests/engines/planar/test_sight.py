@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers_planar import with_robot
-from helpers_sensing import SHIFTED, crowd, place, squares_in_the_way
+from helpers_sensing import SHIFTED, crowd, squares_in_the_way
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
@@ -38,17 +38,6 @@ def test_links_are_those_of_arrays(robot, baud_rate, mode, line_of_sight):
     assert got.valid.sum() > 150
 
 
-@pytest.mark.parametrize("mode", ["sector", "power"])
-@pytest.mark.parametrize("order", [(1, 2), (2, 1)])
-def test_of_equally_near_senders_the_first_is_heard(mode, order):
-    """Two senders that mirror each other at the receiver's axis."""
-    rows = [(0, 0, 0), (6, 2, 180), (6, -2, 180)]
-    poses = place(rows[0], *(rows[k] for k in order))[None]
-    optics = OpticsConfig(mode=mode)
-    assert sight(poses, optics).links.sender[0, 0, 0] == 1
-    assert find_links(poses, ROBOT, optics, squares_in_the_way(poses)).sender[0, 0, 0] == 1
-
-
 def test_any_number_of_robots_may_be_near():
     """In range of the robot in the middle are over a hundred, most of them hidden."""
     poses = crowd(np.random.default_rng(7), 0.9, edge=16)[None]
@@ -58,14 +47,6 @@ def test_any_number_of_robots_may_be_near():
     got = sight(poses, optics).links
     for values, those in zip(got, expected, strict=True):
         np.testing.assert_array_equal(values, those)
-
-
-def test_robots_anywhere_are_seen():
-    """Also beyond the walls, and those whose pose is not a number see nothing and hide nothing."""
-    poses = np.array([[(0, 0, 0), (6, 0, np.pi), (80, 0, 0), (86, 0, np.pi), (np.nan, 0, 0), (3, np.nan, 0)]])
-    links = sight(poses, OpticsConfig()).links
-    assert links.valid.sum() == 4 and not links.valid[0, 4:].any()
-    np.testing.assert_array_equal(links.sender[0, :4, 0], [1, 0, 3, 2])
 
 
 def test_threads_change_nothing():

@@ -1,0 +1,140 @@
+"""Episodes of environments before a camera, and in recordings for Rerun."""
+
+import pickle
+
+import gymnasium
+import jax
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from helpers_envs import SMALL, act, poses_of
+from helpers_opengl import needs_opengl, of_colour
+from helpers_rrd import read
+from matplotlib import pyplot
+
+import iswarm_mj.envs.gymnasium
+from iswarm_mj import make_env
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.envs import EnvRecording, Pictures, parallel_env, single_env, vector_env
+from iswarm_mj.envs.window import Window
+from iswarm_mj.output.palette import EMPTY
+from iswarm_mj.output.stage import Shot
+from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.units import mm_from_rd
+
+FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "steps": 4, "n_starts": 4}
+SIZE, N_WORLDS = 200, 2
+
+
+def centres_of(pixels):
+    """Where robots are seen: middles of connected pixels of their colour, in mm."""
+    from scipy import ndimage
+
+    found, n = ndimage.label(ndimage.binary_dilation(of_colour(pixels, EMPTY), iterations=2))
+    row, column = np.array(ndimage.center_of_mass(found > 0, found, range(1, n + 1))).T
+    return np.column_stack([column - len(pixels) / 2 + 0.5, len(pixels) / 2 - 0.5 - row])
+
+
+@needs_opengl
+def test_pictures_show_robots_where_they_are():
+    env = make_env(n_robots=5, config=SMALL, n_worlds=N_WORLDS, n_starts=8)
+    state = env.reset(jax.random.split(jax.random.key(1), N_WORLDS))
+    pictures = Pictures(env, state, Shot("above", (SIZE, SIZE), fine=True))
+    for step in range(2):
+        state = env.step(state, act(env, step, N_WORLDS))
+    for world in range(N_WORLDS):
+        there = poses_of(env, state)[world, :, :2]
+        seen = centres_of(pictures.show(state, world))
+        assert len(seen) == len(there)
+        scale = np.linalg.norm(seen - seen.mean(axis=0)) / np.linalg.norm(there - there.mean(axis=0))
+        distance = np.linalg.norm(seen[:, None] / scale - there[None], axis=-1)
+        assert distance.min(axis=0).max() < 2.0 and (distance.argmin(axis=0) == distance.argmin(axis=0)).all()
+    pictures.close()
+
+
+@needs_opengl
+def test_adapters_return_pictures():
+    robots = parallel_env(render_mode="rgb_array", **FEW)
+    robots.reset(seed=1)
+    assert _is_picture(robots.render()) and robots.render_mode in robots.metadata["render_modes"]
+    robots.close()
+    env = gymnasium.make("iswarm/Cleaning-v0", render_mode="rgb_array", **FEW)
+    env.reset(seed=1)
+    first = env.render()
+    env.step(np.ones(env.action_space.shape, np.float32))
+    assert _is_picture(first) and (env.render() != first).any()
+    env.close()
+    many = vector_env(num_envs=3, render_mode="rgb_array", **FEW)
+    many.reset(seed=1)
+    pictures = many.render()
+    assert len(pictures) == 3 and all(map(_is_picture, pictures)) and (pictures[0] != pictures[1]).any()
+    many.close()
+    assert single_env(**FEW).render() is None
+
+
+def _is_picture(pixels):
+    return pixels.dtype == np.uint8 and pixels.ndim == 3 and pixels.shape[2] == 3 and np.ptp(pixels) > 100
+
+
+@needs_opengl
+@pytest.mark.filterwarnings("ignore:.*human")
+def test_gymnasium_finds_nothing_wrong_with_pictures():
+    env = single_env(render_mode="rgb_array", **FEW)
+    env.spec = gymnasium.spec("iswarm/Cleaning-v0")
+    env.spec.kwargs.update(FEW)
+    check_env(env, skip_render_check=True)
+    env.close()
+
+
+def test_a_window_needs_a_display(monkeypatch):
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "agg")
+    with pytest.raises(UserError, match="use rgb_array, or record"):
+        single_env(render_mode="human", **FEW)
+    with pytest.raises(UserError):
+        Window()
+
+
+def test_modes_are_checked():
+    with pytest.raises(ConfigError, match="render_mode must be one of human, rgb_array, or None"):
+        parallel_env(render_mode="ansi", **FEW)
+    with pytest.raises(UserError, match="call reset first"):
+        single_env(render_mode="rgb_array", **FEW).render()
+
+
+def test_recordings_have_every_step_of_all_episodes(tmp_path):
+    path, places = tmp_path / "few.rrd", []
+    env = parallel_env(record=path, **FEW)
+    rng = np.random.default_rng(0)
+    for seed in range(2):
+        env.reset(seed=seed)
+        places.append(env.state()[-15:])
+        while env.agents:
+            env.step({agent: rng.uniform(-1, 1, 2).astype(np.float32) for agent in env.agents})
+            places.append(env.state()[-15:])
+    copy = pickle.loads(pickle.dumps(env))  # which writes to no file
+    copy.reset(seed=3)
+    env.close()
+    found = read(path)["/world/robots/body"]
+    assert found["step"] == list(range(2 * 5))
+    shown = np.array([np.asarray(row, float)[:, :2] for row in found["Boxes3D:centers"]])
+    expected = mm_from_rd(np.array(places).reshape(10, 5, 3)[..., :2])
+    np.testing.assert_allclose(shown, expected, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_one_world_without_an_axis(tmp_path):
+    """As `reset` and `step` of MJX return it."""
+    env = make_env(n_robots=5, config=SMALL, engine=MjxSettings(), n_starts=2)
+    state = env.reset(jax.random.key(0))
+    both = []
+    for given in (state, jax.tree.map(lambda a: a[None], state)):
+        with EnvRecording(env, tmp_path / "one.rrd") as recording:
+            recording.add(given)
+            recording.add(given)
+        both.append(read(tmp_path / "one.rrd")["/world/robots/body"])
+    for name in both[0]:
+        np.testing.assert_array_equal(np.asarray(both[0][name], object), np.asarray(both[1][name], object))
+
+
+assert iswarm_mj.envs.gymnasium  # which registers iswarm/Cleaning-v0
