@@ -58,6 +58,7 @@ def example(tmp_path, monkeypatch):
     start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "models").symlink_to(ROOT / "models")
     (tmp_path / "my_robot.xml").symlink_to(ROOT / "models/robot6.xml")
     (tmp_path / "results").symlink_to(ROOT / "results")
