@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import RunSettings
     from iswarm_mj.strategy.genome import PRESETS
+    from iswarm_mj.strategy.teams import Teams
     from iswarm_mj.workflows.rollout import rollout
 
 __version__ = "0.2.0"
@@ -32,6 +33,7 @@ __all__ = [
     "Run",
     "RunSettings",
     "SwarmConfig",
+    "Teams",
     "load",
     "make_env",
     "play",
@@ -50,6 +52,7 @@ _MODULES = {
     "engines.planar.settings": ("PlanarSettings",),
     "simulation.settings": ("RunSettings",),
     "strategy.genome": ("PRESETS",),
+    "strategy.teams": ("Teams",),
 }
 """Where the names of `__all__` are defined."""
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -63,6 +63,7 @@ def example(tmp_path, monkeypatch):
         (tmp_path / name).write_text(re.search(rf"```python\n(# {name}.*?)```", training, re.S)[1])
     np.save(tmp_path / "lamp.npy", np.zeros((30, 2), np.float32))  # which learn.py makes
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "models").symlink_to(ROOT / "models")
     (tmp_path / "my_robot.xml").symlink_to(ROOT / "models/robot6.xml")
     (tmp_path / "results").symlink_to(ROOT / "results")

@@ -93,9 +93,10 @@ class ConfigFile:
             return [word, *(self._word(name, part) for part in parts)] if parts else []
         return [f"{word}={self._word(name, value)}"]
 
-    def word(self, name: str) -> str | None:
-        """Return the value of a flag that takes one word; None where there is no value."""
-        return None if name not in self.values else self._word(name, self.values[name])
+    def words(self, name: str) -> list[str]:
+        """Return the values of a flag that takes words."""
+        found = self.values.get(name, [])
+        return [self._word(name, value) for value in (found if isinstance(found, list) else [found])]
 
     def _word(self, name: str, value: Any) -> str:
         try:
@@ -134,7 +135,7 @@ def _named(path: Path, word: str, own: Mapping[str, Any], given: Collection[str]
 
     cls, values = own.get("class"), {name: value for name, value in own.items() if name != "class"}
     if word in given or (word == "task" and cls == type(CLEANING).__name__):
-        return values if word in given else {}
+        return dict(_flat(values)) if word in given else {}
     name = offered({"strategy": STRATEGIES, "task": TASKS}[word], str(cls), set(values))
     if name is None:
         raise UserError(f"--config {path} is of the {word} {shown(cls)}; name it by --{word} FILE.py:CLASS")

@@ -30,24 +30,8 @@ from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
 COMMANDS: dict[str, type] = {
     cls.__name__.lower(): cls
     for cls in (
-        *(
-            Clean,
-            Run,
-            Play,
-            Sweep,
-            Inspect,
-            Picture,
-            Bench,
-            Grasp,
-            Evolve,
-            Train,
-            Experiment,
-            Infer,
-            Report,
-            Reproduce,
-            Replay,
-            Video,
-        ),
+        *(Clean, Run, Play, Sweep, Inspect, Picture, Bench, Grasp),
+        *(Evolve, Train, Experiment, Infer, Report, Reproduce, Replay, Video),
     )
 }
 """Subcommands by their names: dataclasses of their flags with a method `run`."""

@@ -1,8 +1,10 @@
 """Flags that several commands share: the configuration, many runs, engines."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
+import numpy as np
 import tyro
 
 from iswarm_mj.commands.flags import refuse
@@ -19,6 +21,7 @@ from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.limits import Seed, Workers
 from iswarm_mj.utils.constraints import Needs, check
+from iswarm_mj.utils.pictures import boxes_of_picture
 
 _ENGINE = f"Physics engine: {described()}; or a class in a file. Its settings become flags, see --engine ... --help."
 EngineName: TypeAlias = Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME", help=_ENGINE)]
@@ -37,6 +40,8 @@ class ConfigOptions:
     gripper: GripperConfig = field(default_factory=GripperConfig)
     strategy: StrategyConfig = field(default_factory=StrategyConfig)
     energy: EnergyConfig = field(default_factory=EnergyConfig)
+    maze: Path | None = None
+    """A picture whose dark pixels are obstacles, stretched over the arena."""
     engine: EngineName = "mujoco"
     physics: EngineSettings | None = None
     """The engine with the values of its flags."""
@@ -53,7 +58,11 @@ class ConfigOptions:
         Raises:
             ConfigError: two settings contradict each other.
         """
-        return SwarmConfig(self.arena, self.drive, self.optics, self.gripper, self.strategy, self.energy)
+        arena = self.arena
+        if self.maze is not None:
+            boxes = boxes_of_picture(self.maze, *np.ptp(arena.corners, axis=0).tolist())
+            arena = replace(arena, obstacles=(*arena.obstacles, *boxes))
+        return SwarmConfig(arena, self.drive, self.optics, self.gripper, self.strategy, self.energy)
 
 
 @dataclass(frozen=True)

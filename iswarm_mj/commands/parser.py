@@ -14,7 +14,7 @@ import tyro
 
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
-from iswarm_mj.commands.rules import Rules
+from iswarm_mj.commands.rules import Rules, TeamFlags
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
 from iswarm_mj.engines.registry import check_settings, find_engine
@@ -47,20 +47,21 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         if twice := [one for one, n in Counter(named).items() if n > 1]:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
-        file = ConfigFile.read(Path(path), named) if (path := _value("config", given)) is not None else None
-        words = {word: _value(word, given) for word in ("reading", "engine", *SETTINGS)}
+        file = ConfigFile.read(Path(path[0]), named) if (path := _words("config", given)) else None
+        words = {word: _words(word, given) for word in ("reading", "engine", *SETTINGS)}
         if file is not None:
-            words = {word: value or file.word(word) for word, value in words.items()}
+            words = {word: found or file.words(word) for word, found in words.items()}
+        first = {word: found[0] if found else None for word, found in words.items()}
         settable = {f.name for f in fields(cls)}
         for word in SETTINGS:
             if file is not None and word in file.values and SETTINGS[word] not in settable:
                 file.refuse(name, word)
-        reading = READINGS.get(str(words["reading"])) if "reading" in settable else None
-        default = cls() if reading is None else cls(reading=words["reading"], **vars(reading))
+        reading = READINGS.get(str(first["reading"])) if "reading" in settable else None
+        default = cls() if reading is None else cls(reading=first["reading"], **vars(reading))
         known = dict.fromkeys(settable)
-        engine = (words["engine"] or default.engine) if "physics" in settable else None
+        engine = (first["engine"] or default.engine) if "physics" in settable else None
         own = {} if engine is None else {"physics": _engine(engine)}
-        own |= _own({word: value for word, value in words.items() if SETTINGS.get(word) in settable and value})
+        own |= _own({word: found for word, found in words.items() if SETTINGS.get(word) in settable and found})
         replaced = {"own": "override", "physics": "physics"}  # by a strategy, and by an engine
         gone = [getattr(default, replaced[part], None) for part in own if part in replaced]
         known = {name: value for name, value, owner, _ in settings(default) if all(owner is not one for one in gone)}
@@ -73,7 +74,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             arguments = [*file.arguments(name, known, named), *arguments]
         asked = {*given} & {*HELP, *HELP_ALL}
         everything = not asked or bool(asked & HELP_ALL)
-        shown = {part: one for part, one in own.items() if everything or part != "physics" or words["engine"]}
+        shown = {part: one for part, one in own.items() if everything or part != "physics" or first["engine"]}
         rules = Rules(cls, shown, everything)
         arguments = ["--help"] if asked else arguments
         named = {"prog": f"iswarm {name}", "description": cls.__doc__}
@@ -103,11 +104,11 @@ def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
         print("\n".join([*lines[:_MOST_LINES], *more]), file=sys.stderr, end="\n" if lines else "")
 
 
-def _value(word: str, arguments: Sequence[str]) -> str | None:
-    """Value of a flag among arguments, for which there is no parser yet."""
+def _words(word: str, arguments: Sequence[str]) -> list[str]:
+    """Values of a flag among arguments, for which there is no parser yet."""
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument(f"--{word}", nargs="?", dest="value")
-    return parser.parse_known_args(list(arguments))[0].value
+    parser.add_argument(f"--{word}", nargs="*", dest="values", default=[])
+    return parser.parse_known_args(list(arguments))[0].values
 
 
 def _engine(name: str) -> EngineSettings:
@@ -120,22 +121,24 @@ def _engine(name: str) -> EngineSettings:
     return settings
 
 
-def _own(named: dict[str, str]) -> dict[str, Any]:
+def _own(named: dict[str, list[str]]) -> dict[str, Any]:
     """The strategy and the task of these names, classes or objects, by the command's fields that hold them."""
     found = {}
     if "strategy" in named:
         from iswarm_mj.strategy.genome import Genome
-        from iswarm_mj.strategy.library import find_strategy
+        from iswarm_mj.strategy.library import find_strategy, find_teams
         from iswarm_mj.strategy.pytrees import check_methods
 
-        found["own"] = find_strategy(named["strategy"])
-        if not isinstance(found["own"], Genome):
-            check_methods(found["own"])
+        teams = TeamFlags(find_teams(named["strategy"]))
+        found["own"] = teams if teams.teams else find_strategy(named["strategy"][0])
+        for one in [*teams.strategies.values()] or [found["own"]]:
+            if not isinstance(one, Genome):
+                check_methods(one)
     if "task" in named:
         from iswarm_mj.tasks.library import find_task
         from iswarm_mj.tasks.signatures import check_methods
 
-        found["own_task"] = find_task(named["task"])
+        found["own_task"] = find_task(named["task"][0])
         check_methods(found["own_task"])
     return found
 
@@ -146,6 +149,9 @@ def _flags_of(found: Any, command: str, known: dict[str, Any]) -> dict[str, Any]
     Raises:
         UserError: one is a flag of the command, too.
     """
+    if isinstance(found, TeamFlags):
+        flags = {name: _flags_of(one, command, {}) for name, one in found.strategies.items()}
+        return {f"{name}.{field}": default for name, own in flags.items() for field, default in own.items()}
     cls = found if isinstance(found, type) else type(found)
     if not is_dataclass(cls):
         return {}

@@ -1,5 +1,6 @@
 """`iswarm play`."""
 
+import shlex
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,7 +49,7 @@ class Play(WithTask):
             self.seed,
             self.engine_settings,
             self.robot,
-            None if is_genome else self.controller,
+            None if is_genome else shlex.join(self.controller) if self.controller[1:] else self.controller[0],
             self.task_name,
         )
         with waiting("placing the robots"):

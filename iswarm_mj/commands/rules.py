@@ -34,6 +34,27 @@ class Common(NamedTuple):
     """Show all flags, with their groups."""
 
 
+class TeamFlags(NamedTuple):
+    """Teams that arguments name; the values of their strategies' flags are still to come."""
+
+    teams: dict[str, tuple[float | int, Any]]
+    """Share, and class or object, by name."""
+
+    @property
+    def strategies(self) -> dict[str, Any]:
+        """Class or object by name."""
+        return {name: found for name, (_, found) in self.teams.items()}
+
+    def struct(self) -> StructConstructorSpec:
+        """Flags of the strategies, with the names of the teams before them."""
+        from iswarm_mj.strategy.teams import Teams
+
+        def make(**given: Any) -> Any:
+            return Teams({name: (share, given[name]) for name, (share, _) in self.teams.items()})
+
+        return StructConstructorSpec(make, tuple(_own(*one, tyro.conf.arg()) for one in self.strategies.items()))
+
+
 class Rules(ConstructorRegistry):
     """Rules for one command.
 
@@ -47,6 +68,8 @@ class Rules(ConstructorRegistry):
         super().__init__()
         self._main = () if everything else getattr(command, "MAIN", ())
         self._command, self._own = command, own
+        teams = [found for one in own.values() if isinstance(one, TeamFlags) for found in one.strategies.values()]
+        self._found = [*own.values(), *teams]
         self.struct_rule(self._struct)
         self.primitive_rule(_number)
         self.primitive_rule(_path)
@@ -55,14 +78,17 @@ class Rules(ConstructorRegistry):
     def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
         """Flags of a dataclass or a named tuple."""
         cls: Any = info.type
-        own = next((one for one in self._own.values() if cls in (one, type(one))), None)
+        own = next((one for one in self._found if cls in (one, type(one))), None)
         if own is None and not (isinstance(cls, type) and (is_dataclass(cls) or hasattr(cls, "_fields"))):
             return None
         if cls is self._command:
             return self._of_command(info.default)
+        if isinstance(own, TeamFlags):
+            return own.struct()
+        default = info.default
         if own is not None and not isinstance(own, type) and not is_dataclass(own):  # whole, as a learned policy
-            return StructConstructorSpec(lambda: own, ())
-        made = [_flag(cls, *member) for member in _members(cls, info.default if own in (None, cls) else own)]
+            return StructConstructorSpec(lambda: default, ())
+        made = [_flag(cls, *member) for member in _members(cls, default)]
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
@@ -76,8 +102,7 @@ class Rules(ConstructorRegistry):
         }
         made = {name: made[name] for name in self._main or made if name in made}
         for name, found in self._own.items():
-            cls: Any = found if isinstance(found, type) else type(found)
-            made[name] = StructFieldSpec(name, _annotated(cls, tyro.conf.arg(name="")), MISSING_NONPROP)
+            made[name] = _own(name, found, tyro.conf.arg(name=""))
         common = [_flag(Common, *member) for member in _members(Common, None)]
         shown = common if self._main else common[:1]
 
@@ -96,6 +121,12 @@ def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
     for name in [f.name for f in fields(cls) if f.init] if is_dataclass(cls) else getattr(cls, "_fields", ()):
         value = getattr(default, name) if type(default) is cls else usual.get(name, MISSING)
         yield name, hints[name], MISSING_NONPROP if value is MISSING else value
+
+
+def _own(name: str, found: Any, how: object) -> StructFieldSpec:
+    """The flags of a class, or of an object whose values are defaults."""
+    cls: Any = found if isinstance(found, type) else type(found)
+    return StructFieldSpec(name, _annotated(cls, how), MISSING_NONPROP if found is cls else found)
 
 
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:

@@ -33,10 +33,11 @@ class Swarm(ConfigOptions):
     MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine")
     """Flags that `--help` shows."""
 
-    controller: Annotated[str | None, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = None
+    controller: Annotated[tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = ()
     """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
-    package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help."""
-    genome: Annotated[str, Needs("controller", (None,), "with `strategy`")] = "type1"
+    package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help. Several
+    share the swarm as teams, with the share or number of the robots of each: a.py:A=0.7 type2=0.3."""
+    genome: Annotated[str, Needs("controller", ((),), "with `strategy`")] = "type1"
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""

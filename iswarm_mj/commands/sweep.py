@@ -110,10 +110,11 @@ def _values(text: str) -> tuple[str, list[str]]:
 
 
 def _content(value: Any) -> str:
-    """What determines a run beside its settings: a hash of the file that one of them names, also as FILE.py:CLASS, with
-    what this imports."""
-    names = [str(value), str(value).rpartition(":")[0]] if isinstance(value, str | Path) else []
-    named = [Path(name) for name in names if name and Path(name).is_file()][:1]
+    """What determines a run beside its settings: a hash of the files that one of them names, also as FILE.py:CLASS,
+    with what these import."""
+    words = [str(word) for word in (value if isinstance(value, tuple) else (value,)) if isinstance(word, str | Path)]
+    names = [name for word in words for name in (word, word.rpartition(":")[0])]
+    named = [Path(name) for name in names if name and Path(name).is_file()]
     files = [one for path in named for one in (sources(path) if path.suffix == ".py" else [path])]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest() if files else ""
 

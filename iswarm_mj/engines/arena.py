@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,6 +13,7 @@ from iswarm_mj.engines.robot_file import models_directory, read_robot, robot_spe
 from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_m, mm_from_rd
+from iswarm_mj.utils.walls import in_mm
 
 
 class ArenaModel(NamedTuple):
@@ -24,7 +25,11 @@ class ArenaModel(NamedTuple):
     body: np.ndarray
     """(N,) body ids of the robots."""
     walls: np.ndarray
-    """(4,) geom ids of the walls."""
+    """(W,) geom ids of the walls."""
+    planes: np.ndarray
+    """(W, 3) where they are, see `utils.walls.half_planes` [mm]."""
+    extent: float
+    """Half the edge of the square around them [mm]."""
     obstacles: np.ndarray
     """(M,) geom ids of the obstacles."""
     qpos: np.ndarray
@@ -103,7 +108,9 @@ def compile_arena(
         model=model,
         hull=np.array([model.geom(r + "hull").id for r in robots]),
         body=np.array([model.body(r + "robot").id for r in robots]),
-        walls=np.array([model.geom(f"wall_{side}").id for side in ("east", "north", "west", "south")]),
+        walls=np.array([model.geom(f"wall{k}").id for k in range(len(config.arena.walls))]),
+        planes=in_mm(config.arena.walls),
+        extent=mm_from_rd(config.arena.size) / 2,
         obstacles=np.array([model.geom(f"obstacle{k}").id for k in range(len(config.arena.obstacles))], int),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
@@ -115,16 +122,11 @@ def compile_arena(
 
 def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
     """Give floor, walls, dump, dust areas and the cameras the configured sizes and places."""
-    arena, edge = config.arena, mm_from_rd(config.arena.size) / 2
-    zoom = edge / spec.geom("floor").size[0]
-    spec.geom("floor").size[:2] = edge
-    spec.material("floor").texrepeat = [arena.size / 2, arena.size / 2]
-    for side, (x, y) in {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}.items():
-        panel = spec.geom(f"panel_{side}")
-        thick = min(panel.size[:2])
-        spec.geom(f"wall_{side}").pos[:2] = [x * edge, y * edge]
-        panel.pos[:2] = [x * (edge + thick), y * (edge + thick)]
-        panel.size[:2] = [thick, edge + 2 * thick] if x else [edge, thick]
+    arena, floor, edge = config.arena, spec.geom("floor"), mm_from_rd(config.arena.size) / 2
+    zoom, low, high = edge / floor.size[0], np.min(arena.corners, axis=0), np.max(arena.corners, axis=0)
+    floor.size[:2], floor.pos[:2] = mm_from_rd(high - low) / 2, mm_from_rd(high + low) / 2
+    spec.material("floor").texrepeat = (high - low) / 2
+    _add_walls(spec, mm_from_rd(np.array(arena.corners)), in_mm(arena.walls))
     spec.geom("dump").size[:2] = mm_from_rd(arena.dump_size) / 2
     for side, x in {"west": -1, "east": 1}.items():
         area = spec.geom(f"dust_{side}")
@@ -135,21 +137,36 @@ def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
         spec.camera(camera).pos *= zoom
 
 
+def _add_walls(spec: mujoco.MjSpec, corners: np.ndarray, planes: np.ndarray) -> None:
+    """Put walls from each corner (W, 2) to the next [mm] in place of those of the file; panels are what one sees."""
+    thick, _, height = spec.geom("panel0").size.tolist()
+    for given in [geom for geom in spec.geoms if geom.name.startswith(("wall", "panel"))]:
+        spec.delete(given)
+    ends = zip(corners, np.roll(corners, -1, axis=0), planes, strict=True)
+    for k, (corner, other, (x, y, distance)) in enumerate(ends):
+        inwards = [math.cos(math.pi / 4), y * math.sin(math.pi / 4), -x * math.sin(math.pi / 4), 0.0]
+        _add(spec, "wall", f"wall{k}", [x * distance, y * distance, 0.0], inwards)
+        middle, length = (corner + other) / 2 + [thick * x, thick * y], np.hypot(*(other - corner)) / 2 + 2 * thick
+        _add(spec, "panel", f"panel{k}", [*middle, height], _turn(y, x), size=[thick, length, height])
+
+
 def _add_obstacles(spec: mujoco.MjSpec, boxes: np.ndarray) -> None:
     """Add boxes as high as the walls' panels, with the walls' contacts; what one sees is another geom, as of a wall."""
-    wall, panel = spec.geom("wall_east"), spec.geom("panel_east")
+    height, box = spec.geom("panel0").size[2], mujoco.mjtGeom.mjGEOM_BOX
     for k, (x, y, c, s, half_x, half_y) in enumerate(boxes):
-        place = {"pos": [x, y, panel.pos[2]], "size": [half_x, half_y, panel.size[2]]}
-        yaw = math.atan2(s, c)
-        place["quat"] = [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
-        for name, like in ((f"obstacle{k}", wall), (f"block{k}", panel)):
-            geom = spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, **place)
-            for trait in _TRAITS:
-                setattr(geom, trait, getattr(like, trait))
+        for name, like in ((f"obstacle{k}", "wall"), (f"block{k}", "panel")):
+            _add(spec, like, name, [x, y, height], _turn(s, c), type=box, size=[half_x, half_y, height])
 
 
-_TRAITS = ("contype", "conaffinity", "condim", "solref", "solimp", "solmix", "margin", "gap", "group", "material")
-"""Of walls and their panels, that obstacles share."""
+def _add(spec: mujoco.MjSpec, like: str, name: str, pos: list[float], quat: list[float], **own: Any) -> None:
+    """Add a geom of a class of the file to the world."""
+    spec.worldbody.add_geom(spec.find_default(like), name=name, pos=pos, quat=quat, **own)
+
+
+def _turn(sin: float, cos: float) -> list[float]:
+    """Quaternion of a turn about the vertical axis."""
+    yaw = math.atan2(sin, cos)
+    return [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
 
 
 def _tune_drive(spec: mujoco.MjSpec, robot: Robot, timestep: float) -> None:

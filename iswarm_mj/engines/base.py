@@ -9,6 +9,7 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.walls import beyond
 
 Bodies = TypeVar("Bodies")
 """Mechanical state of the robots; only its engine looks inside."""
@@ -47,18 +48,18 @@ class Motion(NamedTuple):
 
 
 def find_lost(
-    poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"], edge: float
+    poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"], walls: Float[Array, "W 3"]
 ) -> tuple[Int[Array, "*B"], Int[Array, "*B"]]:
     """Faults of poses that are not finite or not inside the walls, as bits of `FaultKind`, and the first robot.
 
     Args:
         poses: x, y [mm] and yaw [rad].
         is_present: the other robots do not count.
-        edge: distance of the walls from the arena's centre [mm].
+        walls: see `utils.walls.half_planes` [mm].
     """
     xp = array_module(poses)
     not_finite = ~xp.isfinite(poses).all(axis=-1) & is_present
-    outside = (xp.abs(poses[..., :2]).max(axis=-1) >= edge) & is_present & ~not_finite
+    outside = (beyond(poses[..., :2], walls) >= 0) & is_present & ~not_finite
     bits = xp.where(not_finite.any(axis=-1), int(FaultKind.POSE_NOT_FINITE), 0)
     bits = bits | xp.where(outside.any(axis=-1), int(FaultKind.OUTSIDE), 0)
     first = xp.where(not_finite.any(axis=-1), not_finite.argmax(axis=-1), outside.argmax(axis=-1))
@@ -82,7 +83,7 @@ worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact
 
 
 def take_phases(
-    bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], edge: float, robot: Robot, take: Take
+    bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], walls: Array, robot: Robot, take: Take
 ) -> Motion:
     """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
 
@@ -90,7 +91,7 @@ def take_phases(
         bodies: a named tuple of arrays, the first axes those of worlds; has `poses` and `is_present`.
         phases: what the robots do.
         is_running: which worlds move.
-        edge: distance of the walls from the arena's centre [mm].
+        walls: see `utils.walls.half_planes` [mm].
         robot: its geometry.
         take: takes the steps of a phase.
     """
@@ -101,16 +102,16 @@ def take_phases(
         targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
         moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)
         fault = fault | failure
-    return concluded(bodies, moved, touching, fault, is_running, edge)
+    return concluded(bodies, moved, touching, fault, is_running, walls)
 
 
-def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, edge: float) -> Motion:
+def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, walls: Array) -> Motion:
     """Outcome of a motion to `moved`: robots that got lost are faults too, and worlds with faults keep their bodies.
 
     Args: as for `take_phases`; `fault` is what occurred on the way.
     """
     xp = array_module(bodies.poses)
-    lost, robot = find_lost(moved.poses, bodies.is_present & is_running[..., None], edge)
+    lost, robot = find_lost(moved.poses, bodies.is_present & is_running[..., None], walls)
     fault = xp.where(is_running, fault | lost, 0).astype(xp.int32)
     keeps = ~is_running | (fault != 0)
     kept = (
@@ -141,12 +142,13 @@ class Engine(Protocol[Bodies]):
         """Return x, y [mm] and yaw [rad] of the robots; yaw is not wrapped."""
         ...
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "*B N"], is_running: Bool[Array, "*B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "*B"]) -> Sight:
         """Find links and walls in sight.
 
         Args:
             bodies: where the robots are.
-            emits: which robots send light; the others still stand in the way.
+            emits: (*B, N) bool, which robots send light, or the power of their LEDs, from 0 to 1; dark ones still stand
+                in the way.
             is_running: which worlds need an answer; that of the others has no meaning.
         """
         ...

@@ -20,7 +20,7 @@ from iswarm_mj.envs.observations import Row
 from iswarm_mj.envs.state import Episode, State
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.actuate import Places, actuate
-from iswarm_mj.simulation.perceive import StepInputs, perceive
+from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
@@ -104,7 +104,7 @@ class Core:
         decoded = actions.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
-        conditions, charge = self.params.conditions, data.tool_voltage_squared
+        conditions, charge = with_conditions(self.params, swarm).conditions, data.tool_voltage_squared
         places = Places(poses, self.params.is_present)
         done = actuate(self.config, conditions, command, swarm, data.waits, places, charge, key)
         is_refused = (done.is_refused | is_bad) & ~is_new
@@ -138,14 +138,15 @@ class Core:
         motion = motion._replace(bodies=None, touching=motion.touching * ran)
         moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
-        params, keys = self.params._replace(key=data.key), step_keys(data.key, step)
+        params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool))
         seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, before.is_alive)
         progress = params.task.progress(seen.swarm.task)
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
         waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
         is_faulty = world.fault.bits != 0
-        reward = params.task.reward(before.task, seen.swarm.task, seen.inputs)
+        done = seen.inputs._replace(command=intent.command, message=seen.spoken.message)
+        reward = params.task.reward(before.task, seen.swarm.task, done)
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(
             data=Episode(world, data.key, data.next_key, step, waits, charge),

@@ -94,14 +94,16 @@ def handle(
     control_period: float = 1.0,
     key: Array,
     voltage: Float[Array, "N"] | None = None,
+    releases: Bool[Array, "N"] | None = None,
 ) -> tuple[Balls, Bool[Array, "N"]]:
     """Release, lift and drop balls, as the balance of the forces or the bench decides.
 
     A robot tries to lift the ball that it senses if its tool reaches the ball; of several robots at one ball the
-    nearest succeeds. A loaded robot on the dump tries to release its ball. Where attempts take time, the robot and the
-    ball are occupied until they end; then their outcome is found. If the robot was pushed meanwhile, so that its tool
-    does not reach the ball any more, or is not over the dump, the attempt is broken off: it fails, and a robot
-    keeps the ball that it holds. An attempt that is deferred is made as the next step begins.
+    nearest succeeds. A loaded robot tries to release its ball on the dump, and wherever it wants to. Where attempts
+    take time, the robot and the ball are occupied until they end; then their outcome is found. If the robot was pushed
+    meanwhile, so that its tool does not reach the ball any more, or is neither over the dump nor wants to release, the
+    attempt is broken off: it fails, and a robot keeps the ball that it holds. An attempt that is deferred is made as
+    the next step begins.
 
     Args:
         gripper: reach and its error, gap of the release, times of attempts.
@@ -115,6 +117,7 @@ def handle(
         control_period: of the robots [s].
         key: draws the works of adhesion and the tool's place of each attempt.
         voltage: that the robots' capacitors have [V]; None: as much as is asked for.
+        releases: robots that release their ball wherever they are; None: over the dump alone.
 
     Returns:
         The balls, and whether each robot failed to lift one.
@@ -123,16 +126,19 @@ def handle(
     idle = ~working(balls, n_robots)
     tries, winner = _tries(gripper, balls, tips, view, picks & idle)
     new_lifts = (winner < n_robots) & (balls.wait == 0)
-    new_releases = balls.is_held & (view.on_dump & view.tip_on_dump)[balls.holder] & (balls.wait == 0)
+    may_release, over_dump = view.on_dump & view.tip_on_dump, view.tip_on_dump[balls.holder]
+    stays = over_dump
+    if releases is not None:
+        may_release, stays = may_release | releases, over_dump | releases[balls.holder]
+    new_releases = balls.is_held & may_release[balls.holder] & (balls.wait == 0)
     begins = new_lifts | new_releases
     worker = jnp.where(new_lifts, winner, jnp.where(new_releases, balls.holder, balls.worker)).astype(jnp.int32)
     steps = [math.ceil(time / control_period - 1e-9) for time in (gripper.grasp_time, gripper.release_time)]
     lasts = jnp.where(balls.is_held, steps[1], steps[0])
     wait = jnp.where(begins, lasts, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
     ends = (begins & (lasts == 0)) | (~begins & (balls.wait == 1))
-    over_dump = view.tip_on_dump[balls.holder]
     away = jnp.linalg.norm(balls.position - tips[worker], axis=-1)
-    broken = ends & ~begins & jnp.where(balls.is_held, ~over_dump, away > gripper.tool_reach * 1e3)
+    broken = ends & ~begins & jnp.where(balls.is_held, ~stays, away > gripper.tool_reach * 1e3)
     attempts = _attempts(gripper, conditions, balls, worker, ends & ~broken, key, voltage)
     found = decider(gripper, attempts)
     lifts = found.lifted
@@ -146,7 +152,7 @@ def handle(
     lost = jnp.where(failed, lasts * control_period + found.duration, found.postponed * control_period)
     balls = balls._replace(
         is_held=is_held,
-        is_delivered=balls.is_delivered | found.released | (dropped & over_dump),
+        is_delivered=balls.is_delivered | ((found.released | dropped) & over_dump),
         holder=jnp.where(lifts, worker, balls.holder).astype(jnp.int32),
         was_picked=balls.was_picked | lifts,
         carried_steps=balls.carried_steps + is_held,

@@ -56,7 +56,8 @@ class RecordedWorld:
         self.config, self._index = world.config or run.config, index
         self._task, self._robot, self._recorded = run.task, run.robot, run.recorded
         self._watch = _watch(run.task, self.config)
-        self.scene = self._scene(jax.tree.map(lambda a: a[:, index], run.start), world.index, run.payload)
+        scene = self._scene(jax.tree.map(lambda a: a[:, index], run.start), world.index, run.payload)
+        self.scene = scene._replace(team_names=tuple(run.teams), team_sizes=tuple(run.teams.values()))
 
     def frames(self, records: Sequence[StepRecord], before: StepRecord | None = None) -> Frames:
         """Return its frames.
@@ -93,6 +94,7 @@ class RecordedWorld:
             memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in recorded.values()),
             memory_sizes=tuple(math.prod(np.shape(parts_of(own.swarm.memory)[name])[2:]) for name in recorded),
             obstacles=np.array(config.arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
+            corners=np.array(config.arena.corners) * ROBOT_DIAMETER,
             area_names=tuple(areas),
             area_colours=tuple(look.colour for look in areas.values()),
             area_shapes=tuple(look.shape for look in areas.values()),

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon, Rectangle
 
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, GREY, LOADED, SCOUT
 from iswarm_mj.output.plot_style import figure
@@ -51,7 +51,9 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
         axes.add_collection(PolyCollection([*bodies], facecolors=hues, edgecolors="none", zorder=3))
         lying = frames["ball_position"][step][frames["ball_state"][step] == LYING] * _MM
         axes.plot(lying[:, 0], lying[:, 1], "o", color="black", markersize=1.6, zorder=4)
-        axes.add_patch(Rectangle((-half, -half), 2 * half, 2 * half, fill=False, edgecolor="0.25", linewidth=1.5))
+        square = half / _MM * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)])
+        corners = frames.get("scene_corners", square) * _MM
+        axes.add_patch(Polygon(corners, fill=False, edgecolor="0.25", linewidth=1.5))
         _scale(axes, half)
         axes.set(xlim=(-1.02 * half, 1.02 * half), ylim=(-1.09 * half, 1.02 * half))
         axes.axis("off")

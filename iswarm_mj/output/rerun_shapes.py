@@ -63,7 +63,7 @@ def _robots(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -
     boxes = rr.Boxes3D.from_fields(
         centers=centres.reshape(-1, 3),
         quaternions=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1).reshape(-1, 4),
-        class_ids=classes.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority).reshape(-1),
+        class_ids=classes.robot_classes(scene, frames.is_loaded, frames.has_priority).reshape(-1),
     )
     values = shown_values(ROBOTS, frames) | shown_fields(scene, frames.message)
     values |= hops | {f"{name}_colour": hop_colours(of) for name, of in hops.items()}

@@ -15,7 +15,7 @@ from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import Rgb, rgb
 from iswarm_mj.output.rerun_names import AREAS, BALLS, LINKS, METRICS, ROBOTS, SERIES, SHARES, UNITS
 from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET, Boxes, arena_boxes
-from iswarm_mj.output.swarm_classes import BALL_CLASSES, LINK_CLASSES, ROBOT_CLASSES
+from iswarm_mj.output.swarm_classes import BALL_CLASSES, LINK_CLASSES, shown_classes
 from iswarm_mj.output.trajectory import Scene
 
 CONFIG, KEY = "config", "legend"
@@ -70,7 +70,9 @@ def legend(scene: Scene) -> str:
         "hops": not any(vector.hop in scene.memory_names for vector in vectors(scene.memory)),
         "floor": scene.dump[2] <= scene.dump[0] and not np.size(scene.dust_areas),
     }
-    return "\n\n".join(text for name, text in _LEGEND.items() if not absent.get(name))
+    teams = f"**Robots** by team: {', '.join(scene.team_names)}; darker: loaded. A dot marks the front."
+    own = {"": teams} if scene.team_names else {}
+    return "\n\n".join(own.get(name, text) for name, text in _LEGEND.items() if not absent.get(name))
 
 
 def _boxes(boxes: Boxes) -> rr.Boxes3D:
@@ -89,7 +91,7 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield (entity, archetype) of all that does not change: the arena, the styles, the colours of states."""
     size = np.asarray(scene.robot_size, float) * MILLIMETRES
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
-    yield "world", rr.AnnotationContext([*ROBOT_CLASSES, *BALL_CLASSES, *LINK_CLASSES])
+    yield "world", rr.AnnotationContext([*shown_classes(scene), *BALL_CLASSES, *LINK_CLASSES])
     yield KEY, rr.TextDocument(legend(scene), media_type=rr.MediaType.MARKDOWN)
     for boxes in arena_boxes(scene):
         yield f"{AREAS}/{boxes.name}", _boxes(boxes)

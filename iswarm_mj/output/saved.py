@@ -164,7 +164,7 @@ def load(path: str | Path) -> SavedRun:
             metrics=[{name: values[k] for name, values in metrics.items()} for k in known],
             result=about if "wall_s" in about else {},
             robot_file=None if about["robot"]["file"] is None else Path(about["robot"]["file"]),
-            scenes={number: _scene(arrays) for number, arrays in worlds.items()},
+            scenes={number: scene_of(arrays) for number, arrays in worlds.items()},
             _arrays=worlds,
         )
     except (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError) as error:
@@ -205,8 +205,8 @@ def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
     return dict(sorted(found.items()))
 
 
-def _scene(arrays: Arrays) -> Scene:
-    """Constants of a world; those that an earlier version did not write have their defaults."""
+def scene_of(arrays: Arrays) -> Scene:
+    """Return the constants of a world; those that an earlier version did not write have their defaults."""
     values: dict[str, Any] = {name: arrays[SCENE + name] for name in Scene._fields if SCENE + name in arrays}
     values = {name: value if value.ndim else value.item() for name, value in values.items()}
     words = [name for name in values if isinstance(Scene._field_defaults.get(name), tuple)]

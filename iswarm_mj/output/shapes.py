@@ -37,9 +37,14 @@ class Boxes(NamedTuple):
 def arena_boxes(scene: Scene) -> Iterator[Boxes]:
     """Yield floor, walls around it, dump, dust areas and obstacles, as far as the scene has them."""
     half, height = scene.arena_size * MILLIMETRES / 2, scene.robot_size[2] * MILLIMETRES
-    beside, thick, length = half + height / 4, height / 4, half + height / 2
-    walls = [(side * beside, 0, thick, length, 0) for side in (1, -1)]
-    walls += [(0, side * beside, length, thick, 0) for side in (1, -1)]
+    corners = np.asarray(scene.corners) * MILLIMETRES
+    corners = corners if len(corners) else half * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)])
+    along, thick = np.roll(corners, -1, axis=0) - corners, height / 4
+    length, yaw = np.hypot(*along.T), np.arctan2(-along[:, 0], along[:, 1])  # the normals' direction
+    middle = corners + along / 2 + thick * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    walls = np.column_stack([middle, np.full(len(yaw), thick), length / 2 + 2 * thick, yaw])
+    (low_x, low_y), (high_x, high_y) = corners.min(axis=0), corners.max(axis=0)
+    floor = [(low_x + high_x) / 2, (low_y + high_y) / 2, (high_x - low_x) / 2, (high_y - low_y) / 2, 0]
     dump = np.reshape(scene.dump, (-1, 4))[: int(scene.dump[2] > scene.dump[0])]
     painted = {}
     for name, rectangles in (("dump", dump), ("dust_areas", np.reshape(scene.dust_areas, (-1, 4)))):
@@ -47,8 +52,8 @@ def arena_boxes(scene: Scene) -> Iterator[Boxes]:
         painted[name] = np.hstack([(low + high) / 2, (high - low) / 2, 0 * low[:, :1]])
     obstacles = np.reshape(scene.obstacles, (-1, 5)) * [*[MILLIMETRES] * 4, 1]
     for boxes in (
-        Boxes("floor", np.array([[0, 0, half, half, 0]]), -SHEET, 0.0, palette.FLOOR),
-        Boxes("walls", np.array(walls), 0.0, height, palette.WALL),
+        Boxes("floor", np.array([floor]), -SHEET, 0.0, palette.FLOOR),
+        Boxes("walls", walls, 0.0, height, palette.WALL),
         Boxes("dump", painted["dump"], SHEET, 2 * SHEET, palette.DUMP),
         Boxes("dust_areas", painted["dust_areas"], SHEET, 2 * SHEET, palette.DUST),
         Boxes("obstacles", obstacles, 0.0, height, palette.WALL),

@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
-from iswarm_mj.output.saved import SavedRun, load
+from iswarm_mj.output.palette import DUMP, DUST, rgb
+from iswarm_mj.output.saved import SavedRun, load, scene_of
+from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
@@ -45,7 +46,6 @@ def recorded(directory: Path) -> SavedRun:
     return run
 
 
-_COLOURS = {colour: np.array(rgb(colour)) / 255 for colour in (EMPTY, LOADED, SCOUT)}
 _FLAT = 0.002
 """Half the height of what is painted on the floor [mm]."""
 
@@ -96,7 +96,7 @@ class Stage:
             quality = model.vis.quality
             quality.numslices, quality.numstacks, quality.offsamples = 8, 4, 4
         model.vis.global_.offwidth, model.vis.global_.offheight = shot.size
-        self._arena, self._camera, self._is_scout = arena, shot.camera, frames["scene_is_scout"]
+        self._arena, self._camera, self._scene = arena, shot.camera, scene_of(frames)
         self._data = mujoco.MjData(model)
         if shot.camera == "oblique":
             _step_back(model, self._data, shot, mm_from_rd(config.arena.size) / 2)
@@ -138,8 +138,9 @@ class Stage:
         model, data = self._arena.model, self._data
         data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(pose[:, :2].astype(float)), pose[:, 2]])
         data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
-        for robot, (loaded, scout) in enumerate(zip(is_loaded, self._is_scout, strict=True)):
-            model.geom(f"robot{robot}/substrate").rgba[:3] = _COLOURS[LOADED if loaded else SCOUT if scout else EMPTY]
+        colours = {place: np.array(colour) / 255 for place, _, colour in shown_classes(self._scene)}
+        for robot, place in enumerate(robot_classes(self._scene, is_loaded, np.zeros_like(is_loaded)).tolist()):
+            model.geom(f"robot{robot}/substrate").rgba[:3] = colours[place]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)

@@ -1,9 +1,12 @@
 """Classes of robots, balls and links, and their colours, in recordings and on the page."""
 
+from itertools import cycle
+
 import numpy as np
 from jaxtyping import Bool, UInt16
 
-from iswarm_mj.output.palette import EMPTY, LOADED, PINK, PURPLE, SCOUT, rgb
+from iswarm_mj.output.palette import EMPTY, LOADED, PINK, PURPLE, SCOUT, SKY, YELLOW, Rgb, rgb
+from iswarm_mj.output.trajectory import Scene
 
 ROBOT_CLASSES = (
     (0, "empty", rgb(EMPTY)),
@@ -25,10 +28,29 @@ BALL_CLASSES = (
     (12, "delivered", rgb(PURPLE)),
 )
 LINK_CLASSES = ((20, "damaged message", rgb(PINK)), (21, "heard", (95, 95, 105)))
+TEAM_CLASS_OFFSET = 30
+"""Class of the first team's robots; that of its loaded ones follows, then those of the other teams."""
+TEAM_COLOURS = tuple(map(rgb, (EMPTY, LOADED, SCOUT, PINK, YELLOW, SKY)))
+"""In turn."""
 
 
 def robot_classes(
-    is_loaded: Bool[np.ndarray, "T N"], is_scout: Bool[np.ndarray, "N"], has_priority: Bool[np.ndarray, "T N"]
-) -> UInt16[np.ndarray, "T N"]:
-    """Return classes of `ROBOT_CLASSES`: load before scout before worker, twice that, plus priority."""
-    return (np.where(is_loaded, 4, np.where(is_scout, 2, 0)) + has_priority).astype(np.uint16)
+    scene: Scene, is_loaded: Bool[np.ndarray, "*T N"], has_priority: Bool[np.ndarray, "*T N"]
+) -> UInt16[np.ndarray, "*T N"]:
+    """Return classes of `ROBOT_CLASSES`: load before scout before worker, twice that, plus priority; or of teams."""
+    if scene.team_names:
+        return (TEAM_CLASS_OFFSET + 2 * scene.team + is_loaded).astype(np.uint16)
+    return (np.where(is_loaded, 4, np.where(scene.is_scout, 2, 0)) + has_priority).astype(np.uint16)
+
+
+def shown_classes(scene: Scene) -> list[tuple[int, str, Rgb]]:
+    """Return class, label and colour of the robots that a scene can show; loaded ones of a team are darker."""
+    has_balls = len(scene.ball_radius) > 0
+    if not scene.team_names:
+        there = {0, 1, *((2, 3) if np.any(scene.is_scout) else ()), *((4, 5) if has_balls else ())}
+        return [one for one in ROBOT_CLASSES if one[0] in there]
+    found = []
+    for number, (name, colour) in enumerate(zip(scene.team_names, cycle(TEAM_COLOURS))):
+        place, dark = TEAM_CLASS_OFFSET + 2 * number, (colour[0] * 3 // 5, colour[1] * 3 // 5, colour[2] * 3 // 5)
+        found += [(place, name, colour), (place + 1, f"{name}, loaded", dark)][: 1 + has_balls]
+    return found

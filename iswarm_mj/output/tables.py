@@ -105,6 +105,8 @@ def _own_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[str
             is_flag = column.name == f"said_{PRIORITY}"
             own = column._replace(known=acted) if is_flag else column
             yield "said_", own, itemgetter("has_priority") if is_flag else lambda _, values=values: values
+        if scene.team_names:
+            yield "robot_", Column("team", "", "its team", words=scene.team_names), lambda _: scene.team
         yield from (("memory_", *each) for each in memory_columns(scene.memory))
     if table == "steps":
         metrics = zip(scene.metric_names, scene.metric_units, scene.metric_descriptions, strict=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
 """Names of the files of a run."""
@@ -36,7 +36,7 @@ class Scene(NamedTuple):
     ball_radius: Float[np.ndarray, "K"]
     """[m]"""
     arena_size: float
-    """Edge of the square arena, which is centred on the origin [m]."""
+    """Edge of the arena, which is centred on the origin, or of the square around its `corners` [m]."""
     dump: Float[np.ndarray, "4"]
     """Rectangle [m]; of no size where the task has no dump."""
     dust_areas: Float[np.ndarray, "A 4"]
@@ -70,6 +70,18 @@ class Scene(NamedTuple):
     metric_descriptions: tuple[str, ...] = ()
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+    corners: Float[np.ndarray, "C 2"] = np.zeros((0, 2))
+    """Of the arena, anticlockwise [m]; none: of the square."""
+    team_names: tuple[str, ...] = ()
+    """Teams of the robots, see `strategy.teams`; none where they are one."""
+    team_sizes: tuple[int, ...] = ()
+    """Number of robots of each."""
+
+    @property
+    def team(self) -> Int[np.ndarray, "N"]:
+        """Number of each robot's team; 0 without teams."""
+        sizes = self.team_sizes or (len(self.is_scout),)
+        return np.repeat(np.arange(len(sizes)), sizes)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return its values as arrays by their names in a trajectory."""

@@ -13,6 +13,7 @@ from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.walls import beyond
 
 EDITS = KILL, REVIVE, BALL = "kill", "revive", "ball"
 """Changes that are no settings: of a robot by its number; a ball comes to lie at x,y [rd]."""
@@ -52,10 +53,10 @@ def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
     if change.what == BALL:
         if not _has_balls(run.task, run.starts[0].task):
             raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
-        place, half = _numbers(change, float, 2, "a place, as 60:ball=3.5,-2"), run.config.arena.size / 2
-        if not np.abs(place).max() <= half:
-            raise UserError(f"a ball must lie within the walls, up to {half:g} rd from the centre (got {change})")
-        return partial(_with_ball, np.array(mm_from_rd(np.array(place)), np.float32), run)
+        place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
+        if not beyond(place, run.config.arena.walls) <= 0:
+            raise UserError(f"a ball must lie within the walls (got {change})")
+        return partial(_with_ball, np.array(mm_from_rd(place), np.float32), run)
     (robot,) = _numbers(change, int, 1, "a robot by its number")
     if not 0 <= robot < run.settings.n_robots:
         raise UserError(f"there is no robot {robot}; they are numbered 0 to {run.settings.n_robots - 1}")

@@ -23,7 +23,7 @@ def described(scene: Scene, frames: Frames, memory: Any, robot: int) -> str:
     """
     x, y, yaw = frames.pose[0, robot]
     turn, forward = frames.command[0, robot]
-    kind = "scout" if scene.is_scout[robot] else "robot"
+    kind = "scout" if scene.is_scout[robot] else scene.team_names[scene.team[robot]] if scene.team_names else "robot"
     lines = [
         f"**{kind.capitalize()} {robot}**{', loaded' if frames.is_loaded[0, robot] else ''}",
         f"At {x * 1e3:.1f}, {y * 1e3:.1f} mm, heading {np.degrees(yaw) % 360:.0f}°. "

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
@@ -16,7 +17,8 @@ from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
-from iswarm_mj.strategy.library import STRATEGIES, Offer, find, offered
+from iswarm_mj.strategy.library import STRATEGIES, Offer, find, find_teams, offered
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
@@ -42,7 +44,8 @@ class Scenario:
     engine: EngineSettings = field(default_factory=MujocoSettings)
     robot_file: Path | None = None
     strategy_name: str | None = None
-    """As --strategy takes it; by default the name under which a package offers its class, or its file."""
+    """As --strategy takes it, of teams with blanks between; by default the name under which a package offers its class,
+    or its file."""
     task_name: str | None = None
     """As --task takes it, likewise."""
 
@@ -120,7 +123,8 @@ class Scenario:
         usual = Scenario(genome=PRESETS.get(base, TYPE1), engine=type(self.engine).usual())
         found = {"seed": self.seed or None, "robots": self.robots, "robot": self.robot_file}
         found["task"] = self.named(TASKS) if self.task != CLEANING else None
-        found[self.rules] = base if base != "type1" else None
+        words = tuple(shlex.split(base)) if isinstance(self.strategy, Teams) else base
+        found[self.rules] = words if base != "type1" else None
         found["engine"] = engine if engine != Scenario().engine_name else None
         differ = {name: self.at(path) for name, path in self.paths().items() if self.at(path) != usual.at(path)}
         left_out = OF_MACHINE | ({"density_of_robots"} if self.robots is not None else set())
@@ -148,7 +152,13 @@ def _made(offer: Offer, name: str) -> Any:
     Raises:
         UserError: a field has none.
     """
-    found = find(offer, name)
+    if offer is STRATEGIES and re.search(r"=[\d.]+$", name) and (teams := find_teams(shlex.split(name))):
+        return Teams({team: (share, _object(found)) for team, (share, found) in teams.items()})
+    return _object(find(offer, name))
+
+
+def _object(found: Any) -> Any:
+    """A strategy or a task of a class, with the defaults of its fields."""
     if not isinstance(found, type):
         return found
     with user_code(found.__name__):

@@ -11,7 +11,7 @@ from iswarm_mj.output.memory import hop_colours, hop_counts, numbers, vectors
 from iswarm_mj.output.message_columns import shown_fields
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.schema import Frames
-from iswarm_mj.output.swarm_classes import BALL_CLASSES, ROBOT_CLASSES, robot_classes
+from iswarm_mj.output.swarm_classes import BALL_CLASSES, robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, Scene
 
 STATE, ENERGY = "state", "energy"
@@ -110,8 +110,9 @@ def colours(
         energy: in the capacitors (N,) [J], where there are some.
     """
     if by == STATE:
-        classes = robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)[0]
-        found = np.array([colour for *_, colour in ROBOT_CLASSES], np.uint8)[classes]
+        classes = robot_classes(scene, frames.is_loaded, frames.has_priority)[0]
+        colours = {place: colour for place, _, colour in shown_classes(scene)}
+        found = np.array([colours[place] for place in classes.tolist()], np.uint8)
     else:
         words = hop_colours(np.rint(numbers_of(scene, frames, energy)[by]).astype(np.int8))
         found = np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
@@ -121,8 +122,7 @@ def colours(
 def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "N"]) -> list[tuple[str, Rgb]]:
     """Return what the colours mean: labels and colours of robots and balls."""
     if by == STATE:
-        there = {0, 1, *((2, 3) if np.any(scene.is_scout) else ()), *((4, 5) if len(scene.ball_radius) else ())}
-        robots = [(label, colour) for place, label, colour in ROBOT_CLASSES if place in there]
+        robots = [(label, colour) for _, label, colour in shown_classes(scene)]
     else:
         words = hop_colours(np.array([-1, 0, 5, 10, 15], np.int8))
         names = ("none", "0 or least", "", "", "15 or most")

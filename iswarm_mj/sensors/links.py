@@ -73,7 +73,7 @@ def find_candidates(
     around: Neighbours,
     robot: Robot,
     optics: OpticsConfig,
-    sends: Bool[np.ndarray, "BN"],
+    sends: Bool[np.ndarray, "BN"] | Float[np.ndarray, "BN"],
 ) -> Candidates:
     """Pairs of robots of which one is within reach of the other's light.
 
@@ -82,15 +82,16 @@ def find_candidates(
         around: pairs of robots near each other.
         robot: where LEDs and photodiodes sit.
         optics: range, cones and mode.
-        sends: which robots send light.
+        sends: which robots send light, or the power of their LEDs from 0 to 1.
     """
     heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
     ahead, left = into_frame(around.dx, around.dy, heading)
     sides, back = robot.sides, around.reverse
     side = facing_side(ahead, left, sides.photodiodes)
     shines = side if sides.leds == sides.photodiodes else facing_side(ahead, left, sides.leds)
-    reception = receive_views((ahead, left), (ahead[back], left[back]), side, shines[back], robot, optics)
-    arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & sends[around.other])
+    power = None if sends.dtype == bool else sends[around.other]
+    reception = receive_views((ahead, left), (ahead[back], left[back]), side, shines[back], robot, optics, power)
+    arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & (sends[around.other] > 0))
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * len(sides) + reception.side
     key = slot + reception.effective_distance / mm_from_rd(optics.communication_radius) * 0.999
@@ -107,7 +108,7 @@ def find_links(
     robot: Robot,
     optics: OpticsConfig,
     reaches: LedHit,
-    sends: Bool[np.ndarray, "B N"] | None = None,
+    sends: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"] | None = None,
     boxes: Float[np.ndarray, "M 6"] | None = None,
 ) -> Links:
     """Links of all robots: for each side the nearest senders in sight, of equally near ones that of lowest index first.
@@ -117,7 +118,7 @@ def find_links(
         robot: its outline, and where LEDs and photodiodes sit.
         optics: range, cones and mode; and of how many senders, see `Links`.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
-        sends: which robots send light, by default all; the others still block it.
+        sends: which robots send light, or the power of their LEDs from 0 to 1, by default all; others still block it.
         boxes: obstacles, see `utils.obstacles.numbers`.
     """
     n_worlds, n_robots = poses.shape[:2]

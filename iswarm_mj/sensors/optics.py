@@ -74,6 +74,7 @@ def receive(
     sender: Components,
     robot: Robot,
     optics: OpticsConfig,
+    power: Float[Array, "*#P"] | None = None,
 ) -> Reception:
     """Reception of light by pairs of robots.
 
@@ -84,11 +85,12 @@ def receive(
         sender: cosine and sine of the sender's yaw.
         robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
+        power: of the sender's LEDs, from 0 to 1; None for full power.
     """
     at_receiver = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
     side, led = facing_side(*at_receiver, robot.sides.photodiodes), facing_side(*at_sender, robot.sides.leds)
-    return receive_views(at_receiver, at_sender, side, led, robot, optics)
+    return receive_views(at_receiver, at_sender, side, led, robot, optics, power)
 
 
 def receive_views(
@@ -98,6 +100,7 @@ def receive_views(
     led: Int[Array, "*P"],
     robot: Robot,
     optics: OpticsConfig,
+    power: Float[Array, "*#P"] | None = None,
 ) -> Reception:
     """As `receive`, for callers that know how the robots of each pair see each other.
 
@@ -108,22 +111,25 @@ def receive_views(
         led: the sender's LED that faces the receiver.
         robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
+        power: see `receive`.
     """
     rule = _in_sector if optics.mode == "sector" else _by_power
-    bearing, effective = rule(at_receiver, at_sender, side, led, robot, optics)
+    bearing, way, beside = rule(at_receiver, at_sender, side, led, robot, optics)
+    xp = array_module(side)
+    effective = (way if power is None else way / xp.sqrt(xp.maximum(power, 1e-12))) + beside  # the inverse square
     received = effective < mm_from_rd(optics.communication_radius)
-    return Reception(side, led, bearing, array_module(side).where(received, effective, math.inf))
+    return Reception(side, led, bearing, xp.where(received, effective, math.inf))
 
 
 def _in_sector(
     at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
-) -> Components:
-    """Bearing and effective distance by the paper's rule: in the receiver's sector and in the sender's beam."""
+) -> tuple[Array, Array, Any]:
+    """Bearing and way of the light by the paper's rule: in the receiver's sector and in the sender's beam."""
     xp, sides = array_module(side), robot.sides
     distance = xp.sqrt(at_receiver[0] ** 2 + at_receiver[1] ** 2)
     seen = _in_cone(at_receiver, side, sides.photodiodes, optics.photodiode_aperture)
     lit = _in_cone(at_sender, led, sides.leds, optics.led_beam_aperture)
-    return _bearing(side, sides, distance), xp.where(seen & lit, distance, math.inf)
+    return _bearing(side, sides, distance), xp.where(seen & lit, distance, math.inf), 0.0
 
 
 def _in_cone(direction: Components, side: Array, axes: Axes, aperture: float) -> Array:
@@ -145,8 +151,8 @@ def _bearing(side: Array, sides: Sides, like: Array) -> Array:
 
 def _by_power(
     at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
-) -> Components:
-    """Bearing and effective distance by power: Lambertian lobe, inverse square, acceptance of the photodiodes.
+) -> tuple[Array, Array, Any]:
+    """Bearing and way of the light by power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &
     Barry 1997, Proc. IEEE 85, 265). Light travels from the LED of the sending side to the point halfway between the
@@ -174,7 +180,7 @@ def _by_power(
     b = xp.maximum(gap_along * math.cos(splay) - gap_across * math.sin(splay), 0.0) / gap
     bearing = _bearing(side, robot.sides, distance) + xp.arctan((a - b) / xp.maximum(a + b, 1e-9) / math.tan(splay))
     gain = lobe * (a + b) / (2 * math.cos(splay))
-    return bearing, gap / xp.sqrt(xp.maximum(gain, 1e-12)) + xp.maximum(out_r + out_s, 0.0)
+    return bearing, gap / xp.sqrt(xp.maximum(gain, 1e-12)), xp.maximum(out_r + out_s, 0.0)
 
 
 def _on_side(points: tuple[Point, ...], axes: Axes, side: Array, like: Array) -> tuple[Array, Array]:

@@ -85,7 +85,8 @@ def actuate(
     done = Command(jnp.clip(turned, -turn, turn), jnp.clip(walked, -step, step))
     energy = swarm.energy
     if energy is not None:
-        energy = power.after(config, energy, done, tool_voltage_squared, swarm.is_alive)
+        lit = swarm.is_alive if swarm.led_power is None else swarm.is_alive * swarm.led_power
+        energy = power.after(config, energy, done, tool_voltage_squared, lit)
     return Actuated(done, wanted - jnp.where(acts, command.forward, 0.0), is_blocked, is_refused, energy)
 
 

@@ -12,7 +12,7 @@ from iswarm_mj.utils.obstacles import Obstacle
 
 _PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
 _SHARED = {
-    "arena": {"size", "n_dust", "obstacles"},
+    "arena": {"size", "outline", "n_dust", "obstacles"},
     "gripper": {
         *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
         *("grasp_time", "release_time"),
@@ -37,8 +37,8 @@ class Common(NamedTuple):
 
     config: SwarmConfig
     """With the defaults of all that may differ, and of the arena: what control steps are compiled for."""
-    size: float
-    """Edge of the arena [rd]."""
+    corners: tuple[tuple[float, float], ...]
+    """Of the arena [rd]."""
     n_dust: int
     """Balls."""
     obstacles: tuple[Obstacle, ...]
@@ -53,7 +53,9 @@ def common(config: SwarmConfig) -> Common:
         for part, mine in vars(config).items()
         if part != "arena"
     }
-    return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.size, config.arena.n_dust, config.arena.obstacles)
+    return Common(
+        SwarmConfig(ArenaConfig(), **parts), config.arena.corners, config.arena.n_dust, config.arena.obstacles
+    )
 
 
 def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfig:

@@ -13,12 +13,12 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
 from iswarm_mj.simulation.actuate import Places, actuate
 from iswarm_mj.simulation.packed import Packed, pack
-from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive
+from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.strategy.declared import said
+from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, Strategy
+from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -59,11 +59,13 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     Raises:
         UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
+    params = with_conditions(params, swarm)
     n_robots, is_alive, strategy = len(begin.poses), swarm.is_alive, params.strategy
     keys = step_keys(params.key, begin.step)
     payload = said(strategy, swarm.memory, swarm.is_loaded)
     picks = strategy.picks(swarm.memory) & is_alive
-    seen = perceive(config, robot, params, swarm, begin, keys, payload, picks)
+    releases = strategy.releases(swarm.memory) if isinstance(strategy, ReleasingStrategy) else None
+    seen = perceive(config, robot, params, swarm, begin, keys, payload, picks, releases)
     observation = seen.observation
     if config.strategy.update_order == "sequential" and payload:
         relaying = _relaying(strategy)
@@ -79,7 +81,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
     done = actuate(config, params.conditions, command, seen.swarm, observation.waits, places, squared, keys.actuators)
     if isinstance(strategy, ReckoningStrategy):
         memory = strategy.fell_short(memory, done.shortfall)
-    decided = seen.swarm._replace(memory=memory, energy=done.energy)
+    decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.task)

@@ -17,7 +17,8 @@ from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
-from iswarm_mj.tasks.protocol import Sensed, TaskInputs
+from iswarm_mj.strategy.teams import team_numbers
+from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.draws import draw, split
 from iswarm_mj.utils.robot import Robot
@@ -73,6 +74,7 @@ def perceive(
     keys: StepKeys,
     payload: dict[str, Any],
     picks: Bool[Array, "N"],
+    releases: Bool[Array, "N"] | None = None,
 ) -> Perceived:
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
@@ -85,6 +87,7 @@ def perceive(
         keys: of the step.
         payload: what each robot says.
         picks: which robots pick up what their tools reach.
+        releases: which robots release what they hold wherever they are; None: over the dump alone.
     """
     poses, sight, *_ = begin
     if config.optics.baud_rate:
@@ -108,15 +111,20 @@ def perceive(
         params.is_present,
         swarm.is_alive,
         picks & ~is_empty,
+        jnp.asarray(team_numbers(params.strategy, len(poses))),
         params.conditions,
         config,
         robot,
         decider_of(config),
         voltage,
-        misses >= params.conditions.error_in_sensing,
+        None if releases is None else releases & swarm.is_alive & ~is_empty,
+        notices=misses >= params.conditions.error_in_sensing,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
-    swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded)
+    is_alive = swarm.is_alive
+    if isinstance(params.task, DeadlyTask):
+        is_alive &= params.task.survives(task)
+    swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive)
     message = received.message
     observation = Observation(
         is_heard=received.is_heard,
@@ -135,6 +143,14 @@ def perceive(
     )
     spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
     return Perceived(observation, swarm, sensed, inputs, sight.links, spoken, transmit)
+
+
+def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
+    """Return the parameters of a world with the conditions of this step, which its task may change."""
+    task = params.task
+    if not isinstance(task, ChangingTask):
+        return params
+    return params._replace(conditions=task.conditions(swarm.task, params.conditions))
 
 
 def decider_of(config: SwarmConfig) -> Decider:

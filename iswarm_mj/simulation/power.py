@@ -44,7 +44,7 @@ def after(
     energy: Float[Array, "N"],
     command: Command,
     tool_voltage_squared: Float[Array, "N"],
-    is_alive: Bool[Array, "N"],
+    lit: Bool[Array, "N"] | Float[Array, "N"],
 ) -> Float[Array, "N"]:
     """Energies of N robots after a control step: without motion, messages, and a tool's charge C V^2 in each attempt.
 
@@ -53,12 +53,12 @@ def after(
         energy: with what light put in [J].
         command: motion.
         tool_voltage_squared: sum of V^2 over the attempts of each robot [V^2].
-        is_alive: the others draw nothing; nor do those that wait for energy, while robots that work send messages.
+        lit: which robots light their LEDs, or their power from 0 to 1; those that wait for energy do not.
     """
     costs, drive = config.energy, config.drive
     turned = jnp.abs(command.turn) / jnp.deg2rad(drive.max_turn) * drive.turn_substeps
     walked = jnp.abs(command.forward) / mm_from_rd(config.step_length) * drive.walk_substeps
     moving = (turned + walked) * drive.timestep * costs.walking_power
     tools = tool_voltage_squared * costs.tool_capacitance
-    messages = jnp.where(is_alive & can_act(config, energy), costs.message_energy, 0.0)
+    messages = costs.message_energy * lit * can_act(config, energy)
     return jnp.maximum(energy - moving - messages - tools, 0.0)

@@ -28,6 +28,7 @@ from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.signatures import check_strategies
+from iswarm_mj.strategy.teams import team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
@@ -61,6 +62,7 @@ class Run(Standing):
         goal: progress of the task that finishes a world, in cleaning balls delivered; None if it never is.
         recorded: parts of the strategy's memory that recordings show, and their units.
         payload: fields of the messages.
+        teams: number of robots of each team by its name (`strategy.teams`); empty without teams.
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
         watch: times of the stages.
@@ -78,6 +80,7 @@ class Run(Standing):
     goal: int | None
     recorded: Mapping[str, str]
     payload: Payload
+    teams: Mapping[str, int]
     robot: Robot
     robot_file: Path | None
     watch: Stopwatch
@@ -142,6 +145,7 @@ class Run(Standing):
             memory = check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
             check_memory(setup.engine, n_worlds, setup.capacity, memory)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
+        self.teams = team_sizes(own, setup.capacity)
         self.watch = Stopwatch()
         with jax.default_device(setup.device):
             self._loop, self.start = start_loop(setup, own, self.watch)

@@ -32,8 +32,8 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
     """
     config, settings, program, capacity = setup.config, setup.settings, setup.program_config, setup.capacity
     params = world_params(config, setup.worlds, strategy, setup.job.task, setup.target, capacity)
-    memory = first_memories(strategy, params.key, capacity)
-    poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, memory)
+    first = first_memories(strategy, params.key, capacity)
+    poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, first)
     start = start_record(state, poses, settings.record_worlds, setup.robot)
     if setup.engine.on_host:
         n_threads = getattr(setup.engine, "threads", 0)

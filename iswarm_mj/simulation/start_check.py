@@ -13,6 +13,7 @@ from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.obstacles import corners, numbers, overlap
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj.utils.walls import beyond, in_mm
 
 _KINDS = {"f": ("fiu", "numbers"), "i": ("iu", "whole numbers"), "b": ("b", "truth values")}
 _TOLERANCE = 1e-3
@@ -28,11 +29,10 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robot, arena:
         robot: its hull.
         arena: walls and obstacles.
     """
-    edge, (a, b, _) = mm_from_rd(arena.size) / 2, np.array(robot.half_edges) - _TOLERANCE / 2
-    yaw, size = poses[:, 2], np.broadcast_to((a, b), (len(poses), 2))
-    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), size])
-    beyond = np.abs(corners(hulls)).max(axis=(1, 2)) > edge
-    _refuse(name, "robot", poses, beyond, f"such that robots stand within the walls, {edge:g} mm from the middle")
+    yaw, edges = poses[:, 2], np.array(robot.half_edges[:2]) - _TOLERANCE / 2
+    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), np.broadcast_to(edges, (len(poses), 2))])
+    outside = np.asarray(beyond(corners(hulls), in_mm(arena.walls))).max(axis=1) > 0
+    _refuse(name, "robot", poses, outside, f"such that robots stand {_within(arena)}")
     for box in numbers(arena.obstacles, RD):
         inside = overlap(hulls, np.broadcast_to(box, hulls.shape))
         _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle")
@@ -66,9 +66,8 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
         part: check_array(f"{name}.{part}", getattr(balls, part), (n_balls, *shape), kind)
         for part, shape, kind in _of_balls()
     }
-    edge = mm_from_rd(arena.size) / 2
-    outside = np.abs(own["position"]).max(axis=1, initial=0.0) > edge
-    _refuse(f"{name}.position", "ball", own["position"], outside, f"within the walls, {edge:g} mm from the middle")
+    outside = np.asarray(beyond(own["position"], in_mm(arena.walls))) > 0
+    _refuse(f"{name}.position", "ball", own["position"], outside, _within(arena))
     for part in ("radius", "work_tool_object", "work_object_substrate"):
         check(f"{name}.{part}", own[part].min(initial=np.inf), "above 0", bool((own[part] > 0).all()))
     held, holder = own["is_held"], own["holder"]
@@ -78,6 +77,10 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
     check(f"{name}.is_held", np.flatnonzero(both)[:1].tolist(), "false for delivered balls", not both.any())
     is_one_each = len(np.unique(holder[held])) == held.sum()
     check(f"{name}.holder", holder[held].tolist(), "another robot for each held ball", is_one_each)
+
+
+def _within(arena: ArenaConfig) -> str:
+    return f"within the walls, {mm_from_rd(arena.inradius):g} mm or more from the middle"
 
 
 def _refuse(name: str, what: str, places: np.ndarray, is_bad: np.ndarray, constraint: str) -> None:

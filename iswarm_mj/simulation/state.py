@@ -44,6 +44,8 @@ class SwarmState(NamedTuple):
     """In the robots' capacitors [J]; None where they have none."""
     starved: Int[Array, "*B N"] | None = None
     """Control steps in which each robot waited for energy; None where they have no capacitors."""
+    led_power: Float[Array, "*B N"] | None = None
+    """With which each robot sends its next message, from 0 to 1; None where all send at full power."""
 
 
 class Fault(NamedTuple):

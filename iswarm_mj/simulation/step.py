@@ -47,7 +47,9 @@ def control_step(
     """
     engine, config, swarm = stepper.engine, stepper.config, state.swarm
     is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
-    sight = engine.sense(state.bodies, is_emitting(config, swarm.is_alive, swarm.energy), is_running)
+    emits = is_emitting(config, swarm.is_alive, swarm.energy)
+    emits = emits if swarm.led_power is None else emits * swarm.led_power
+    sight = engine.sense(state.bodies, emits, is_running)
     begin = StepInputs(engine.poses(state.bodies), sight, step, is_running)
     decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)

@@ -12,6 +12,7 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.pytrees import as_strategy
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
@@ -61,6 +62,8 @@ def of_all_worlds(
 
 def to_json(given: Any) -> dict[str, Any]:
     """Return a strategy's class and its parameters as results state them; of large arrays, their shapes."""
+    if isinstance(given, Teams):
+        return {"class": "Teams"} | {team.name: {"share": team.share, **to_json(team.strategy)} for team in given.teams}
     values = {f.name: _plain(getattr(given, f.name)) for f in fields(given)} if is_dataclass(given) else {}
     return {"class": type(given).__name__, **values}
 

@@ -17,6 +17,7 @@ from iswarm_mj.simulation.initial import Start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
+from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.rules import rules_of_worlds
@@ -121,7 +122,7 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
 
 
 def first_state(
-    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robot, capacity: int, memory: Any = None
+    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robot, capacity: int, first: Any = (None, None)
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
 
@@ -131,17 +132,18 @@ def first_state(
         task: of the run.
         robot: geometry.
         capacity: places for robots.
-        memory: of the robots at the start, with a first axis of B worlds.
+        first: see `first_memories`.
     """
     here, zero = (len(starts), capacity), np.zeros(len(starts), np.int32)
     has_energy = config.energy.model != "none"
     swarm = SwarmState(
-        memory=memory,
+        memory=first[0],
         task=jax.tree.map(lambda *values: np.stack(values), *(start.task for start in starts)),
         is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
         is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
         energy=np.full(here, config.energy.full, np.float32) if has_energy else None,
         starved=np.zeros(here, np.int32) if has_energy else None,
+        led_power=first[1],
     )
     state = WorldState(
         bodies=None,
@@ -178,9 +180,14 @@ def _keys(seed: Array, index: Array) -> Array:
 
 
 @partial(jax.jit, static_argnames=("capacity",))
-def first_memories(strategy: Strategy, key: Array, capacity: int) -> Any:
-    """Return what the robots of B worlds remember at the start."""
-    return jax.vmap(lambda strategy, key: strategy.init(capacity, key))(strategy, key)
+def first_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
+    """Return what the robots of B worlds remember at the start, and the power of their LEDs, see `led_power`."""
+
+    def of_world(strategy: Strategy, key: Array) -> Any:
+        memory = strategy.init(capacity, key)
+        return memory, led_power(strategy, memory)
+
+    return jax.vmap(of_world)(strategy, key)
 
 
 def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 import difflib
 import importlib.util
+import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -45,6 +46,31 @@ STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.s
 def find_strategy(name: str) -> Any:
     """Return a class of strategies, or an object whose values are defaults, see `find`."""
     return find(STRATEGIES, name)
+
+
+def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
+    """Return share, and class or object, of teams by their names, those of the strategies.
+
+    Args:
+        words: names of strategies with the share of the robots or their number, as `walk.py:Walk=0.5`; of one strategy
+            without a share there are no teams.
+
+    Raises:
+        UserError: a share is missing or no number, or there is no such strategy.
+    """
+    found: dict[str, tuple[float | int, Any]] = {}
+    for word in words:
+        match = re.fullmatch(r"(.+)=(\d+|\d*\.\d+)", word)
+        if match is None and len(words) == 1:
+            return {}
+        if match is None:
+            form = "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
+            raise ConfigError("strategy", word, form)
+        name, size = match[1], int(match[2]) if match[2].isdecimal() else float(match[2])
+        team = re.sub(r"\W", "_", name.rpartition(":")[2])
+        n_same = sum(one == team or one.removeprefix(team).isdecimal() for one in found)
+        found[f"{team}{n_same + 1}" if n_same else team] = size, find_strategy(name)
+    return found
 
 
 def find(offer: Offer, name: str, shipped: Mapping[str, Any] | None = None) -> Any:

@@ -49,6 +49,27 @@ class Strategy(Protocol):
 
 
 @runtime_checkable
+class ReleasingStrategy(Strategy, Protocol):
+    """A strategy whose robots also release balls when they want to; all release them over the dump."""
+
+    def releases(self, memory: Any) -> Bool[Array, "N"]:
+        """Return whether each robot releases the ball that it holds, wherever it is; see `picks`."""
+        ...
+
+
+@runtime_checkable
+class DimmingStrategy(Strategy, Protocol):
+    """A strategy whose robots choose the power of their LEDs."""
+
+    def led_power(self, memory: Any) -> Float[Array, "N"]:
+        """Return the power with which each robot sends its next message, from 0, silent, to 1, full power.
+
+        Light of a share p of the full power reaches p^(1/2) as far. A robot sees walls at any power.
+        """
+        ...
+
+
+@runtime_checkable
 class ReckoningStrategy(Strategy, Protocol):
     """A strategy whose robots learn that they did not walk as far as they meant to."""
 

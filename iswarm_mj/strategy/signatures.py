@@ -13,7 +13,8 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.contract import compare, shapes_of
 from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import RelayingStrategy, Strategy
+from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy, Strategy
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 
@@ -43,6 +44,10 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         UserError: a method returns something else, raises an exception, cannot be compiled, or depends on more than
             its arguments; what is to be recorded is not there.
     """
+    if isinstance(strategies, Teams):
+        for team, size in zip(strategies.teams, strategies.sizes(n_robots), strict=True):
+            check_strategies(team.strategy, size, n_sides, sensed)
+        return strategies.payload.check_room(n_sides)
     strategy, key = jax.tree.map(lambda a: a[0], strategies), jax.random.key(0)
     name = type(strategy).__name__
     with user_code(f"{name}.payload"):
@@ -70,6 +75,10 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         for field, its in wanted.items():
             compare(f"{name}.say", said[field], its, f"field {field}")
     compare(f"{name}.picks", result("picks", memory), flags)
+    if isinstance(strategy, ReleasingStrategy):
+        compare(f"{name}.releases", result("releases", memory), flags)
+    if isinstance(strategy, DimmingStrategy):
+        compare(f"{name}.led_power", result("led_power", memory), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
     if isinstance(strategy, RelayingStrategy):
         compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
     returned = result("act", memory, observation, key)

@@ -70,7 +70,7 @@ class Aggregation:
             ConfigError: a spot would lie beyond the walls, or a setting is out of range.
         """
         validate(self)
-        half, remedy = config.arena.size / 2, "make it smaller, or `arena.size` larger"
+        half, remedy = config.arena.inradius, "make it smaller, or `arena.size` larger"
         if self.spot_radius > half:
             raise ConfigError("spot_radius", self.spot_radius, f"at most {half:g} rd, half of `arena.size`", remedy)
         if self.spot_offset + self.spot_radius > half:

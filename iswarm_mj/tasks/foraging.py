@@ -69,13 +69,13 @@ class Foraging:
         """
         validate(self)
         arena, poses = config.arena, place_robots(config.arena, n_robots, rng, cell)
-        if self.source_radius > arena.size / 2:
-            most, remedy = f"at most {arena.size / 2:g} rd, half of `arena.size`", "make it smaller, or that larger"
+        if self.source_radius > arena.inradius:
+            most, remedy = f"at most {arena.inradius:g} rd, half of `arena.size`", "make it smaller, or that larger"
             raise ConfigError("source_radius", self.source_radius, most, remedy)
         if self.sources > arena.n_dust:
             most = f"at most {arena.n_dust}, the items of all sources (`arena.n_dust`)"
             raise ConfigError("sources", self.sources, most, "take fewer, or more items")
-        nearest, farthest = 0.75 * arena.dump_size + self.source_radius, arena.size / 2 - self.source_radius
+        nearest, farthest = 0.75 * arena.dump_size + self.source_radius, arena.inradius - self.source_radius
         limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
         position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)

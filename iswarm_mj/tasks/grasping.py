@@ -46,6 +46,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
         control_period=inputs.config.drive.control_period,
         key=attempt_key,
         voltage=inputs.voltage,
+        releases=inputs.releases,
     )
     sensed = Sensed(
         at_dust=floor.at_dust,

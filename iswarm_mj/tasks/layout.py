@@ -12,22 +12,25 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.walls import beyond, in_mm
 
 
 @lru_cache(maxsize=16)
 def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
     """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena.
 
-    A robot in a cell touches no obstacle at any heading.
+    A robot in a cell touches neither a wall nor an obstacle at any heading.
 
     Raises:
         ConfigError: obstacles leave no cell.
     """
-    n = int(arena.size / cell)
-    centre = (np.arange(n) - (n - 1) / 2) * (cell * RD)
-    x, y = (a.ravel() for a in np.meshgrid(centre, centre, indexing="ij"))
-    outside = np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD
-    cells = np.column_stack([x, y])[outside]
+    low, high = np.min(arena.corners, axis=0), np.max(arena.corners, axis=0)
+    counts, middle = ((high - low) / cell).astype(int), (low + high) / 2 * RD
+    centres = ((np.arange(n) - (n - 1) / 2) * (cell * RD) + at for n, at in zip(counts, middle, strict=True))
+    x, y = (a.ravel() for a in np.meshgrid(*centres, indexing="ij"))
+    cells = np.column_stack([x, y])[np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD]
+    if arena.outline:
+        cells = cells[beyond(cells, in_mm(arena.walls)) <= -cell * RD / 2 + 1e-9]
     if arena.obstacles:
         cells = cells[distances(cells, numbers(arena.obstacles, RD)) >= cell * RD / 2]
         if not len(cells):
@@ -59,7 +62,8 @@ def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:
     """Raise a ConfigError unless the arena has room for `n_robots` on cells of this width [rd]."""
     room = len(free_cells(arena, cell))
     if not 1 <= n_robots <= room:
-        constraint = f"between 1 and {room} in an arena of {arena.size:g} x {arena.size:g} rd"
+        width, height = np.ptp(arena.corners, axis=0)
+        constraint = f"between 1 and {room} in an arena of {width:g} x {height:g} rd"
         remedy = "use fewer robots or a larger `arena.size`" if n_robots > room else None
         raise ConfigError("n_robots", n_robots, constraint, remedy)
 

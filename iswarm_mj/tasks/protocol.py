@@ -5,12 +5,13 @@ from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
@@ -43,6 +44,8 @@ class TaskInputs(NamedTuple):
     is_alive: Bool[Array, "N"]
     picks: Bool[Array, "N"]
     """Robots that pick up what their tools reach."""
+    team: Int[Array, "N"]
+    """Number of the robot's team (`strategy.teams`), from 0; robots without teams are one."""
     conditions: Conditions
     """Noise, voltages and places of this world."""
     config: SwarmConfig
@@ -54,6 +57,12 @@ class TaskInputs(NamedTuple):
     """Decides whether attempts to pick up and to release balls succeed."""
     voltage: Float[Array, "N"] | None = None
     """Of the robots' capacitors [V]; None: as much as a gripper asks for."""
+    releases: Bool[Array, "N"] | None = None
+    """Robots that release the ball that they hold wherever they are; None: over the dump alone."""
+    command: Command | None = None
+    """What the drives carried out in the step; only in `Task.reward`."""
+    message: UInt32[Array, "N"] | None = None
+    """The 32 bits that each robot sent in the step (`Payload.unpack`); only in `Task.reward`."""
     notices: Bool[Array, "N"] | bool = True
     """Robots that sense the dust and the dump that they are at, see `StrategyConfig.error_in_sensing`."""
 
@@ -149,7 +158,7 @@ class Task(Protocol):
         Args:
             before: state of the task before the step.
             after: what `advance` made of it.
-            inputs: that `advance` had.
+            inputs: that `advance` had, with the commands and messages of the step.
         """
         ...
 
@@ -169,6 +178,25 @@ class DrawnTask(Task, Protocol):
             config: of the world.
             state: of the task, in any control step.
         """
+        ...
+
+
+@runtime_checkable
+class ChangingTask(Task, Protocol):
+    """A task that changes noise, voltages and the like in time."""
+
+    def conditions(self, state: Any, conditions: Conditions) -> Conditions:
+        """Return the conditions of a step that begins with this state, from those of the configuration; JAX."""
+        ...
+
+
+@runtime_checkable
+class DeadlyTask(Task, Protocol):
+    """A task in which robots fail."""
+
+    def survives(self, state: Any) -> Bool[Array, "N"]:
+        """Return which robots do not fail in a step that `advance` ends with this state; others only stand in the way
+        from then on; JAX."""
         ...
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.strategy.contract import check_has, compare
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import Sensed, TaskInputs
+from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 
@@ -102,7 +103,8 @@ def _check_shapes(
     name, here = type(task).__name__, (n_robots,)
     flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
     plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
-    world = (jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), flags, flags, flags)
+    poses, team = jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), jax.ShapeDtypeStruct(here, jnp.int32)
+    world = (poses, flags, flags, flags, team)
     conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
     whole = jax.ShapeDtypeStruct((), jnp.int32)
 
@@ -113,7 +115,9 @@ def _check_shapes(
                 case "advance":
                     given = (given[0], inputs, given[1])
                 case "reward":
-                    given = (*given, inputs)
+                    zero = jnp.zeros(n_robots)
+                    sent = inputs._replace(command=Command(zero, zero), message=jnp.zeros(n_robots, jnp.uint32))
+                    given = (*given, sent)
             return getattr(own, method)(*given)
 
         with user_code(f"{name}.{method}"):
@@ -133,6 +137,12 @@ def _check_shapes(
     compare(f"{name}.advance", sensed, Sensed(*wanted), "sensed")
     compare(f"{name}.progress", shapes("progress", before), whole)
     compare(f"{name}.reward", shapes("reward", before, after), floats)
+    if isinstance(task, ChangingTask):
+        with user_code(f"{name}.conditions"):
+            changed = jax.eval_shape(lambda own, *given: own.conditions(*given), task, before, conditions)
+        compare(f"{name}.conditions", changed, conditions, "conditions")
+    if isinstance(task, DeadlyTask):
+        compare(f"{name}.survives", shapes("survives", after), flags)
     for key, found in _declared(f"{name}.metrics", "measured", task, shapes("metrics", before)).items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"

@@ -1,6 +1,5 @@
 """Boxes that stand in the arena, as numbers: where they are, how far points are from them."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,38 +7,34 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.walls import beyond, rows_of
 
 Obstacle = tuple[float, float, float, float, float]
 """x and y of the centre, half the edges along the box's own x and y [rd], yaw [deg]."""
+_ROUNDING = 1e-9  # of the corners of boxes at walls [rd]
 FIELDS = ("x", "y", "half_x", "half_y", "yaw")
 
 
-def checked(given: Any, half_arena: float, half_dump: float) -> tuple[Obstacle, ...]:
+def checked(given: Any, walls: Float[np.ndarray, "W 3"], half_dump: float) -> tuple[Obstacle, ...]:
     """Return obstacles as tuples of floats.
 
     Args:
         given: a sequence of five numbers each, or an array.
-        half_arena: half the arena's edge [rd].
+        walls: see `utils.walls.half_planes` [rd].
         half_dump: half the dump's edge [rd].
 
     Raises:
         ConfigError: one has other numbers, no size, or is not inside the walls, or on the dump.
     """
     what = "arena.obstacles"
-    given = given.tolist() if isinstance(given, np.ndarray) else given
-    is_list = isinstance(given, Sequence) and not isinstance(given, str)
-    if not is_list or not all(isinstance(one, Sequence) and len(one) == len(FIELDS) for one in given):
-        raise ConfigError(what, given, f"boxes of {len(FIELDS)} numbers each, {', '.join(FIELDS)} [rd, deg]")
     found = []
-    for number, one in enumerate(given):
-        place = f"{what}[{number}]"
-        if not all(isinstance(value, int | float) and math.isfinite(value) for value in one):
-            raise ConfigError(place, tuple(one), f"finite numbers {', '.join(FIELDS)}")
-        x, y, half_x, half_y, yaw = map(float, one)
+    rows = rows_of(what, given, FIELDS, f"boxes of {len(FIELDS)} numbers each, {', '.join(FIELDS)} [rd, deg]")
+    for number, one in enumerate(rows):
+        place, (x, y, half_x, half_y, yaw) = f"{what}[{number}]", one
         if min(half_x, half_y) <= 0:
             raise ConfigError(place, tuple(one), "a box with half edges above 0 rd")
         box = numbers([(x, y, half_x, half_y, yaw)])
-        if np.abs(corners(box)).max() > half_arena:
+        if beyond(corners(box), walls).max() > _ROUNDING:
             raise ConfigError(place, tuple(one), "inside the walls")
         if overlap(box, numbers([(0.0, 0.0, half_dump, half_dump, 0.0)]))[0]:
             raise ConfigError(place, tuple(one), "outside the dump", "move it, or make `arena.dump_size` smaller")

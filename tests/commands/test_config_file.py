@@ -128,7 +128,7 @@ def test_a_result_of_another_task_repeats_it(here, offered):
     (here / "x.json").write_text(json.dumps({"settings": {"seed": 3}, "config": {}, "strategy": WALK, "task": TASK}))
     command = parse(["run", "--config", "x.json", "--dim", "0.3"])
     assert (command.task.spot_radius, command.task.dim, command.own.longest_wait) == (8.0, 0.3, 200.0)
-    assert (command.task_name, command.controller, command.seed) == ("aggregation", "beeclust", 3)
+    assert (command.task_name, command.controller, command.seed) == ("aggregation", ("beeclust",), 3)
     with pytest.raises(
         UserError, match="names the task aggregation, but iswarm clean has none; `iswarm run --config x"
     ):

@@ -14,6 +14,8 @@ from helpers_rrd import read
 
 import iswarm_mj
 from iswarm_mj.commands import main as cli
+from iswarm_mj.commands.main import parse
+from iswarm_mj.player.scenario import command_line
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 
@@ -67,8 +69,8 @@ def changed(old, new):
     return 1 + WALK[: WALK.index(old)].count("\n")
 
 
-def walked(*flags, name="walk.py:Walk"):
-    assert code_of("clean", "--strategy", name, *FEW, *flags) == 0
+def walked(*flags, names=("walk.py:Walk",)):
+    assert code_of("clean", "--strategy", *names, *FEW, *flags) == 0
     with np.load("runs/clean/trajectory.npz") as file:
         return dict(file)
 
@@ -120,7 +122,7 @@ class TestInstalled:
         assert command.checked()[1].p_vector_forget == 0.5 and command.checked()[1].weight_find_dump == 1.0
 
     def test_other_packages_offer_theirs(self):
-        assert walked(name="theirs")["turned"].any()
+        assert walked(names=("theirs",))["turned"].any()
 
     def test_unknown_names(self, capfd):
         error = refused(capfd, "clean", "--strategy", "typ2")
@@ -205,3 +207,47 @@ def test_a_learned_policy_is_a_whole_strategy(here):
     start, end = np.load(here / "runs/clean/trajectory.npz")["pose"][:2]
     moved = np.hypot(*(end - start)[:, :2].T)
     assert np.median(moved) == pytest.approx(0.8 * 0.5 * ROBOT_DIAMETER, rel=1e-3)
+
+
+def test_teams(here):
+    """Shares, flags with the teams' names, and files that repeat the run."""
+    names = ("walk.py:Walk=0.5", "walk.py:Walk=0.25", "type2=0.25")
+    flags = ("--Walk.turn=20", "--Walk2.turn=40", "--type2.p-vector-forget=0.5", "--engine=planar")
+    first = walked(*flags, names=names)
+    assert first["scene_team_names"].tolist() == ["Walk", "Walk2", "type2"]
+    assert first["scene_team_sizes"].tolist() == [2, 1, 1]
+    result = json.loads(Path("runs/clean/result.json").read_text())
+    assert [result["strategy"][name].get("turn") for name in ("Walk", "Walk2")] == [20.0, 40.0]
+    assert result["strategy"]["type2"]["p_vector_forget"] == 0.5
+    turns = np.abs(first["Walk_turned"][-1]), np.abs(first["Walk2_turned"][-1])
+    assert turns[0][:2].all() and turns[1][2] and not turns[0][2:].any() and not turns[1][[0, 1, 3]].any()
+    Path("runs/clean/result.json").rename("again.json")
+    assert code_of("clean", "--config=again.json", "--strategy", *names, "--engine=planar") == 0
+    with np.load("runs/clean/trajectory.npz") as second:
+        np.testing.assert_array_equal(second["pose"], first["pose"])
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("walk.py:Walk", "type1"), "NAME=SHARE"),
+        (("walk.py:Walk=0.5", "type1"), "NAME=SHARE"),
+        (("walk.py:Walk=0.5", "type1=x"), "NAME=SHARE"),
+        (("walk.py:Walk=0.5", "type1=0.6"), "add up to 1"),
+        (("walk.py:Walk=0.5", "type1=2"), "one kind"),
+        (("walk.py:Walk=3", "type1=2"), "--robots to 5"),
+        (("walk.py:Walk=0.5", "walk.py:Run=0.5"), "walk.py:Walk"),
+        (("walk.py:Walk=0.5", "--strategy", "type1=0.5"), "--strategy is given twice"),
+    ],
+)
+def test_teams_that_are_none_are_refused(words, says, capfd):
+    assert says in refused(capfd, "clean", "--strategy", *words, *FEW, "--engine=planar")
+
+
+def test_play_states_teams():
+    command = parse(["play", "--strategy", "walk.py:Walk=3", "type1=1", *FEW[:-1], "--engine=planar"])
+    session = command.session()
+    values = session.wanted.values()
+    assert values["strategy"] == ("walk.py:Walk=3", "type1=1")
+    assert "--strategy walk.py:Walk=3 type1=1" in command_line("run", values)
+    assert session.wanted.set("strategy", session.wanted.get("strategy")).strategy.sizes(4) == (3, 1)

@@ -11,7 +11,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.walls import in_mm
 
 
 class Places(NamedTuple):
@@ -23,7 +23,7 @@ class Teleport:
 
     def __init__(self, model: ModelSpec, far: float):
         self.robot, self._far = read_robot(model.robot_file), far
-        self._timestep, self._edge = model.config.drive.timestep, mm_from_rd(model.config.arena.size) / 2
+        self._timestep, self._walls = model.config.drive.timestep, in_mm(model.config.arena.walls)
 
     def place(self, poses: Any, is_present: Any) -> Places:
         return Places(np.array(poses, float))
@@ -41,7 +41,7 @@ class Teleport:
         for phase in phases:
             poses = poses + self._far * phase.n_substeps * self._timestep * phase.velocity(poses)
         moves = np.asarray(is_running)[:, None]
-        fault, robot = find_lost(poses, np.broadcast_to(moves, poses.shape[:2]), self._edge)
+        fault, robot = find_lost(poses, np.broadcast_to(moves, poses.shape[:2]), self._walls)
         poses = np.where((moves & (fault == 0)[:, None])[..., None], poses, bodies.poses)
         return Motion(
             Places(poses), np.zeros((len(poses), self.robot.most_partners, poses.shape[1]), np.int32), fault, robot

@@ -37,9 +37,8 @@ class TestArena:
         width = 49 * RD
         assert width == pytest.approx(138.593, abs=1e-3)
         np.testing.assert_allclose(model.geom("floor").size[:2], 24.5 * RD, atol=1e-5)
-        for name, direction in zip(("east", "north", "west", "south"), OUTWARD, strict=True):
-            wall = model.geom(f"wall_{name}")
-            panel = model.geom(f"panel_{name}")
+        for k, direction in enumerate(OUTWARD):
+            wall, panel = model.geom(f"wall{k}"), model.geom(f"panel{k}")
             normal = np.zeros(3)
             mujoco.mju_rotVecQuat(normal, np.array([0.0, 0.0, 1.0]), wall.quat)
             np.testing.assert_allclose(normal, -np.asarray(direction), atol=1e-9)
@@ -58,7 +57,7 @@ class TestArena:
     def test_only_walls_collide(self):
         model = load("arena.xml")
         names = {model.geom(i).name for i in np.flatnonzero(model.geom_contype | model.geom_conaffinity)}
-        assert names == {"wall_east", "wall_north", "wall_west", "wall_south"}
+        assert names == {f"wall{k}" for k in range(4)}
 
     def test_has_cameras_light_and_a_large_framebuffer(self):
         model = load("arena.xml")
@@ -126,13 +125,16 @@ class TestComposed:
 def test_panels_of_a_small_arena_stand_behind_its_walls():
     """Their inner faces at the walls, from corner to corner, so that a picture shows no gap."""
     model = compile_arena(SMALL, 1, np.zeros(0)).model
-    edge, thick = SMALL.arena.size / 2 * RD, 2 * min(model.geom("panel_east").size[:2])
-    for name, direction in zip(("east", "north", "west", "south"), np.asarray(OUTWARD), strict=True):
-        panel, across = model.geom(f"panel_{name}"), np.abs(direction[[1, 0, 2]])
-        assert model.geom(f"wall_{name}").pos @ direction == pytest.approx(edge)
-        assert panel.pos @ direction - panel.size @ np.abs(direction) == pytest.approx(edge)
-        assert panel.size @ np.abs(direction) == pytest.approx(thick / 2)
-        assert panel.size @ across == pytest.approx(edge + (thick if direction[0] else 0)) and panel.pos @ across == 0
+    edge, thick = SMALL.arena.size / 2 * RD, 2 * min(model.geom("panel0").size[:2])
+    for k, direction in enumerate(np.asarray(OUTWARD)):
+        panel, across = model.geom(f"panel{k}"), np.abs(direction[[1, 0, 2]])
+        matrix = np.zeros(9)
+        mujoco.mju_quat2Mat(matrix, panel.quat)
+        assert model.geom(f"wall{k}").pos @ direction == pytest.approx(edge)
+        assert panel.pos @ direction - panel.size[0] == pytest.approx(edge)
+        np.testing.assert_allclose(matrix.reshape(3, 3)[:, 0], direction, atol=1e-12)
+        assert panel.size[0] == pytest.approx(thick / 2)
+        assert panel.size[1] == pytest.approx(edge + thick) and panel.pos @ across == 0
 
 
 RENDER = """

@@ -16,8 +16,8 @@ def test_the_default_is_that_of_the_files():
     assert model.opt.timestep == robot.opt.timestep == walls.opt.timestep
     for name in ("robot0/hull", "robot1/hull"):
         np.testing.assert_array_equal(model.geom(name).solref, robot.geom("hull").solref)
-    for name in ("wall_east", "wall_north", "wall_west", "wall_south"):
-        np.testing.assert_array_equal(model.geom(name).solref, walls.geom(name).solref)
+    for k in range(4):
+        np.testing.assert_array_equal(model.geom(f"wall{k}").solref, walls.geom(f"wall{k}").solref)
 
 
 @pytest.mark.parametrize("refinement", [1, 7])

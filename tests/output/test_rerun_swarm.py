@@ -44,14 +44,12 @@ def test_robots_stand_where_they_stood(run):
 def test_load_goes_before_scout_before_worker(run):
     scene, frames, recorded = run
     classes = np.stack(column(recorded, "/world/robots/body", "Boxes3D:class_ids"))
-    np.testing.assert_array_equal(
-        classes, swarm_classes.robot_classes(frames.is_loaded, scene.is_scout, frames.has_priority)
-    )
+    np.testing.assert_array_equal(classes, swarm_classes.robot_classes(scene, frames.is_loaded, frames.has_priority))
     assert set(classes.ravel()) >= {0, 2, 4, 5}
     is_loaded = np.array([[False, False, False, False, True, True, True]])
-    is_scout = np.array([False, False, True, True, False, True, True])
+    mixed = scene._replace(is_scout=np.array([False, False, True, True, False, True, True]))
     has_priority = np.array([[False, True, False, True, False, False, True]])
-    assert swarm_classes.robot_classes(is_loaded, is_scout, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
+    assert swarm_classes.robot_classes(mixed, is_loaded, has_priority).tolist() == [[0, 1, 2, 3, 4, 4, 5]]
 
 
 def test_balls(run):

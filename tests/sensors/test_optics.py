@@ -14,14 +14,14 @@ SECTOR, POWER = OpticsConfig(mode="sector"), OpticsConfig(mode="power")
 both_modes = pytest.mark.parametrize("optics", [SECTOR, POWER], ids=["sector", "power"])
 
 
-def light(receiver, sender, optics=SECTOR, xp=np):
+def light(receiver, sender, optics=SECTOR, xp=np, power=None):
     """Reception of the light from each `sender` (P, 3) at each `receiver` (P, 3)."""
     receiver, sender = (
         np.broadcast_to(p, np.broadcast_shapes(receiver.shape, sender.shape)) for p in (receiver, sender)
     )
     dx, dy = (xp.asarray(a) for a in (sender - receiver)[:, :2].T)
     views = [(xp.asarray(np.cos(p[:, 2])), xp.asarray(np.sin(p[:, 2]))) for p in (receiver, sender)]
-    return receive(dx, dy, *views, ROBOT, optics)
+    return receive(dx, dy, *views, ROBOT, optics, power)
 
 
 def seen_at(degrees, distance=5.0, off_beam=0.0):
@@ -35,6 +35,17 @@ HERE = place((0, 0, 0))
 
 def arrives(got):
     return bool(np.isfinite(got.effective_distance[0]))
+
+
+@both_modes
+@pytest.mark.parametrize("power", [1.0, 0.5, 0.04])
+def test_reach_grows_with_the_root_of_the_power(optics, power):
+    """In the sector from centre to centre; by power between LED and photodiodes, each 1 mm from a centre."""
+    between = 2.0 if optics is POWER else 0.0
+    reach = between + (RADIUS - between) * np.sqrt(power)
+    for share, is_seen in ((0.999, True), (1.001, False)):
+        assert arrives(light(HERE, seen_at(0, reach * share), optics, power=np.array([power]))) == is_seen
+    assert not arrives(light(HERE, seen_at(0, 2.01), optics, power=np.zeros(1)))
 
 
 def pairs(n, seed, reach=1.3):

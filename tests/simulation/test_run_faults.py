@@ -9,6 +9,7 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.walls import corners_of, half_planes, in_mm
 
 TYPE1 = PRESETS["type1"]
 
@@ -117,20 +118,21 @@ class TestFaults:
         run.raise_faults()
 
     def test_just_outside_is_outside(self):
-        edge, present = 7.5 * RD, np.ones((1, N), bool)
+        edge, present, walls = 7.5 * RD, np.ones((1, N), bool), in_mm(half_planes(corners_of([(15.0, 15.0)])))
         poses = np.zeros((1, N, 3))
         poses[0, 3, :2] = edge - 1e-6, 1e-6 - edge
-        assert find_lost(poses, present, edge)[0].tolist() == [0]
+        assert find_lost(poses, present, walls)[0].tolist() == [0]
         poses[0, 3, 1] = -1e-6 - edge
-        bits, robot = find_lost(poses, present, edge)
+        bits, robot = find_lost(poses, present, walls)
         assert (bits.tolist(), robot.tolist()) == ([FaultKind.OUTSIDE], [3])
         present[0, 3] = False
-        assert find_lost(poses, present, edge)[0].tolist() == [0]
+        assert find_lost(poses, present, walls)[0].tolist() == [0]
 
     def test_poses_that_are_not_finite_come_first(self):
         poses = np.zeros((2, N, 3))
         poses[1, 8, 2], poses[1, 3, 0] = np.nan, 99.0
-        bits, robot = find_lost(poses, np.ones((2, N), bool), 7.5 * RD)
+        walls = in_mm(half_planes(corners_of([(15.0, 15.0)])))
+        bits, robot = find_lost(poses, np.ones((2, N), bool), walls)
         assert bits.tolist() == [0, FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE] and robot[1] == 8
 
     def test_too_many_robots(self, small):

@@ -26,7 +26,14 @@ def test_rewards_are_the_balls_part_of_the_fitness(small):
     before, total = first_step(run.start), np.zeros(N)
     for after in records(run):
         inputs = TaskInputs(
-            jnp.asarray(after.poses[0]), there, there, there, conditions_of(run.config), run.config, run.robot
+            jnp.asarray(after.poses[0]),
+            there,
+            there,
+            there,
+            0 * there,
+            conditions_of(run.config),
+            run.config,
+            run.robot,
         )
         old, new = (jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.task) for r in (before, after))
         reward = np.asarray(CLEANING.reward(old, new, inputs))

@@ -17,7 +17,8 @@ from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
-from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.walls import area_of
 
 _LINE_SEARCH = 8  # iterations; more do not change the end of the search
 _PARKED = -1000.0  # height of the robots that are absent [mm]
@@ -47,7 +48,7 @@ def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) ->
         n_robots: N.
         factor: times the rule.
     """
-    density = n_robots * RD**2 / mm_from_rd(config.arena.size) ** 2
+    density = n_robots / area_of(config.arena.corners)
     pairs, contacts = 16 + n_robots * (0.4 + 1.2 * density), 64 + n_robots * (0.7 + 2.4 * density)
     for *_, half_x, half_y, _ in config.arena.obstacles:
         around = math.pi * (math.hypot(half_x, half_y) + 1) ** 2
@@ -73,7 +74,7 @@ class MjxArena:
         hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
         capacity: of the buffers for contacts.
-        edge: half the arena's edge [mm].
+        walls: (W, 3) see `utils.walls.half_planes` [mm].
         robot: geometry and mass of a robot.
     """
 
@@ -83,11 +84,11 @@ class MjxArena:
     view: mjx.Data
     servo_gain: Array
     boxes: Array
+    walls: Array
     n_robots: int = field(metadata={"static": True})
     hull: int = field(metadata={"static": True})
     impl: str = field(metadata={"static": True})
     capacity: ContactCapacity = field(metadata={"static": True})
-    edge: float = field(metadata={"static": True})
     robot: Robot = field(metadata={"static": True})
 
 
@@ -127,11 +128,11 @@ def compile_mjx_arena(
         view=_at_rest(sight.model, own),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
         boxes=jnp.asarray(numbers(config.arena.obstacles, RD), jnp.float32),
+        walls=jnp.asarray(arena.planes, jnp.float32),
         n_robots=n_robots,
         hull=int(sight.hull[0]),
         impl=impl,
         capacity=capacity,
-        edge=mm_from_rd(config.arena.size) / 2,
         robot=arena.robot,
     )
 

@@ -49,7 +49,7 @@ class MjxEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: FreeBodies, emits: Bool[Array, "N"], is_running: Bool[Array, ""]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, ""]) -> Sight:
         """See `Engine.sense`."""
         crowd = Crowd(bodies.poses, bodies.is_present)
         with jax.default_matmul_precision("highest"):

@@ -53,7 +53,7 @@ def move(
     touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
     touching &= bodies.is_present & bodies.is_present[:, None]
     moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
-    return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.edge)
+    return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.walls)
 
 
 def _partners(touching: Bool[Array, "N N"], most: int) -> Int[Array, "K N"]:

@@ -25,6 +25,7 @@ from iswarm_mj.sensors.optics import (
 )
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.walls import beyond
 
 _INTO = 1e-3  # share of the way to an obstacle by which light is followed into it
 
@@ -42,19 +43,19 @@ class Search(NamedTuple):
     """There may be a further one."""
 
 
-def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Bool[Array, "N"]) -> Links:
+def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array) -> Links:
     """Find the nearest senders in sight of each side.
 
     Args:
         config: optics; and of how many senders, see `Links`.
         arena: compiled.
         crowd: the robots.
-        emits: which of them send light.
+        emits: (N,) which of them send light, bool, or the power of their LEDs.
     """
     poses = crowd.poses
     index = jnp.arange(len(poses), dtype=jnp.int32)
-    everyone = _receive(config, arena, poses, index)
-    possible = (emits & crowd.is_present)[None] & crowd.is_present[:, None] & (index[:, None] != index)
+    everyone = _receive(config, arena, poses, index, None if emits.dtype == bool else emits)
+    possible = ((emits > 0) & crowd.is_present)[None] & crowd.is_present[:, None] & (index[:, None] != index)
     reach = jnp.where(possible, everyone.effective_distance, jnp.inf)
     side = everyone.side.astype(jnp.int8)
     origin = receiver_positions(poses, arena.robot).reshape(-1, 2)
@@ -131,10 +132,12 @@ def _links(config: SwarmConfig, arena: MjxArena, poses: Array, search: Search) -
     )
 
 
-def _receive(config: SwarmConfig, arena: MjxArena, poses: Array, sender: Array) -> Reception:
-    """Reception of each robot from senders (N, M), or from the same (M,) for all."""
+def _receive(
+    config: SwarmConfig, arena: MjxArena, poses: Array, sender: Array, power: Array | None = None
+) -> Reception:
+    """Reception of each robot from senders (N, M), or from the same (M,) for all, with LEDs of this power."""
     dx, dy = poses[sender, 0] - poses[:, None, 0], poses[sender, 1] - poses[:, None, 1]
-    return receive(dx, dy, _heading(poses[:, None]), _heading(poses[sender]), arena.robot, config.optics)
+    return receive(dx, dy, _heading(poses[:, None]), _heading(poses[sender]), arena.robot, config.optics, power)
 
 
 def _heading(poses: Array) -> tuple[Array, Array]:
@@ -147,16 +150,16 @@ def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array
     leds = led_positions(crowd.poses, arena.robot)
     way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
     ends, inside = leds + way, jnp.zeros(leds.shape[:-1], bool)
-    beyond = (jnp.abs(ends).max(axis=-1) > arena.edge) & crowd.is_present[:, None]
+    asked = (beyond(ends, arena.walls) > 0) & crowd.is_present[:, None]
     if len(arena.boxes):
         share = entries(leds, way, arena.boxes)
         inside = (share == 0) & crowd.is_present[:, None]
-        beyond |= (share <= 1) & crowd.is_present[:, None]
+        asked |= (share <= 1) & crowd.is_present[:, None]
         ends = leds + jnp.minimum(share * (1 + _INTO), 1.0)[..., None] * way
     robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), len(arena.robot.sides))
     wall = jnp.full_like(robot, len(leds))
     paths = Paths(leds.reshape(-1, 2), ends.reshape(-1, 2), robot, wall)
-    sees = inside | in_sight(arena, crowd, paths, beyond.ravel()).reshape(beyond.shape)
+    sees = inside | in_sight(arena, crowd, paths, asked.ravel()).reshape(asked.shape)
     if arena.robot.sides.is_regular:
         return sees
-    return sees | ((jnp.abs(leds).max(axis=-1) > arena.edge) & crowd.is_present[:, None])  # in a wall, looking along it
+    return sees | ((beyond(leds, arena.walls) > 0) & crowd.is_present[:, None])  # in a wall, looking along it

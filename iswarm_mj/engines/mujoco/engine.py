@@ -15,7 +15,6 @@ from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.units import mm_from_rd
 
 JAM = 4000
 """Contact points above which conjugate gradients solve for a world's contact forces: Newton's method, several times
@@ -58,7 +57,6 @@ class MujocoEngine:
         self._scene = Scene(config, arena, self._batch)
         self._is_present = np.ones((n_worlds, self._n_robots), bool)
         self._height: np.ndarray | None = None  # of the bodies in each world, once some robots are absent
-        self._edge = mm_from_rd(config.arena.size) / 2
         self.robot = arena.robot
 
     def place(self, poses: Float[Array, "B P 3"], is_present: Bool[Array, "B P"]) -> Bodies:
@@ -89,7 +87,7 @@ class MujocoEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B P"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n = self._n_robots
         sight = sense(
@@ -104,7 +102,7 @@ class MujocoEngine:
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        motion = take_phases(bodies, phases, is_running, self._edge, self.robot, self._take_steps)
+        motion = take_phases(bodies, phases, is_running, self._scene.walls, self.robot, self._take_steps)
         failed = np.flatnonzero(motion.fault)
         if len(failed):
             poses = motion.bodies.poses[failed, : self._n_robots]

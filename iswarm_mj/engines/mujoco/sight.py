@@ -11,6 +11,7 @@ from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj.utils.walls import beyond
 
 _SHORTEST = 1e-9
 """Length of a ray at least, which MuJoCo needs [mm]."""
@@ -31,6 +32,8 @@ class Scene:
         self.object_of[solid] = n + np.arange(len(solid))
         self.boxes = numbers(config.arena.obstacles, RD)
         """(M, 6) of the obstacles."""
+        self.walls = arena.planes
+        """(W, 3) see `utils.walls.half_planes` [mm]."""
 
     def cast_rays(
         self,
@@ -84,20 +87,20 @@ class Scene:
 
 
 def sense(
-    scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: Bool[np.ndarray, "B N"], is_present: Bool[np.ndarray, "B N"]
+    scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: np.ndarray, is_present: Bool[np.ndarray, "B N"]
 ) -> Sight:
     """Light of a control step.
 
     Args:
         scene: what rays meet.
         poses: x, y [mm] and yaw [rad].
-        emits: which robots send light; the others still stand in the way.
+        emits: (B, N) which robots send light, or the power of their LEDs; the others still stand in the way.
         is_present: the others do not take part.
     """
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
         poses = np.where(is_present[..., None], poses, away[:, None])
-    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits & is_present, scene.boxes)
+    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits * is_present, scene.boxes)
     return Sight(links, find_walls(scene, poses, is_present))
 
 
@@ -109,23 +112,22 @@ def find_walls(
     A LED that a robot presses slightly into a wall sees it too.
     """
     length = max(mm_from_rd(scene.config.optics.wall_range), _SHORTEST)
-    edge = mm_from_rd(scene.config.arena.size) / 2
     sees = np.zeros((*poses.shape[:2], len(scene.robot.sides)), bool)
     reach = scene.robot.circumradius + length
-    may_see = np.abs(poses[..., :2]).max(axis=-1) + reach > edge
+    may_see = beyond(poses[..., :2], scene.walls) + reach > 0
     if len(scene.boxes):
         may_see |= distances(poses[..., :2].reshape(-1, 2), scene.boxes).reshape(may_see.shape) < reach
     world, robot = np.nonzero(may_see & is_present)
     leds = np.asarray(led_positions(poses[world, robot], scene.robot))
     outward = np.asarray(led_axes(poses[world, robot], scene.robot)) * length
-    beyond = np.abs(leds + outward).max(axis=-1) > edge
+    asked = beyond(leds + outward, scene.walls) > 0
     if len(scene.boxes):  # rays tell
-        beyond[:] = True
-    near, _ = np.nonzero(beyond)
-    share, hit = scene.cast_rays(world[near], leds[beyond], outward[beyond], robot[near])
-    found = np.abs(leds).max(axis=-1) > edge
+        asked[:] = True
+    near, _ = np.nonzero(asked)
+    share, hit = scene.cast_rays(world[near], leds[asked], outward[asked], robot[near])
+    found = beyond(leds, scene.walls) > 0
     if len(scene.boxes):
         found |= distances(leds.reshape(-1, 2), scene.boxes).reshape(found.shape) == 0
-    found[beyond] |= (share <= 1.0) & (hit >= poses.shape[1])
+    found[asked] |= (share <= 1.0) & (hit >= poses.shape[1])
     sees[world, robot] = found
     return sees

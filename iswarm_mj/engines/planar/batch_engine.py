@@ -7,7 +7,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
@@ -19,13 +18,11 @@ from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.physics import SKIN
-from iswarm_mj.engines.planar.plane import FINEST, Plane, read_plane
+from iswarm_mj.engines.planar.plane import FINEST, Plane, read_plane, solids_of
 from iswarm_mj.engines.planar.reception import Light, points_of, read_light
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Robot
-from iswarm_mj.utils.units import RD
 
 ROBOTS_PER_WARP = 70
 """In a world, for each 32 threads of its block."""
@@ -41,14 +38,14 @@ class PlanarBatchEngine:
         light: optics.
         robot: geometry.
         on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
-        boxes: obstacles, see `utils.obstacles.numbers` [mm].
+        solids: walls and obstacles, see `plane.solids_of` [mm].
     """
 
     plane: Plane = field(metadata={"static": True})
     light: Light = field(metadata={"static": True})
     robot: Robot = field(metadata={"static": True})
     on_gpu: bool = field(metadata={"static": True})
-    boxes: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
+    solids: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
 
     def mapping(self, platform: str) -> Mapping:
         """See `CompiledEngine.mapping`."""
@@ -62,12 +59,13 @@ class PlanarBatchEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: FreeBodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
         is_present = bodies.is_present & is_running[:, None]
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
         plane, light = words_of(self.plane), words_of(self.light)
+        emits = jnp.asarray(emits, jnp.float32)
         points = jnp.asarray(points_of(self.robot), jnp.float32)
         grid = n_cells(self.plane.edge, radius, n_robots)
         place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(
@@ -84,7 +82,7 @@ class PlanarBatchEngine:
             output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.plane),
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
-            *(place, robot, is_present, plane, light, points, self._boxes(), *near),
+            *(place, robot, is_present, plane, light, points, self._solids(), *near),
             launch_dims=(n_worlds, n_robots, n_sides),
             output_dims=sight.light_places(n_worlds, n_robots, n_sides, self.light.n_senders),
         )
@@ -94,7 +92,9 @@ class PlanarBatchEngine:
 
     def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        return take_phases(bodies, phases, is_running, self.plane.edge, self.robot, self._take_steps)
+        return take_phases(
+            bodies, phases, is_running, self._solids()[: self.plane.n_walls, :3], self.robot, self._take_steps
+        )
 
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
@@ -103,8 +103,8 @@ class PlanarBatchEngine:
         n_worlds, n_robots = bodies.is_present.shape
         radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
-        n_boxes = len(self.boxes)
-        sizes = physics.places(touching.shape, n_boxes, grid, n_threads)
+        n_boxes = len(self.solids) - self.plane.n_walls
+        sizes = physics.places(touching.shape, self.plane.n_walls, n_boxes, grid, n_threads)
         touching, poses, velocity, failure, *_ = self._kernel(
             physics.take_steps_in(shared_bytes(n_robots)), n_threads, len(sizes), "touching"
         )(
@@ -114,10 +114,10 @@ class PlanarBatchEngine:
             bodies.is_present,
             runs,
             words_of(self.plane),
-            self._boxes(),
+            self._solids(),
             n_substeps * self.plane.refinement,
             grid,
-            *physics.rooms(n_robots, n_boxes),
+            *physics.rooms(n_robots, self.plane.n_walls, n_boxes),
             touching,
             launch_dims=n_worlds * n_threads,
             output_dims=sizes,
@@ -128,9 +128,9 @@ class PlanarBatchEngine:
         """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""
         return jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
 
-    def _boxes(self) -> Float[Array, "M 6"]:
-        """The obstacles as an array."""
-        return jnp.asarray(np.reshape(self.boxes, (-1, 6)), jnp.float32)
+    def _solids(self) -> Float[Array, "WM 6"]:
+        """Walls and obstacles as an array."""
+        return jnp.asarray(self.solids, jnp.float32)
 
     def _threads(self, n_robots: int) -> int:
         """Threads of a block, which computes a world: about as many as it has contacts; 1 on CPUs."""
@@ -149,6 +149,6 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
-    boxes = tuple(map(tuple, numbers(config.arena.obstacles, RD).tolist()))
+    solids = tuple(map(tuple, solids_of(arena, config.arena.obstacles).tolist()))
     light = read_light(arena.robot, config.optics)
-    return PlanarBatchEngine(read_plane(arena, tolerance), light, arena.robot, platform != "cpu", boxes)
+    return PlanarBatchEngine(read_plane(arena, tolerance), light, arena.robot, platform != "cpu", solids)

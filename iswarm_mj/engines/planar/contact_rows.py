@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.contact_law import ContactLaw, impedance, offset, regularisation, two_impulses
-from iswarm_mj.engines.planar.kinds import Place, Velocity, shared
+from iswarm_mj.engines.planar.kinds import Place, Table, Velocity, shared
 from iswarm_mj.engines.planar.plane import Plane
 
 
@@ -48,29 +48,19 @@ class Rows(NamedTuple):
 
 
 @shared
-def wall_normal(wall: int) -> tuple[float, float]:
-    """Normal of the east, north, west and south wall, inwards."""
-    if wall == 0:
-        return -1.0, 0.0
-    if wall == 1:
-        return 0.0, -1.0
-    if wall == 2:
-        return 1.0, 0.0
-    return 0.0, 1.0
-
-
-@shared
-def reach_to_walls(p: Place, plane: Plane) -> float:
-    """How far a robot extends along the arena's axis along which it extends farther."""
-    c, s = abs(p[2]), abs(p[3])
-    return max(plane.half_x * c + plane.half_y * s, plane.half_x * s + plane.half_y * c)
-
-
-@shared
-def gap_to_wall(p: Place, wall: int, plane: Plane) -> float:
+def gap_to_wall(p: Place, wall: int, solids: Table) -> float:
     """Distance of a robot's centre from a wall."""
-    nx, ny = wall_normal(wall)
-    return plane.edge + nx * p[0] + ny * p[1]
+    return solids[wall, 2] - solids[wall, 0] * p[0] - solids[wall, 1] * p[1]
+
+
+@shared
+def meets_wall(p: Place, wall: int, solids: Table, plane: Plane) -> bool:
+    """Whether a robot reaches beyond a wall."""
+    gap = gap_to_wall(p, wall, solids)
+    if gap >= plane.radius:
+        return False
+    nx, ny = solids[wall, 0], solids[wall, 1]
+    return gap < plane.half_x * abs(p[2] * nx + p[3] * ny) + plane.half_y * abs(p[2] * ny - p[3] * nx)
 
 
 @shared
@@ -84,10 +74,10 @@ def overlaps(p: Place, hx: float, hy: float, radius: float, q: Place, plane: Pla
 
 
 @shared
-def touch_wall(p: Place, wall: int, plane: Plane) -> Touch:
+def touch_wall(p: Place, wall: int, solids: Table, plane: Plane) -> Touch:
     """How a robot touches a wall."""
-    nx, ny = wall_normal(wall)
-    gap = gap_to_wall(p, wall, plane)
+    nx, ny = -solids[wall, 0], -solids[wall, 1]
+    gap = gap_to_wall(p, wall, solids)
     x1, y1, d1, x2, y2, d2 = wall_contact(gap, nx, ny, p[2], p[3], plane.half_x, plane.half_y)
     return Touch(nx, ny, 0.0, 0.0, x1 * ny - y1 * nx, x2 * ny - y2 * nx, d1, d2)
 

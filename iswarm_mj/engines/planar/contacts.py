@@ -10,10 +10,9 @@ from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.contact_rows import (
     Rows,
     Touch,
-    gap_to_wall,
     matrix,
+    meets_wall,
     overlaps,
-    reach_to_walls,
     rows_of,
     touch_box,
     touch_wall,
@@ -37,7 +36,7 @@ def find_contacts(
     velocities: np.ndarray,
     is_present: np.ndarray,
     plane: Plane,
-    boxes: np.ndarray,
+    solids: np.ndarray,
     contacts: np.ndarray,
 ) -> int:
     """Write the contacts of N robots and return their number.
@@ -48,8 +47,8 @@ def find_contacts(
         velocities: (N + 1, 3) of the robots, and zero for the walls [mm/s, mm/s, rad/s].
         is_present: (N,) bool; the others touch nothing.
         plane: robots and arena.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
-        contacts: (P + (4 + M) N,) of type CONTACT, the output.
+        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
+        contacts: (P + (W + M) N,) of type CONTACT, the output.
     """
     n, n_robots, hx, hy = 0, len(places), plane.half_x, plane.half_y
     for k in range(len(pairs)):
@@ -58,8 +57,8 @@ def find_contacts(
         if overlaps(p, hx, hy, plane.radius, q, plane):
             touch = touch_box(p, hx, hy, False, q, plane)
             n += _add(contacts[n], i, j, touch, velocities, plane.between_robots, plane)
-    for m in range(len(boxes)):
-        p, hx, hy = place_of(boxes, m), boxes[m, 4], boxes[m, 5]
+    for m in range(plane.n_walls, len(solids)):
+        p, hx, hy = place_of(solids, m), solids[m, 4], solids[m, 5]
         radius = math.sqrt(hx * hx + hy * hy)
         for i in range(n_robots):
             q = place_of(places, i)
@@ -68,12 +67,10 @@ def find_contacts(
                 n += _add(contacts[n], n_robots, i, touch, velocities, plane.at_walls, plane)
     for i in range(n_robots):
         p = place_of(places, i)
-        reach = reach_to_walls(p, plane)
-        if not is_present[i] or max(abs(p[0]), abs(p[1])) + reach <= plane.edge:
-            continue
-        for wall in range(4):
-            if gap_to_wall(p, wall, plane) < reach:
-                n += _add(contacts[n], n_robots, i, touch_wall(p, wall, plane), velocities, plane.at_walls, plane)
+        for wall in range(plane.n_walls):
+            if is_present[i] and meets_wall(p, wall, solids, plane):
+                touch = touch_wall(p, wall, solids, plane)
+                n += _add(contacts[n], n_robots, i, touch, velocities, plane.at_walls, plane)
     return n
 
 

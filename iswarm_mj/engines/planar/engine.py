@@ -12,13 +12,11 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
-from iswarm_mj.engines.planar.plane import FINEST, read_plane
+from iswarm_mj.engines.planar.plane import FINEST, read_plane, solids_of
 from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_sight, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import numbers
-from iswarm_mj.utils.units import RD
 
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
@@ -45,7 +43,7 @@ class PlanarEngine:
         """
         self.plane, self.robot = read_plane(arena, tolerance), arena.robot
         self._light, self._points = read_light(arena.robot, config.optics), points_of(arena.robot)
-        self._boxes = numbers(config.arena.obstacles, RD)
+        self._solids = solids_of(arena, config.arena.obstacles)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
@@ -58,13 +56,13 @@ class PlanarEngine:
         """See `Engine.poses`."""
         return bodies.poses
 
-    def sense(self, bodies: Bodies, emits: Bool[Array, "B N"], is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = bodies.is_present.shape
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
-        worlds, emits = np.flatnonzero(is_running), np.array(emits, bool)  # a copy: JAX's arrays are of another type
+        worlds, emits = np.flatnonzero(is_running), np.array(emits, float)  # a copy: JAX's arrays are of another type
         self._spread(
-            sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._points, self._boxes
+            sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._points, self._solids
         )
         if self._light.n_senders > 1:
             return sight
@@ -73,7 +71,9 @@ class PlanarEngine:
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         bodies = bodies._replace(overlap=np.zeros(len(is_running)))
-        return take_phases(bodies, phases, is_running, self.plane.edge, self.robot, self._take_steps)
+        return take_phases(
+            bodies, phases, is_running, self._solids[: self.plane.n_walls, :3], self.robot, self._take_steps
+        )
 
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
@@ -81,7 +81,7 @@ class PlanarEngine:
         """See `Take`."""
         new, failure = Bodies(*(part.copy() for part in bodies)), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
-        self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._boxes)
+        self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._solids)
         return new, touching, failure
 
     def _spread(self, function: Callable[..., None], worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:

@@ -9,9 +9,10 @@ presses slightly into it sees it too.
 import math
 from typing import NamedTuple
 
+from iswarm_mj.engines.planar.contact_rows import gap_to_wall
 from iswarm_mj.engines.planar.kinds import Codes, Place, Places, Table, place_of, shared
 from iswarm_mj.engines.planar.plane import Plane
-from iswarm_mj.engines.planar.ray_geometry import is_crossed, meets_rectangle, meets_walls
+from iswarm_mj.engines.planar.ray_geometry import is_crossed, meets_line, meets_rectangle
 from iswarm_mj.engines.planar.reception import Light, receive
 
 _SPARE = 1e-6  # of the radius within which robots are looked for, for rounding
@@ -44,7 +45,7 @@ def search_radius(light: Light, plane: Plane) -> float:
 
 
 @shared
-def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, points: Table) -> tuple[int, float]:
+def hear(p: Place, q: Place, j: int, squared: float, emits: float, light: Light, points: Table) -> tuple[int, float]:
     """How a robot at p gets the light of robot j at q.
 
     Args:
@@ -52,7 +53,7 @@ def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, 
         q: where the other one is.
         j: its index.
         squared: distance of their centres, squared.
-        emits: it sends light.
+        emits: power of its LEDs, from 0 to 1.
         light: optics.
         points: see `reception.points_of`.
 
@@ -61,15 +62,15 @@ def hear(p: Place, q: Place, j: int, squared: float, emits: bool, light: Light, 
         distance, infinite where no light arrives.
     """
     code, effective = 64 * j, float(math.inf)
-    if emits and squared <= light.farthest * light.farthest:
-        one = receive(q[0] - p[0], q[1] - p[1], p, q, light, points)
+    if emits > 0.0 and squared <= light.farthest * light.farthest:
+        one = receive(q[0] - p[0], q[1] - p[1], p, q, emits, light, points)
         code, effective = 64 * j + 8 * one.side + one.led, float(one.effective)
     return code, effective
 
 
 @shared
 def next_in_sight(
-    view: View, side: int, after: float, last: int, light: Light, points: Table, plane: Plane, boxes: Table
+    view: View, side: int, after: float, last: int, light: Light, points: Table, plane: Plane, solids: Table
 ) -> tuple[float, int]:
     """The nearest sender in sight of a side beyond another one, by effective distance and then by index.
 
@@ -81,7 +82,7 @@ def next_in_sight(
         light: optics.
         points: see `reception.points_of`.
         plane: robots and walls.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
 
     Returns:
         Effective distance and code; a code of -1 if there is none.
@@ -98,12 +99,12 @@ def next_in_sight(
         effective, code = best, found
         searches = code >= 0 and light.needs_sight
         if searches:
-            searches = not is_clear(view, side, code, light, points, plane, boxes)
+            searches = not is_clear(view, side, code, light, points, plane, solids)
     return effective, code
 
 
 @shared
-def is_clear(view: View, side: int, code: int, light: Light, points: Table, plane: Plane, boxes: Table) -> bool:
+def is_clear(view: View, side: int, code: int, light: Light, points: Table, plane: Plane, solids: Table) -> bool:
     """Whether neither a third robot nor an obstacle blocks the light that a side receives; arguments as above."""
     sender, clear = code >> 6, bool(True)
     p, q = place_of(view.places, view.i), place_of(view.places, sender)
@@ -120,9 +121,9 @@ def is_clear(view: View, side: int, code: int, light: Light, points: Table, plan
         # Only if its circumcircle is in the way.
         if is_third and abs(across) <= spare and behind <= spare and behind >= -squared - spare:
             clear = clear and not is_crossed(ox, oy, vx, vy, third[2], third[3], plane.half_x, plane.half_y)
-    for m in range(boxes.shape[0]):
-        ox, oy = p[0] + x - boxes[m, 0], p[1] + y - boxes[m, 1]
-        clear = clear and not is_crossed(ox, oy, vx, vy, boxes[m, 2], boxes[m, 3], boxes[m, 4], boxes[m, 5])
+    for m in range(plane.n_walls, solids.shape[0]):
+        ox, oy = p[0] + x - solids[m, 0], p[1] + y - solids[m, 1]
+        clear = clear and not is_crossed(ox, oy, vx, vy, solids[m, 2], solids[m, 3], solids[m, 4], solids[m, 5])
     return clear
 
 
@@ -133,19 +134,21 @@ def link_to(view: View, code: int, light: Light, points: Table) -> tuple[float, 
     dx, dy = q[0] - p[0], q[1] - p[1]
     bearing = float(points[4 * (points.shape[0] // 5) + ((code >> 3) & 7), 0])
     if light.is_power:
-        one = receive(dx, dy, p, q, light, points)
+        one = receive(dx, dy, p, q, 1.0, light, points)
         bearing += one.turn
     return bearing, math.sqrt(dx * dx + dy * dy)
 
 
 @shared
-def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, boxes: Table) -> bool:
+def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, solids: Table) -> bool:
     """Whether a wall or an obstacle is the first thing on the axis of a side's LED."""
     p, reach = place_of(view.places, view.i), light.wall_reach
     within = reach + plane.radius
-    is_near = max(abs(p[0]), abs(p[1])) >= plane.edge - reach - plane.radius
-    for m in range(boxes.shape[0]):
-        u, v = beyond(p[0] - boxes[m, 0], p[1] - boxes[m, 1], boxes, m)
+    is_near = bool(False)
+    for m in range(plane.n_walls):
+        is_near = is_near or gap_to_wall(p, m, solids) <= within
+    for m in range(plane.n_walls, solids.shape[0]):
+        u, v = beyond(p[0] - solids[m, 0], p[1] - solids[m, 1], solids, m)
         u, v = max(u, 0.0), max(v, 0.0)
         is_near = is_near or u * u + v * v < within * within
     if not is_near:
@@ -153,13 +156,15 @@ def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, 
     x, y = turned(p, points, side)
     axis_x, axis_y = turned(p, points, 2 * (points.shape[0] // 5) + side)
     vx, vy = reach * axis_x, reach * axis_y
-    share = float(meets_walls(p[0] + x, p[1] + y, vx, vy, plane.edge))
-    for m in range(boxes.shape[0]):
-        ox, oy = p[0] + x - boxes[m, 0], p[1] + y - boxes[m, 1]
-        u, v = beyond(ox, oy, boxes, m)
+    share = float(math.inf)
+    for m in range(plane.n_walls):
+        share = min(share, meets_line(p[0] + x, p[1] + y, vx, vy, solids[m, 0], solids[m, 1], solids[m, 2]))
+    for m in range(plane.n_walls, solids.shape[0]):
+        ox, oy = p[0] + x - solids[m, 0], p[1] + y - solids[m, 1]
+        u, v = beyond(ox, oy, solids, m)
         if u <= 0.0 and v <= 0.0:
             share = 0.0
-        share = min(share, meets_rectangle(ox, oy, vx, vy, boxes[m, 2], boxes[m, 3], boxes[m, 4], boxes[m, 5]))
+        share = min(share, meets_rectangle(ox, oy, vx, vy, solids[m, 2], solids[m, 3], solids[m, 4], solids[m, 5]))
     sees = share <= 1.0
     if share > 0.0 and share <= 1.0:
         for k in range(view.n_near):
@@ -170,10 +175,10 @@ def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, 
 
 
 @shared
-def beyond(dx: float, dy: float, boxes: Table, m: int) -> tuple[float, float]:
+def beyond(dx: float, dy: float, solids: Table, m: int) -> tuple[float, float]:
     """How far a point, (dx, dy) from the centre of obstacle m, is beyond the obstacle's sides; negative within."""
-    c, s = boxes[m, 2], boxes[m, 3]
-    return abs(c * dx + s * dy) - boxes[m, 4], abs(c * dy - s * dx) - boxes[m, 5]
+    c, s = solids[m, 2], solids[m, 3]
+    return abs(c * dx + s * dy) - solids[m, 4], abs(c * dy - s * dx) - solids[m, 5]
 
 
 @shared

@@ -40,7 +40,7 @@ def take_steps(
     targets: np.ndarray,
     touching: np.ndarray,
     failure: np.ndarray,
-    boxes: np.ndarray,
+    solids: np.ndarray,
     plane: Plane,
 ) -> None:
     """Take physics steps of some of B worlds in place.
@@ -52,7 +52,7 @@ def take_steps(
         targets: (B, N, 3) set points of the servos [mm/s, mm/s, rad/s].
         touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
         failure: (B,) output, bits of `FaultKind`; where the contact solver fails, that ends the steps of the world.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
         plane: robots and arena.
     """
     for world in worlds:
@@ -66,14 +66,14 @@ def take_steps(
             ),
             targets[world],
             touching[world],
-            boxes,
+            solids,
             plane,
         )
 
 
 @compiled
 def _take_steps(
-    n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, boxes: np.ndarray, plane: Plane
+    n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, solids: np.ndarray, plane: Plane
 ) -> int:
     """As `take_steps`, of one world, without an axis of worlds; return bits of `FaultKind`."""
     n_robots = len(bodies.poses)
@@ -86,8 +86,8 @@ def _take_steps(
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
             pairs, moved = near_pairs(places, bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
-            contacts = np.empty(len(pairs) + (4 + len(boxes)) * n_robots, CONTACT)
-        n_contacts = find_contacts(pairs, places, velocities, bodies.is_present, plane, boxes, contacts)
+            contacts = np.empty(len(pairs) + len(solids) * n_robots, CONTACT)
+        n_contacts = find_contacts(pairs, places, velocities, bodies.is_present, plane, solids, contacts)
         found = contacts[:n_contacts]
         for contact in found:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)

@@ -1,14 +1,18 @@
 """What the robots of a model have in common, read from MuJoCo's model as plain numbers."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.requirements import check_model
+from iswarm_mj.utils.obstacles import Obstacle, numbers
+from iswarm_mj.utils.units import RD
 
 _MIN_VALUE = mujoco.mjMINVAL
 _IMPEDANCE = (mujoco.mjMINIMP, mujoco.mjMAXIMP)
@@ -20,7 +24,7 @@ floats reach a fifth of it."""
 
 
 class Plane(NamedTuple):
-    """Robots that slide and turn in the plane between four walls. Units: mm, mg, s."""
+    """Robots that slide and turn in the plane between walls. Units: mm, mg, s."""
 
     half_x: float
     """Half the length of a robot's hull."""
@@ -34,7 +38,9 @@ class Plane(NamedTuple):
     servo: tuple[float, float, float]
     """Share of the difference to its set point by which the servo of x, y or yaw changes a velocity in a step."""
     edge: float
-    """Distance of the walls from the arena's centre."""
+    """Half the edge of the square around the walls, whose cells robots are sorted into."""
+    n_walls: int
+    """Number of walls, W; see `solids_of`."""
     timestep: float
     """Of this engine [s]."""
     refinement: int
@@ -70,13 +76,19 @@ def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
         inverse_mass=float(1 / inertia[0]),
         inverse_inertia=float(1 / inertia[2]),
         servo=(gain_x, gain_y, gain_yaw),
-        edge=float(np.abs(model.geom_pos[arena.walls, :2]).max()),
+        edge=float(arena.extent),
+        n_walls=len(arena.walls),
         timestep=float(h),
         refinement=arena.refinement,
         between_robots=_law(model, hull, hull, 2 * weight),
         at_walls=_law(model, hull, arena.walls[0], weight),
         tolerance=max(tolerance, FINEST),
     )
+
+
+def solids_of(arena: ArenaModel, obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "WM 6"]:
+    """Return what stands still: walls, see `utils.walls.half_planes`, and then obstacles, see `numbers` [mm]."""
+    return np.vstack([np.pad(arena.planes, ((0, 0), (0, 3))), numbers(obstacles, RD)])
 
 
 def _law(model: mujoco.MjModel, first: int, second: int, inverse_weight: float) -> ContactLaw:

@@ -39,21 +39,24 @@ def _between_sides(origin: float, along: float, half: float) -> tuple[float, flo
 
 
 @shared
-def meets_walls(x: float, y: float, vx: float, vy: float, edge: float) -> float:
-    """Share of a ray's vector at which it leaves the square of walls; not positive if it begins beyond one of them.
+def meets_line(x: float, y: float, vx: float, vy: float, nx: float, ny: float, distance: float) -> float:
+    """Share of a ray's vector at which it meets a wall; 0 if it begins beyond it, infinite if it never does.
 
     Args:
         x: of the ray's origin, from the arena's centre.
         y: likewise.
         vx: x of the ray's vector.
         vy: y of it.
-        edge: distance of the walls from the arena's centre.
+        nx: x of the wall's outward normal.
+        ny: y of it.
+        distance: of the wall from the arena's centre.
     """
-    if max(abs(x), abs(y)) > edge:
+    gap, along = distance - nx * x - ny * y, nx * vx + ny * vy
+    if gap < 0.0:
         return 0.0
-    _, leaves_x = _between_sides(x, vx, edge)
-    _, leaves_y = _between_sides(y, vy, edge)
-    return min(leaves_x, leaves_y)
+    if along <= 0.0:
+        return math.inf
+    return gap / along
 
 
 @shared

@@ -132,6 +132,7 @@ def power_reception(
     splay_sin: float,
     splay_tan: float,
     reach: float,
+    power: float,
 ) -> tuple[float, float]:
     """Reception in power mode.
 
@@ -150,6 +151,7 @@ def power_reception(
         splay_sin: sine of it.
         splay_tan: tangent of it.
         reach: effective distance from which on nothing is received.
+        power: of the LED, above 0 and at most 1.
 
     Returns:
         Measured direction of the sender, from the normal of the receiver's side to its left; and the effective
@@ -166,7 +168,7 @@ def power_reception(
     lobe = math.pow(min(max(off_axis, 0.0), 1.0), lobe_order)
     a = max(gap_along * splay_cos + gap_across * splay_sin, 0.0) / gap
     b = max(gap_along * splay_cos - gap_across * splay_sin, 0.0) / gap
-    gain = lobe * (a + b) / (2.0 * splay_cos)
+    gain = power * lobe * (a + b) / (2.0 * splay_cos)
     effective = gap / math.sqrt(max(gain, 1e-12)) + max(out_r + out_s, 0.0)
     if effective < reach:
         return math.atan((a - b) / max(a + b, 1e-9) / splay_tan), effective
@@ -174,7 +176,9 @@ def power_reception(
 
 
 @shared
-def receive(dx: float, dy: float, receiver: Place, sender: Place, light: Light, points: Table) -> Reception:
+def receive(
+    dx: float, dy: float, receiver: Place, sender: Place, power: float, light: Light, points: Table
+) -> Reception:
     """How a receiver gets the light of a sender that is (dx, dy) away from it.
 
     Args:
@@ -182,6 +186,7 @@ def receive(dx: float, dy: float, receiver: Place, sender: Place, light: Light, 
         dy: y likewise.
         receiver: where it is.
         sender: likewise.
+        power: of the sender's LEDs, above 0 and at most 1.
         light: optics.
         points: see `points_of`.
     """
@@ -202,10 +207,10 @@ def receive(dx: float, dy: float, receiver: Place, sender: Place, light: Light, 
         out_s, aside_s = onto_axis(points[led, 0], points[led, 1], c_led, s_led)
         turn, effective = power_reception(
             along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
-            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach,
+            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach, power,
         )  # fmt: skip
     else:
-        distance = math.sqrt(ahead_r * ahead_r + left_r * left_r)
+        distance = math.sqrt(ahead_r * ahead_r + left_r * left_r) / math.sqrt(power)
         is_lit = is_in_cone(along_r, across_r, light.photodiode_tan) and is_in_cone(along_s, across_s, light.led_tan)
         if is_lit and distance < light.reach:
             effective = distance

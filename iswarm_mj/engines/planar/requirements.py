@@ -12,7 +12,6 @@ MIN_HEIGHT = 0.7
 """Of robots [mm]; see `PlanarEngine`."""
 _NEEDED = ("CONSTRAINT", "CONTACT", "REFSAFE", "DAMPER")  # features that must not be disabled
 _UNKNOWN = ("OVERRIDE", "DIAGEXACT", "IPC", "SLEEP")  # those that must not be enabled
-_INWARD = np.array([[-1, 0, 0], [0, -1, 0], [1, 0, 0], [0, 1, 0]])
 
 
 def check_model(arena: ArenaModel) -> None:
@@ -79,9 +78,10 @@ def _walls(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     matrix = np.empty((len(walls), 9))
     for row, wall in zip(matrix, walls, strict=True):
         mujoco.mju_quat2Mat(row, model.geom_quat[wall])
-    distance = -(model.geom_pos[walls] * _INWARD).sum(axis=1)
+    inward = np.pad(-arena.planes[:, :2], ((0, 0), (0, 1)))
+    distance = -(model.geom_pos[walls] * inward).sum(axis=1)
     yield "planes as walls", bool((model.geom_type[walls] == mujoco.mjtGeom.mjGEOM_PLANE).all())
     yield (
-        "four walls that face the arena's centre at one distance",
-        bool(np.allclose(matrix[:, 2::3], _INWARD) and np.allclose(distance, distance[0])),
+        "walls where the configuration has them",
+        bool(np.allclose(matrix[:, 2::3], inward) and np.allclose(distance, arena.planes[:, 2])),
     )

@@ -34,7 +34,7 @@ def sense(
     sight: Sight,
     light: Light,
     points: np.ndarray,
-    boxes: np.ndarray,
+    solids: np.ndarray,
     plane: Plane,
 ) -> None:
     """Find the light in some of B worlds, see `in_sight`.
@@ -42,12 +42,12 @@ def sense(
     Args:
         worlds: indices of these worlds.
         poses: (B, N, 3) x, y [mm] and yaw [rad].
-        emits: (B, N) bool, which robots send light; the others still block it.
+        emits: (B, N) power of the LEDs, from 0 to 1; dark robots still block light.
         is_present: (B, N) bool; the others neither send nor receive nor block light.
         sight: of all worlds, the output.
         light: optics.
         points: (5 S, 2) see `reception.points_of`.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
         plane: robots and walls.
     """
     n_robots = poses.shape[1]
@@ -66,13 +66,13 @@ def sense(
             for side in range(links.sender.shape[2]):
                 distance, code = -1.0, -1
                 for rank in range(light.n_senders):
-                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, boxes)
+                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, solids)
                     if code < 0:
                         break
                     here = world, i, side, rank
                     links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
                     links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
-                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, boxes)
+                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, solids)
 
 
 @inlined
@@ -91,7 +91,7 @@ def _look_around(
         view: of the receiver, still empty.
         cells: of all robots, at least as wide.
         within: [mm].
-        emits: (N,) bool, which robots send light.
+        emits: (N,) power of the LEDs.
         light: optics.
         points: see `sense`.
         plane: robots and walls.

@@ -70,7 +70,7 @@ ARGUMENTS = {
     "velocity_change": lambda rng: tuple(rng.uniform(-2, 2, 9)),
     "meets_rectangle": ray,
     "_between_sides": lambda rng: (rng.uniform(-3, 3), rng.integers(-2, 3) / 2, 1.4),
-    "meets_walls": lambda rng: (*rng.uniform(-11, 11, 2), *rng.uniform(-8, 8, 2), 10.0),
+    "meets_line": lambda rng: (*rng.uniform(-11, 11, 2), *rng.uniform(-8, 8, 2), *heading(rng), 10.0),
     "facing_side": lambda rng: tuple(rng.uniform(-5, 5, 2)),
     "onto_axis": lambda rng: (*rng.uniform(-5, 5, 2), *heading(rng)),
     "is_in_cone": lambda rng: (*rng.uniform(-5, 5, 2), SECTOR.led_tan),
@@ -78,6 +78,7 @@ ARGUMENTS = {
         *apart(rng),
         *apart(rng),
         *(1.0, 0.3, 1.0, -0.2, POWER.lobe_order, POWER.splay_cos, POWER.splay_sin, POWER.splay_tan, POWER.reach),
+        rng.uniform(0.2, 1.0),
     ),
     "is_crossed": ray,
 }

@@ -63,12 +63,13 @@ def test_lists_have_room_for_all_robots_near_one():
 @pytest.mark.parametrize("baud_rate", [0, 2000])
 @pytest.mark.parametrize("robot", [ROBOT, SHIFTED], ids=["middle", "shifted"])
 def test_links_and_walls_are_those_of_the_other_engine(robot, baud_rate, mode, line_of_sight):
-    """Absent robots and dark ones included."""
+    """Absent robots, dark ones and dim ones included."""
     optics = OpticsConfig(mode=mode, line_of_sight=line_of_sight, baud_rate=baud_rate)
     rng = np.random.default_rng(6)
     poses = bricks(rng, 0.15, 0.4, 0.7)
     emits, present = rng.random((2, *poses.shape[:2])) < np.array([0.8, 0.9])[:, None, None]
-    expected, got = (seen(engine, poses, emits, present) for engine in engines(optics, robot))
+    power = emits * rng.choice([0.25, 1.0], emits.shape)
+    expected, got = (seen(engine, poses, power, present) for engine in engines(optics, robot))
     assert_same_sight(got, expected)
     assert expected.links.valid.sum() > 100 and expected.sees_wall.sum() > 10
     senders = [set(np.asarray(got.links.sender)[w][np.asarray(got.links.valid)[w]]) for w in range(3)]

@@ -74,7 +74,7 @@ REFUSED = {
     "hulls, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
     "collide with each other": set_array("geom_contype", 0, hull),
     "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),
-    "four walls": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),
+    "walls where": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),
 }
 
 

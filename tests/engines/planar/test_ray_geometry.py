@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from iswarm_mj.engines.planar.ray_geometry import meets_rectangle, meets_walls
+from iswarm_mj.engines.planar.ray_geometry import meets_line, meets_rectangle
 
 
 def test_rays_by_hand():
@@ -39,7 +39,9 @@ def test_rays_enter_where_sampled_points_do():
 
 
 def test_walls_by_hand():
-    assert meets_walls(0, 0, 5, 1, 10) == 2
-    assert meets_walls(2, -9, 0, -4, 10) == 0.25
-    assert meets_walls(8, 9, 4, 1, 10) == 0.5
-    assert meets_walls(10.1, 0, -1, 0, 10) == 0
+    assert meets_line(0, 0, 5, 1, 1, 0, 10) == 2
+    assert meets_line(2, -9, 0, -4, 0, -1, 10) == 0.25
+    assert meets_line(8, 9, 4, 1, 1, 0, 10) == 0.5
+    assert meets_line(2, 0, 8, 6, 0.6, 0.8, 6) == pytest.approx(0.5)  # askew
+    assert meets_line(10.1, 0, -1, 0, 1, 0, 10) == 0  # from beyond it
+    assert meets_line(0, 0, -1, 5, 1, 0, 10) == meets_line(0, 0, 0, 5, 1, 0, 10) == math.inf

@@ -35,11 +35,12 @@ def views(n=4000, seed=0):
 def test_one_pair_has_the_reception_of_arrays(optics, robot):
     dx, dy, yaws = views()
     headings = [(np.cos(yaw), np.sin(yaw)) for yaw in yaws]
-    expected = receive(dx, dy, *headings, robot, optics)
+    power = np.random.default_rng(1).choice([0.5, 1.0], len(dx))
+    expected = receive(dx, dy, *headings, robot, optics, power)
     light, points = read_light(robot, optics), points_of(robot)
     for k in range(len(dx)):
         receiver, sender = ((0.0, 0.0, float(c[k]), float(s[k])) for c, s in headings)
-        got = receive_one(float(dx[k]), float(dy[k]), receiver, sender, light, points)
+        got = receive_one(float(dx[k]), float(dy[k]), receiver, sender, float(power[k]), light, points)
         assert (got.side, got.led) == (expected.side[k], expected.led[k])
         assert got.effective == pytest.approx(expected.effective_distance[k], rel=1e-13)
         if math.isfinite(got.effective):

@@ -29,7 +29,7 @@ def test_links_are_those_of_arrays(robot, baud_rate, mode, line_of_sight):
     rng = np.random.default_rng(6)
     optics = OpticsConfig(mode=mode, line_of_sight=line_of_sight, baud_rate=baud_rate)
     poses = np.stack([crowd(rng, density) for density in (0.15, 0.4, 0.7)])
-    emits = rng.random(poses.shape[:2]) < 0.9
+    emits = (rng.random(poses.shape[:2]) < 0.9) * rng.uniform(0.2, 1.0, poses.shape[:2])
     expected = find_links(poses, robot, optics, squares_in_the_way(poses), emits)
     got = sight(poses, optics, robot, emits=emits).links
     for values, those in zip(got, expected, strict=True):

@@ -17,12 +17,12 @@ from iswarm_mj.engines.planar.gpu.records import (
     bodies_of,
     numbers_of,
 )
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, N_WALLS, World
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, World
 from iswarm_mj.utils.errors import FaultKind
 
 _TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
-_overlaps, _reach_to_walls, _gap_to_wall = rows.overlaps, rows.reach_to_walls, rows.gap_to_wall
-_touch_wall, _touch_box, _rows_of, _Touch = rows.touch_wall, rows.touch_box, rows.rows_of, rows.Touch
+_overlaps, _meets_wall, _rows_of, _Touch = rows.overlaps, rows.meets_wall, rows.rows_of, rows.Touch
+_touch_wall, _touch_box = rows.touch_wall, rows.touch_box
 
 
 @wp.func
@@ -39,15 +39,13 @@ def find_contacts(w: World, lane: int):
     for i in range(lane, n_robots, wp.block_dim()):
         if w.is_present[i]:
             here = w.place[i]
-            reach = _reach_to_walls(here, plane)
-            if wp.max(wp.abs(here[0]), wp.abs(here[1])) + reach > plane.edge:
-                for wall in range(4):
-                    if _gap_to_wall(here, wall, plane) < reach:
-                        _append(w, wp.vec2i(n_robots + wall, i))
-            for m in range(w.boxes.shape[0]):
-                hx, hy = w.boxes[m, 4], w.boxes[m, 5]
+            for wall in range(plane.n_walls):
+                if _meets_wall(here, wall, w.solids, plane):
+                    _append(w, wp.vec2i(n_robots + wall, i))
+            for m in range(plane.n_walls, w.solids.shape[0]):
+                hx, hy = w.solids[m, 4], w.solids[m, 5]
                 if _overlaps(_box(w, m), hx, hy, wp.sqrt(hx * hx + hy * hy), here, plane):
-                    _append(w, wp.vec2i(n_robots + N_WALLS + m, i))
+                    _append(w, wp.vec2i(n_robots + m, i))
     barrier()
 
 
@@ -76,8 +74,8 @@ def _append(w: World, pair: wp.vec2i):
 
 @wp.func
 def _box(w: World, m: int) -> wp.vec4:
-    """Where obstacle m is."""
-    return wp.vec4(w.boxes[m, 0], w.boxes[m, 1], w.boxes[m, 2], w.boxes[m, 3])
+    """Where obstacle m is, counted with the walls."""
+    return wp.vec4(w.solids[m, 0], w.solids[m, 1], w.solids[m, 2], w.solids[m, 3])
 
 
 @wp.func
@@ -89,11 +87,11 @@ def _set_contact(w: World, k: int):
     law = wp.where(first < n_robots, plane.between_robots, plane.at_walls)
     if first < n_robots:
         touch = _touch_box(w.place[first], plane.half_x, plane.half_y, False, q, plane)
-    elif first < n_robots + N_WALLS:
-        touch = _touch_wall(q, first - n_robots, plane)
+    elif first < n_robots + plane.n_walls:
+        touch = _touch_wall(q, first - n_robots, w.solids, plane)
     else:
-        m = first - n_robots - N_WALLS
-        touch = _touch_box(_box(w, m), w.boxes[m, 4], w.boxes[m, 5], True, q, plane)
+        m = first - n_robots
+        touch = _touch_box(_box(w, m), w.solids[m, 4], w.solids[m, 5], True, q, plane)
     found = _rows_of(touch, w.velocity[wp.min(first, n_robots)], w.velocity[second], law, plane.timestep)
     numbers = numbers_of(w, k)
     numbers[NX] = found.nx

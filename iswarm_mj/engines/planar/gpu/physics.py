@@ -33,7 +33,7 @@ def take_steps_in(n_shared: int) -> Callable:
         is_present: wp.array2d(dtype=wp.bool),
         runs: wp.array(dtype=wp.bool),
         plane_words: wp.array(dtype=int),
-        boxes: wp.array2d(dtype=float),
+        solids: wp.array2d(dtype=float),
         n_substeps: int,
         n_cells: int,
         room_near: int,
@@ -53,7 +53,7 @@ def take_steps_in(n_shared: int) -> Callable:
             is_present: (B, N) the others stay where they are, and touch nothing.
             runs: (B,) the other worlds stay as they are.
             plane_words: see `functions.words_of`.
-            boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+            solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
             n_substeps: number of physics steps.
             n_cells: cells along an edge of the arena.
             room_near: places for pairs of robots near each other.
@@ -76,7 +76,7 @@ def take_steps_in(n_shared: int) -> Callable:
         w = lay_out(m, n_robots, n_cells, wp.block_dim(), room_near, room_contacts, plane.edge)
         w.is_present = is_present[world]
         w.plane = plane_at
-        w.boxes = boxes
+        w.solids = solids
         if not runs[world]:
             for i in range(lane, n_robots, wp.block_dim()):
                 new_poses[world, i] = poses[world, i]
@@ -173,16 +173,16 @@ def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
                 k += 1
 
 
-def rooms(n_robots: int, n_boxes: int) -> tuple[int, int]:
+def rooms(n_robots: int, n_walls: int, n_boxes: int) -> tuple[int, int]:
     """Places for near pairs and for contacts: for all that there are, or for more a robot than any crowd has."""
     pairs = n_robots * (n_robots - 1) // 2
-    fixed = (4 + min(n_boxes, _BOXES_AT_ONCE)) * n_robots
+    fixed = (n_walls + min(n_boxes, _BOXES_AT_ONCE)) * n_robots
     return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed
 
 
-def places(touching: tuple[int, ...], n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
+def places(touching: tuple[int, ...], n_walls: int, n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
     """Sizes of the outputs of `take_steps`, from that of the partners (B, K, N)."""
     n_worlds, _, n_robots = touching
-    n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots, n_boxes)), (n_worlds, n_robots)
+    n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots, n_walls, n_boxes)), (n_worlds, n_robots)
     sizes = {"touching": touching, "new_poses": robots, "new_velocities": robots}
     return sizes | {"failure": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}

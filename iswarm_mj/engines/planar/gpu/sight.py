@@ -16,7 +16,7 @@ def find_light(
     plane_words: wp.array(dtype=int),
     light_words: wp.array(dtype=int),
     points: wp.array2d(dtype=float),
-    boxes: wp.array2d(dtype=float),
+    solids: wp.array2d(dtype=float),
     n_near: wp.array2d(dtype=int),
     near: wp.array3d(dtype=int),
     effective: wp.array3d(dtype=float),
@@ -36,7 +36,7 @@ def find_light(
         plane_words: see `functions.words_of`.
         light_words: likewise.
         points: (5 S, 2) see `reception.points_of`.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers`.
+        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
         n_near: (B, N) of `surroundings.look_around`.
         near: (B, M, N) likewise.
         effective: (B, M, N) likewise.
@@ -55,7 +55,7 @@ def find_light(
     reach, code = float(-1.0), int(-1)
     for rank in range(light.n_senders):
         if rank == 0 or code >= 0:
-            reach, code = _next_in_sight(around, side, reach, code, light, points, plane, boxes)
+            reach, code = _next_in_sight(around, side, reach, code, light, points, plane, solids)
         direction, apart = float(0.0), float(0.0)
         if code >= 0:
             direction, apart = _link_to(around, code, light, points)
@@ -66,7 +66,7 @@ def find_light(
         distance[world, i, side, rank] = apart
     sees_wall[world, i, side] = False
     if is_present[world, i]:
-        sees_wall[world, i, side] = _sees_wall(around, side, light, points, plane, boxes)
+        sees_wall[world, i, side] = _sees_wall(around, side, light, points, plane, solids)
 
 
 def light_places(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def look_around(
     place: wp.array2d(dtype=wp.vec4),
     end: wp.array3d(dtype=int),
     robot: wp.array2d(dtype=int),
-    emits: wp.array2d(dtype=wp.bool),
+    emits: wp.array2d(dtype=float),
     is_present: wp.array2d(dtype=wp.bool),
     plane_words: wp.array(dtype=int),
     light_words: wp.array(dtype=int),
@@ -68,7 +68,7 @@ def look_around(
         place: (B, N) of `sort_robots`.
         end: (B, G, G) likewise.
         robot: (B, N) likewise.
-        emits: (B, N) which robots send light.
+        emits: (B, N) power of the LEDs, from 0 to 1.
         is_present: (B, N) the others neither send nor receive nor block light.
         plane_words: see `functions.words_of`.
         light_words: likewise.

@@ -5,8 +5,6 @@ import warp as wp
 from iswarm_mj.engines.planar.gpu.cells import Cells
 from iswarm_mj.engines.planar.gpu.functions import Plane
 
-N_WALLS = wp.constant(4)
-
 
 @wp.struct
 class World:
@@ -25,14 +23,14 @@ class World:
     """(N,)"""
     plane: wp.array(dtype=Plane)
     """(1,) see `functions.plane_in`."""
-    boxes: wp.array2d(dtype=float)
-    """(M, 6) obstacles, see `utils.obstacles.numbers`."""
+    solids: wp.array2d(dtype=float)
+    """(W + M, 6) walls and obstacles, see `plane.solids_of`."""
     cells: Cells
     """The robots as they were when `near` was made."""
     near: wp.array(dtype=wp.vec2i)
     """(P,) pairs of robots near each other."""
     found: wp.array(dtype=wp.vec3i)
-    """(C,) bodies of a contact: two robots, or N plus the number of a wall or, after the walls, of an obstacle, and a
+    """(C,) bodies of a contact: two robots, or N plus the number of a wall or an obstacle in `solids`, and a
     robot; and its colour: contacts of the same colour share no robot."""
     n_first: int
     """Number of contacts that lie in `first`, sorted by colour; the others are in `others`."""

@@ -1,0 +1,65 @@
+"""Cleaning by a swarm of which a tenth fails: robots stop one after the other, and stand in the way.
+
+iswarm run --task examples/failures.py:Failures --robots 200
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.tasks.grasping import update_balls
+from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.utils.constraints import Above, Within
+
+
+class Wear(NamedTuple):
+    """State of the task: the balls, the control step, and that in which each robot fails."""
+
+    balls: Balls
+    step: np.ndarray
+    fails_at: np.ndarray
+    """Beyond the end for robots that do not fail."""
+
+
+@dataclass(frozen=True)
+class Failures(Cleaning):
+    share: Annotated[float, Within(0, 1)] = 0.1
+    """Share of the robots that fail."""
+    until: Annotated[float, Above(0, 1e6)] = 400.0
+    """Control step at which the last one of them has failed; the times are random."""
+
+    measured: ClassVar = {**Cleaning.measured, "failed": Quantity("robots that have failed")}
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses, balls = CLEANING.lay_out(config, n_robots, rng, shared, cell)
+        fails_at = np.full(n_robots, np.inf, np.float32)
+        chosen = rng.permutation(n_robots)[: round(self.share * n_robots)]
+        fails_at[chosen] = rng.uniform(1, self.until, len(chosen))
+        return poses, Wear(balls, np.zeros((), np.int32), fails_at)
+
+    def advance(self, state, inputs, key):
+        balls, sensed = update_balls(state.balls, inputs, key)
+        return state._replace(balls=balls, step=state.step + 1), sensed
+
+    def survives(self, state):
+        return state.step < state.fails_at
+
+    def balls(self, state):
+        return state.balls
+
+    def progress(self, state):
+        return CLEANING.progress(state.balls)
+
+    def reward(self, before, after, inputs):
+        return CLEANING.reward(before.balls, after.balls, inputs)
+
+    def metrics(self, state):
+        failed = (state.step >= state.fails_at).sum(dtype=jnp.int32)
+        return CLEANING.metrics(state.balls) | {"failed": failed}
+
+    def areas(self, config, state):
+        return CLEANING.areas(config, state.balls)

@@ -1,0 +1,213 @@
+"""What robots may decide beside their motion, and what tasks may change: releases, LED power, conditions, failures."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_runs import records
+from helpers_small import SMALL
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.envs.make import make_env
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import TYPE1
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.teams import Teams
+from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
+
+ENGINES = {"mujoco": MujocoSettings(threads=1), "planar": PlanarSettings(threads=1)}
+CALM = SwarmConfig(SMALL.arena, optics=SMALL.optics)
+
+
+@dataclass(frozen=True)
+class Still:
+    """Robots stand; the LEDs of each third one have no, half and full power."""
+
+    def init(self, n_robots, key):
+        return jnp.arange(n_robots)
+
+    def picks(self, memory):
+        return memory < 0
+
+    def act(self, memory, seen, key):
+        return memory, Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))
+
+
+class Dim(Still):
+    """Robot 0 is silent, 1 has a quarter of the power, 2 full power."""
+
+    def led_power(self, memory):
+        return jnp.array([0.0, 0.25, 1.0])[memory % 3]
+
+
+def placed(*places):
+    """A run's worlds of robots that look along x, at places [mm]."""
+    poses = np.array([(x, y, 0.0) for x, y in places])
+    _, state = CLEANING.lay_out(SMALL, len(places), np.random.default_rng(0), np.random.default_rng(0), 1.0)
+    return [World(TYPE1, len(places), start=Start(poses, state, np.ones(len(places), bool)))]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_light_reaches_as_far_as_its_power_allows(engine):
+    """Robots in a row, 6 mm apart: light of a quarter of the power reaches half of 9.9 mm."""
+    worlds = placed((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))
+    run = Run(CALM, Dim(), RunSettings(3, 2), ENGINES[engine], worlds=worlds)
+    for record in records(run):
+        links = record.links
+        heard = {(i, int(links.sender[0, i, s])) for i, s in zip(*np.nonzero(links.valid[0]), strict=True)}
+        assert heard == {(1, 2)}  # 0 is dark, 1 too weak, 2 is heard by 1; 1 hides it from 0
+    full = Run(CALM, Still(), RunSettings(3, 1), ENGINES[engine], worlds=worlds)
+    assert next(records(full)).links.valid.sum() == 4
+    teams = Teams({"dim": (2, Dim()), "still": (1, Still())})
+    mixed = next(records(Run(CALM, teams, RunSettings(3, 1), ENGINES[engine], worlds=worlds)))
+    assert mixed.links.valid.sum() == 1 and mixed.swarm.led_power[0].tolist() == [0.0, 0.25, 1.0]
+
+
+@dataclass(frozen=True)
+class Drop(Still):
+    """Robots hold a ball, and those of odd number release it in the third step, as robot 0 wants to without a ball."""
+
+    def init(self, n_robots, key):
+        return jnp.stack([jnp.arange(n_robots), jnp.zeros(n_robots, int)], axis=1)
+
+    def picks(self, memory):
+        return memory[:, 0] < 0
+
+    def releases(self, memory):
+        return (memory[:, 1] == 2) & ((memory[:, 0] % 2 == 1) | (memory[:, 0] == 0))
+
+    def act(self, memory, seen, key):
+        return memory + jnp.array([0, 1]), Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("release_time", [0.0, 2.0])
+def test_robots_release_balls_where_they_want_to(engine, release_time):
+    """The ball stays there, lies on the floor, and is not delivered; one over the dump is."""
+    (world,) = placed((-10.0, 8.0), (-10.0, 0.0), (-10.0, -8.0), (0.0, 0.0))
+    held = np.arange(SMALL.arena.n_dust) < 3
+    balls = world.start.task._replace(is_held=held, holder=np.minimum(np.arange(len(held)) + 1, 3).astype(np.int32))
+    worlds = [World(TYPE1, 4, start=world.start._replace(task=balls))]
+    gripper = type(SMALL.gripper)(release_time=release_time)
+    config = SwarmConfig(SMALL.arena, gripper=gripper)
+    run = Run(config, Drop(), RunSettings(4, 6), ENGINES[engine], worlds=worlds)
+    states = [record.swarm.task for record in records(run)]
+    if release_time:  # the robot does not want to any more as the attempt ends
+        assert states[-1].is_held[0][:3].tolist() == [True, True, False] and states[-1].broken_off[0][0] == 1
+        return
+    assert [state.is_held[0][:3].tolist() for state in states[1:3]] == [[True, True, False], [False, True, False]]
+    last = states[-1]
+    assert last.is_delivered[0][:3].tolist() == [False, False, True] and last.is_lying[0][0]
+    tip = np.array(run.robot.probe_tip) + worlds[0].start.poses[1, :2]
+    np.testing.assert_allclose(last.position[0][0], tip, atol=0.05)
+
+
+@dataclass(frozen=True)
+class Weather(Cleaning):
+    """From the third control step on every message is damaged and every second robot dead; voltages fall, too."""
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
+        return poses, (balls, np.int32(0))
+
+    def advance(self, state, inputs, key):
+        balls, sensed = super().advance(state[0], inputs, key)
+        return (balls, state[1] + 1), sensed
+
+    def conditions(self, state, conditions):
+        is_late = state[1] >= 2
+        error = jnp.where(is_late, 0.9, 0.0)
+        return conditions._replace(error_in_communication=error, p_communication_break=jnp.where(is_late, 1.0, 0.0))
+
+    def survives(self, state):
+        return (state[1] < 3) | (jnp.arange(12) % 2 == 0)
+
+    def balls(self, state: Any) -> Balls:
+        return state[0]
+
+    def progress(self, state):
+        return super().progress(state[0])
+
+    def reward(self, before, after, inputs):
+        said = PAYLOAD.unpack(inputs.message)[0].payload["count"]
+        return inputs.command.forward - said
+
+    def metrics(self, state):
+        return super().metrics(state[0])
+
+    def areas(self, config, state):
+        return super().areas(config, state[0])
+
+
+PAYLOAD = Payload({"count": Integer(4)})
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_task_changes_conditions_and_lets_robots_fail(engine):
+    run = Run(SMALL, TYPE1, RunSettings(12, 6), ENGINES[engine], task=Weather())
+    for step, record in enumerate(records(run)):
+        if step < 2:
+            assert record.is_heard[0].sum() == record.links.valid[0].sum() > 0
+        else:
+            assert not record.is_heard.any()
+        alive = np.arange(12) % 2 == 0 if step >= 2 else np.ones(12, bool)
+        assert record.swarm.is_alive[0].tolist() == alive.tolist()
+        if step > 2:
+            assert not record.command.forward[0][~alive].any() and record.command.forward[0][alive].any()
+
+
+def test_rewards_see_commands_and_messages():
+    env = make_env(config=SMALL, n_robots=12, engine=ENGINES["planar"], task=Weather(), payload=PAYLOAD)
+    state = env.reset(jax.random.split(jax.random.key(0), 1))
+    action = np.zeros((1, 12, env.action_size), np.float32)
+    action[0, :, 1], action[0, :, 2] = np.linspace(-1, 1, 12), np.linspace(1, -1, 12)
+    state = env.step(state, action)
+    expected = np.linspace(-1, 1, 12) * 0.5 * RD - np.round((np.linspace(1, -1, 12) + 1) / 2 * 15)
+    np.testing.assert_allclose(state.reward[0], expected, atol=1e-5)
+
+
+class BadPower(Still):
+    def led_power(self, memory):
+        return memory
+
+
+class BadRelease(Still):
+    def releases(self, memory):
+        return memory
+
+
+class BadWeather(Weather):
+    def conditions(self, state, conditions):
+        return conditions._replace(drop_rate=jnp.zeros(3))
+
+
+class BadFailures(Weather):
+    def survives(self, state):
+        return jnp.bool_(True)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "task", "match"),
+    [
+        (BadPower(), None, r"BadPower\.led_power must return float32\[12\]"),
+        (BadRelease(), None, r"BadRelease\.releases must return bool\[12\]"),
+        (None, BadWeather(), r"BadWeather\.conditions must return float32\[\] as \.drop_rate"),
+        (None, BadFailures(), r"BadFailures\.survives must return bool\[12\]"),
+    ],
+)
+def test_mistakes_are_refused(strategy, task, match):
+    with pytest.raises(UserError, match=match):
+        Run(SMALL, strategy or TYPE1, RunSettings(12, 2), task=task)

@@ -1,0 +1,218 @@
+"""Teams: each strategy acts on its own robots as if it were alone; messages have the fields of all."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_small import SMALL
+
+import iswarm_mj
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.sensors.fields import Flag, Integer, Real
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.genome import TYPE1, TYPE2
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.signatures import observation_shapes
+from iswarm_mj.strategy.teams import Teams, team_numbers
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+from iswarm_mj.utils.errors import UserError
+
+
+@dataclass(frozen=True)
+class Counter:
+    """Says its index, turns by chance, and remembers the largest index that it heard."""
+
+    turn: float = 0.5
+    recorded: ClassVar = {"heard": ""}
+    payload: ClassVar = {"index": Integer(5)}
+
+    def init(self, n_robots, key):
+        index = jnp.arange(n_robots)
+        return {"index": index, "heard": -jnp.ones_like(index)}
+
+    def picks(self, memory):
+        return memory["index"] > 0
+
+    def say(self, memory, is_loaded):
+        return {"index": memory["index"]}
+
+    def act(self, memory, seen, key):
+        heard = jnp.where(seen.is_heard, seen.payload["index"], -1).max(axis=1)
+        turn = self.turn * jax.random.uniform(key, heard.shape)
+        return memory | {"heard": jnp.maximum(memory["heard"], heard)}, Command(turn, jnp.full(turn.shape, 0.5))
+
+
+@dataclass(frozen=True)
+class Loud:
+    """Says one flag."""
+
+    payload: ClassVar = {"loud": Flag()}
+
+    def init(self, n_robots, key):
+        return jax.random.uniform(key, (n_robots, 2))
+
+    def picks(self, memory):
+        return memory[:, 0] < 2
+
+    def say(self, memory, is_loaded):
+        return {"loud": memory[:, 0] < 2}
+
+    def act(self, memory, seen, key):
+        return memory, Command(memory[:, 0], memory[:, 1])
+
+
+class Other(Counter):
+    """Says another kind of index."""
+
+    payload: ClassVar = {"index": Real(0, 1, 3)}
+
+
+TEAMS = Teams({"count": (0.7, Counter()), "loud": (0.3, Loud())})
+ENGINES = {"mujoco": MujocoSettings(threads=1), "planar": PlanarSettings(threads=1)}
+
+
+def some(shapes):
+    """Arrays of these shapes that differ from robot to robot."""
+    rng = np.random.default_rng(0)
+    return jax.tree.map(lambda its: jnp.asarray(rng.integers(0, 2, its.shape), its.dtype), shapes)
+
+
+def test_each_team_acts_on_its_robots_alone():
+    observation, key = some(observation_shapes(10, payload=TEAMS.payload)), jax.random.key(3)
+    memory = TEAMS.init(10, key)
+    after, command = TEAMS.act(memory, observation, key)
+    for place, (name, _, strategy) in enumerate(TEAMS.teams):
+        robots, own = (slice(0, 7), slice(7, 10))[place], jax.random.fold_in(key, place)
+        payload = {name: observation.payload[name] for name in strategy.payload}
+        seen = jax.tree.map(lambda a, robots=robots: a[robots], observation._replace(payload=payload))
+        first = strategy.init(robots.stop - robots.start, own)
+        expected, commands = strategy.act(first, seen, own)
+        for found, wanted in ((after[name], expected), (memory[name], first)):
+            jax.tree.map(lambda a, b, r=robots: np.testing.assert_array_equal(a[r], b), found, wanted)
+        jax.tree.map(lambda a, b, r=robots: np.testing.assert_array_equal(a[r], b), command, commands)
+        others = np.delete(np.asarray(jax.tree.leaves(after[name])[0]), robots, axis=0)
+        assert not others.any()
+    assert TEAMS.picks(memory).tolist() == [False, *[True] * 9]
+
+
+def test_robots_say_nothing_in_the_fields_of_other_teams():
+    said = TEAMS.say(TEAMS.init(10, jax.random.key(0)), jnp.zeros(10, bool))
+    assert said["index"].tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 0, 0]
+    assert said["loud"].tolist() == [False] * 7 + [True] * 3
+    mixed = Teams({"red": (1, TYPE1), "blue": (3, Counter())}).for_world
+    with pytest.raises(UserError, match="4 bits"):  # 29 and 5 of 29 bits
+        mixed(SMALL, read_robot(), 4)
+
+
+def test_vectors_of_robots_without_such_are_unknown():
+    genome = Teams({"red": (2, Forgetful()), "blue": (2, TYPE1)}).for_world(SMALL, read_robot(), 4)
+    said = genome.say(genome.init(4, jax.random.key(0)), jnp.ones(4, bool))
+    bits = dict(genome.payload.fields)["dust"].encode(said["dust"])
+    assert not dict(genome.payload.fields)["dust"].decode(bits).known.any()
+    assert said["priority"].tolist() == [False, False, True, True]
+
+
+class Forgetful:
+    """Says nothing."""
+
+    def init(self, n_robots, key):
+        return jnp.zeros(n_robots)
+
+    def picks(self, memory):
+        return memory > 0
+
+    def act(self, memory, seen, key):
+        return memory, Command(memory, memory)
+
+
+@pytest.mark.parametrize("share", [1.0, 12])
+def test_one_team_of_a_genome_is_the_paper_s_strategy(share):
+    made = Teams({"all": (share, TYPE2)}).for_world(SMALL, read_robot(), 12).teams[0].strategy
+    assert isinstance(made, VectorStrategy)
+    assert made.n_scouts == 3  # 27 % of 12
+
+
+@pytest.mark.parametrize(
+    ("shares", "n_robots", "sizes"),
+    [((0.5, 0.5), 7, (4, 3)), ((0.33, 0.33, 0.34), 10, (3, 4, 3)), ((2, 5), 7, (2, 5)), ((2, 5), 9, (2, 7))],
+)
+def test_sizes(shares, n_robots, sizes):
+    teams = Teams({f"team{k}": (share, Loud()) for k, share in enumerate(shares)})
+    assert teams.sizes(n_robots) == sizes
+    assert np.bincount(team_numbers(teams, n_robots)).tolist() == list(sizes)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_swarm_of_two_teams_is_recorded_by_team(engine, tmp_path):
+    run = Run(SMALL, TEAMS, RunSettings(10, 12), ENGINES[engine])
+    from iswarm_mj.workflows.clean import clean
+
+    clean(run, tmp_path)
+    saved = iswarm_mj.load(tmp_path)
+    assert (saved.scene.team_names, saved.scene.team_sizes) == (("count", "loud"), (7, 3))
+    table = saved.robots.filter(saved.robots["step"].to_numpy() == 12)
+    assert table["team"].to_pylist() == ["count"] * 7 + ["loud"] * 3
+    assert table["said_loud"].to_pylist() == [False] * 7 + [True] * 3
+    assert table["said_index"].to_pylist() == [0, 1, 2, 3, 4, 5, 6, 0, 0, 0]
+    assert 0 <= max(table["count_heard"].to_pylist()) <= 6
+    assert saved.strategy["count"] == {"share": 0.7, "class": "Counter", "turn": 0.5}
+
+
+def test_worlds_of_other_sizes_are_refused():
+    from iswarm_mj.simulation.worlds import World
+
+    worlds = [World(TYPE1, 10), World(TYPE1, 8)]
+    with pytest.raises(UserError, match="differ in the values of their arrays alone"):
+        Run(SMALL, settings=RunSettings(10, 2, n_worlds=2), strategy=TEAMS, worlds=worlds)
+
+
+@pytest.mark.parametrize(
+    ("teams", "match"),
+    [
+        ({}, "a dictionary of shares"),
+        ([Loud(), Counter()], "a dictionary of shares"),
+        ({"a": Loud()}, "a dictionary of shares"),
+        ({"a b": (1.0, Loud())}, "cannot be called 'a b'"),
+        ({"a": (0.5, Loud()), "b": (0.4, Loud())}, r"add up to 1 \(got 0.9\)"),
+        ({"a": (0.5, Loud()), "b": (4, Loud())}, "give one kind"),
+        ({"a": (0, Loud())}, "share of team a must be"),
+        ({"a": (True, Loud())}, "share of team a must be"),
+        ({"a": (1.0, Loud)}, "class Loud itself"),
+        ({"a": (1.0, object())}, "no method init"),
+        ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
+        ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),
+    ],
+)
+def test_mistakes_are_refused(teams, match):
+    if match is None:
+        assert Teams(teams).payload.bits == 5
+    else:
+        with pytest.raises(UserError, match=match):
+            Teams(teams)
+
+
+@pytest.mark.parametrize(
+    ("teams", "match"),
+    [
+        ({"a": (3, Loud()), "b": (4, Loud())}, r"as many as there are robots, 10 \(got 7\)"),
+        ({"a": (0.99, Loud()), "b": (0.01, Loud())}, "enough for one of 10 robots"),
+    ],
+)
+def test_sizes_that_do_not_fit_are_refused(teams, match):
+    with pytest.raises(UserError, match=match):
+        Run(SMALL, Teams(teams), RunSettings(10, 2))
+
+
+def test_errors_name_the_method_of_the_team():
+    class Silent(Loud):
+        def act(self, memory, seen, key):
+            return memory
+
+    with pytest.raises(UserError, match=r"Silent\.act must return"):
+        Run(SMALL, Teams({"a": (0.5, Silent()), "b": (0.5, Loud())}), RunSettings(10, 2))

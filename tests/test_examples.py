@@ -1,0 +1,33 @@
+"""The examples run on MuJoCo and on the planar engine."""
+
+from pathlib import Path
+
+import pytest
+from helpers_cli import code_of
+from helpers_small import FLAGS
+
+import iswarm_mj
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+ARGUMENTS = {
+    "contest": ("--task", f"{EXAMPLES}/contest.py:Contest", "--strategy", "forager=0.5", "type1=0.5", *FLAGS),
+    "failures": ("--task", f"{EXAMPLES}/failures.py:Failures", "--until=20", "--share=0.25", *FLAGS),
+    "explore": (
+        *("--task", f"{EXAMPLES}/explore.py:Coverage", "--strategy", f"{EXAMPLES}/explore.py:Explore"),
+        *("--maze", f"{EXAMPLES}/maze.png", "--arena.dump-size=1"),
+    ),
+    "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
+}
+AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}}
+"""Metrics that are certain."""
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "planar"])
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_an_example_runs(name, engine, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    size = ["--robots=16", "--steps=40", "--seed=1"]
+    assert code_of("run", *ARGUMENTS[name], *size, f"--engine={engine}") == 0
+    saved = iswarm_mj.load("runs/task")
+    assert saved.result["steps"] == 40
+    assert AT_END[name].items() <= saved.metrics[0].items()
