@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from iswarm_mj.commands.main import parse
@@ -57,6 +58,10 @@ def example(tmp_path, monkeypatch):
     (tmp_path / "turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", policies, re.S)[1])
     start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
+    training = (ROOT / "docs/training.md").read_text()
+    for name in ("lamp.py", "learned.py"):
+        (tmp_path / name).write_text(re.search(rf"```python\n(# {name}.*?)```", training, re.S)[1])
+    np.save(tmp_path / "lamp.npy", np.zeros((30, 2), np.float32))  # which learn.py makes
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "models").symlink_to(ROOT / "models")

@@ -48,4 +48,4 @@ def test_learners_of_others(folder, script, packages):
     if not all(map(importlib.util.find_spec, packages)):
         pytest.skip(f"needs {' and '.join(packages)}")
     found = ran(folder, script)
-    assert abs(found[-1] - found[0]) > 10
+    assert found[-1] < 15 if script == "ppo.py" else found[-1] > 35
