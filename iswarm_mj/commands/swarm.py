@@ -110,9 +110,7 @@ class Swarm(ConfigOptions):
         from iswarm_mj.simulation.run import Run
 
         n_worlds = settings.n_worlds
-        with waiting(
-            f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}, compiling the engine"
-        ):
+        with waiting(f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}"):
             return Run(
                 config,
                 genome,

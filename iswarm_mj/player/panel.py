@@ -206,7 +206,7 @@ class Panel:
             view.wish(obstacles if "obstacles" in self._pending else ())
         lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots"]
         if session.is_busy and math.isinf(session.rate):
-            lines.append("Compiling the first control step; it is kept for the next run of this size.")
+            lines.append("Preparing the first control step, which is compiled once for each number of robots.")
         elif math.isfinite(session.rate):
             lines[0] += f" · up to {session.rate:.0f} steps/s"
         if session.run.is_over:

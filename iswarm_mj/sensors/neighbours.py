@@ -54,7 +54,7 @@ def _sweep(x: np.ndarray, y: np.ndarray, rank: np.ndarray, radius: float) -> tup
     for fills in (False, True):  # count the pairs of each robot, then write them
         if fills:
             first = np.cumsum(first)
-            place[:] = first[:-1]
+            place = first[:-1].copy()
             robot, other = np.empty(first[-1], np.int64), np.empty(first[-1], np.int64)
             reverse = np.empty(first[-1], np.int64)
         for world in range(n_worlds):

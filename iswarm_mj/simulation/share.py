@@ -75,10 +75,9 @@ class Share:
         with self._watch("policy"):
             begin = begin._replace(poses=begin.poses.astype(np.float32))
             decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
-            command, is_refused, progress = jax.tree.map(
-                np.asarray, (decision.command, decision.is_refused, decision.progress)
-            )
-            return decision._replace(command=command, is_refused=is_refused, progress=progress)
+            needed = decision.command, decision.is_refused, decision.is_blocked, decision.progress
+            command, is_refused, is_blocked, progress = jax.tree.map(np.asarray, needed)
+            return decision._replace(command=command, is_refused=is_refused, is_blocked=is_blocked, progress=progress)
 
 
 def rows(tree: Any, worlds: slice) -> Any:

@@ -88,7 +88,7 @@ def _advance(run: Run, recorders: Sequence[Recorder]) -> None:
     """Take all steps, with a progress bar on a terminal."""
     goal = "" if run.goal is None else f" of {run.goal * len(run.worlds)}"
     robots = f"{run.settings.n_robots} robots in {len(run.worlds)} world{'s' * (len(run.worlds) > 1)}"
-    what = f"compiling the control step of {robots} ({run.identity['engine']}), kept for the next run of this size"
+    what = f"preparing the control step of {robots} ({run.identity['engine']}), which is compiled once for each size"
     with Progress(run.settings.steps, "step", waiting=what) as bar:
         before = 0
         for _ in advanced(run, recorders):
@@ -143,4 +143,4 @@ def _speed(content: Mapping[str, Any]) -> str:
     first, each = (content.get("seconds", {}).get(name) for name in ("first_call", "control_step"))
     if first is None or each is None:
         return "compilation included"
-    return f"{1e3 * each:.1f} ms per control step after {first:.1f} s for the first call, which compiles"
+    return f"{1e3 * each:.1f} ms per control step after {first:.1f} s for the first call, with its programs"

@@ -66,7 +66,7 @@ class TestProcess:
     def test_clean_from_another_directory(self, here):
         command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps", "2", "--out", "out"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        told = [line for line in done.stderr.splitlines() if not re.match("iswarm: (placing|compiling) ", line)]
+        told = [line for line in done.stderr.splitlines() if not re.match("iswarm: (placing|preparing) ", line)]
         assert (done.returncode, told) == (0, [])
         assert sorted(path.name for path in here.iterdir()) == ["out"]
         names = sorted(path.name for path in (here / "out").iterdir())

@@ -25,22 +25,22 @@ def made(monkeypatch):
 
 
 def test_each_row_is_a_world_of_a_single_run(here, made, capfd):
-    over = ["--over", "robots=5,20", "drive.step-length=0.25:0.5:2"]
+    over = ["--over", "robots=5,20", "drive.error-step=0.05:0.1:2"]
     assert code_of("sweep", "clean", *FLAGS, *over) == 0
     rows = table()
     assert len(rows) == 8 and len(made) == 4
-    assert [(row["robots"], row["drive.step_length"], row["world"]) for row in rows[:4]] == [
-        *((5, 0.25, world) for world in range(2)),
-        *((5, 0.5, world) for world in range(2)),
+    assert [(row["robots"], row["drive.error_step"], row["world"]) for row in rows[:4]] == [
+        *((5, 0.05, world) for world in range(2)),
+        *((5, 0.1, world) for world in range(2)),
     ]
-    assert code_of("clean", *FLAGS, "--robots=20", "--drive.step-length=0.25", "--no-record") == 0
+    assert code_of("clean", *FLAGS, "--robots=20", "--drive.error-step=0.05", "--no-record") == 0
     own = result()
     assert [row["collisions"] for row in rows[4:6]] == own["collisions"] and max(own["collisions"]) > 0
     assert [row["picked"] for row in rows[4:6]] == own["picked"] and max(own["picked"]) > 0
     capfd.readouterr()
     main(["inspect", "runs/sweep"])
     text = capfd.readouterr().out
-    assert re.search(r"^ +20 +0.25 +2 ", text, re.M) and len(made) == 4
+    assert re.search(r"^ +20 +0.05 +2 ", text, re.M) and len(made) == 4
 
 
 def test_finished_runs_are_kept_unless_a_file_has_changed(here, made):

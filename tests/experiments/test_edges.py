@@ -1,24 +1,15 @@
-"""Edges of what studies select: generations of the plateau, changes by raw p-values, tables of another engine."""
+"""Edges of what studies select: changes by raw p-values, tables of another engine."""
 
 from types import SimpleNamespace
 
 import pytest
 
-from iswarm_mj.experiments.analysis.evolution import Evolution
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.report import numbers
 from iswarm_mj.experiments.report.reproduce import Part
 from iswarm_mj.utils import tables
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
-
-
-def test_the_plateau_begins_and_ends_with_the_papers_generations():
-    row = {"delivered": 1, "use_hop_count": True}
-    fitness = {33: 1000.0, 100: 1000.0}
-    runs = [{**row, "generation": g, "fitness": fitness.get(g, 0.0), "place": g} for g in range(101)]
-    top = [run["generation"] for run in Evolution(runs, 72).top]
-    assert min(top) == 34 and max(top) == 99
 
 
 def test_changes_are_listed_by_their_raw_p_values(monkeypatch):

@@ -32,7 +32,7 @@ STARTS = [
 ]
 """Where physics, pictures or workers would start."""
 REFUSAL = re.compile(
-    r"(iswarm: (placing|compiling) [^\n]+\n)*(iswarm: [^\n]+|.*full helptext.*|.*\n\.\.\.)\n", re.DOTALL
+    r"(iswarm: (placing|preparing) [^\n]+\n)*(iswarm: [^\n]+|.*full helptext.*|.*\n\.\.\.)\n", re.DOTALL
 )
 """One sentence, or what the parser says of words that it cannot read."""
 NUMBERS = [

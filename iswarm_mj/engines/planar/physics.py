@@ -78,7 +78,7 @@ def _take_steps(
     """As `take_steps`, of one world, without an axis of worlds; return bits of `FaultKind`."""
     n_robots = len(bodies.poses)
     velocities = np.zeros((n_robots + 1, 3))  # the last row is that of the walls
-    velocities[:n_robots] = bodies.velocities
+    _copy(bodies.velocities, velocities)
     places = np.empty((n_robots, 4))
     set_places(bodies.poses, places)
     pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
@@ -99,11 +99,19 @@ def _take_steps(
             return _FAILED
         solved = found.copy()
         moved += _integrate(bodies, places, velocities, plane.timestep)
-    bodies.velocities[:] = velocities[:n_robots]
+    _copy(velocities, bodies.velocities)
     for contact in solved:
         if contact.first < n_robots:
             _add(touching, contact.first, contact.second)
     return 0
+
+
+@compiled
+def _copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy rows as far as both have them. An assignment of slices would compile NumPy's message of shapes, too."""
+    for i in range(min(len(source), len(target))):
+        for k in range(source.shape[1]):
+            target[i, k] = source[i, k]
 
 
 @compiled
