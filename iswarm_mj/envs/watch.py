@@ -45,6 +45,7 @@ class _Source:
     start: StepRecord
     recorded: dict[str, str]
     payload: Payload
+    teams: dict[str, int]
 
 
 class Watched:
@@ -67,7 +68,7 @@ class Watched:
         core, start = env.core, self._record(state)
         settings = RunSettings(env.n_robots, max(core.steps, 1), record_worlds=(0,))
         worlds = [World(PRESETS["type1"], env.n_robots, index=world)]
-        source = _Source(core.given, worlds, settings, core.params.task, core.robot, start, {}, Payload())
+        source = _Source(core.given, worlds, settings, core.params.task, core.robot, start, {}, Payload(), {})
         self._recorded, self._before = RecordedWorld(source, 0), start
         self.scene = self._recorded.scene
 

@@ -138,7 +138,8 @@ class Stage:
         model, data = self._arena.model, self._data
         data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(pose[:, :2].astype(float)), pose[:, 2]])
         data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
-        colours = {place: np.array(colour) / 255 for place, _, colour in shown_classes(self._scene)}
+        loaded_too = self._scene._replace(ball_radius=np.zeros(1))  # robots may be loaded where there are no balls
+        colours = {place: np.array(colour) / 255 for place, _, colour in shown_classes(loaded_too)}
         for robot, place in enumerate(robot_classes(self._scene, is_loaded, np.zeros_like(is_loaded)).tolist()):
             model.geom(f"robot{robot}/substrate").rgba[:3] = colours[place]
         mujoco.mj_kinematics(model, data)

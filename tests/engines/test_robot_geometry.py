@@ -227,13 +227,14 @@ import numpy as np
 from pathlib import Path
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.trajectory import Scene
 pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 for path, half_edges in {robots}:
     path, size = path and Path(path), 2e-3 * np.array(half_edges)
-    frames = dict(pose=pose[None], scene_ball_radius=np.zeros(0), scene_is_scout=np.zeros(3, bool))
-    frames |= dict(scene_robot_size=size, scene_dump=np.ones(4), scene_dust_areas=np.ones((1, 4)))
-    frames |= {{"scene_area_" + part: np.zeros(0) for part in ("names", "colours", "shapes")}}
+    all_robots, boxes = np.ones(3, bool), np.ones((1, 4))
+    scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4)
+    frames = dict(pose=pose[None], **scene.arrays())
     with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=path) as stage:
         pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
     red, green, blue = np.moveaxis(pixels, -1, 0)

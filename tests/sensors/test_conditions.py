@@ -15,7 +15,8 @@ SETTINGS = [(part.name, name) for part in fields(SwarmConfig) for name in per_wo
 def test_conditions_are_the_settings_that_are_declared_per_world(part, name):
     usual = SwarmConfig()
     group = getattr(usual, part)
-    value = not getattr(group, name) if isinstance(getattr(group, name), bool) else getattr(group, name) + 0.5
+    old = getattr(group, name)
+    value = not old if isinstance(old, bool) else old - 0.5 if old == 1 else old + 0.5
     changed = conditions_of(replace(usual, **{part: replace(group, **{name: value})}))
     assert {n for n in Conditions._fields if getattr(changed, n) != getattr(conditions_of(usual), n)} == {name}
     assert getattr(changed, name) == value
