@@ -20,7 +20,7 @@ from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import draw, split
+from iswarm_mj.utils.draws import draw
 from iswarm_mj.utils.robot import Robot
 
 
@@ -105,7 +105,7 @@ def perceive(
         energy = power.charged(config, swarm.energy)
         voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
         swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
-    (stop,), (misses,) = draw(split(keys.actuators, 1)[0], (len(poses),), n_uniform=1).uniform
+    (stop,), (misses,) = draw(keys.stops, (len(poses),), n_uniform=1).uniform
     inputs = TaskInputs(
         poses,
         params.is_present,

@@ -21,6 +21,8 @@ class StepKeys(NamedTuple):
     """Slots in which robots begin to send."""
     turns: Array
     """Order in which robots hear, decide and speak, where updates are sequential."""
+    stops: Array
+    """Which robots stop to emit, and which miss the dust or the dump that they are at; follows from `actuators`."""
 
 
 def step_keys(world: Array, step: Int[Array, ""]) -> StepKeys:
@@ -30,5 +32,6 @@ def step_keys(world: Array, step: Int[Array, ""]) -> StepKeys:
         world: key of the world.
         step: number of the control step, from 0.
     """
-    n_keys = len(StepKeys._fields)
-    return StepKeys(*split(world, n_keys, n_keys * step))
+    n_keys = len(StepKeys._fields) - 1
+    keys = split(world, n_keys, n_keys * step)
+    return StepKeys(*keys, stops=split(keys[StepKeys._fields.index("actuators")], 1)[0])

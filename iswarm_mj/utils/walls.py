@@ -38,6 +38,8 @@ def outline_of(given: Any) -> tuple[Any, ...]:
             raise ConfigError(what, corners[(number + 1) % len(corners)], "corners of a convex polygon, in order")
         if x * y1 - y * x1 <= 0:
             raise ConfigError(what, ((x, y), (x1, y1)), "walls around the origin, where the dump is")
+    if beyond(np.array(corners), half_planes(corners)).max() > 1e-9 * np.abs(corners).max():
+        raise ConfigError(what, outline, "corners of a convex polygon, once around")
     return outline
 
 

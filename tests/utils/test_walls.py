@@ -59,6 +59,7 @@ def test_cells_keep_away_from_oblique_walls():
         (((-20, -20), (20, -20), (0, 0), (20, 20), (-20, 20)), "corners of a convex polygon"),
         (((-20, -20), (20, 20), (20, -20), (-20, 20)), "convex polygon|around the origin"),
         (((-20, -20), (20, -20), (20, -20), (0, 20)), "corners of a convex polygon"),
+        (((20, 0), (-16, 12), (6, -19), (6, 19), (-16, -12)), "convex polygon, once around"),
         (((30, -20), (60, -20), (60, 20), (30, 20)), "walls around the origin"),
         (((4, 6),), "at least 10 rd"),
         (((2000, 40),), "at most 1000 rd"),
