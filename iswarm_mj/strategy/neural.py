@@ -79,7 +79,7 @@ def untrained(config: SwarmConfig, robot: Robot, weights: Any = None) -> "Neural
 
 
 def first_weights() -> Float[np.ndarray, "W"]:
-    """Weights of robots that follow the vector that they need, else walk at random, and turn away from walls and others.
+    """Weights of robots that follow the vector they need, else walk at random, and turn away from walls and others.
 
     They send the flag while they are loaded.
     """
@@ -120,6 +120,7 @@ class Memory(NamedTuple):
     """What the network decided to send."""
     character: Float[Array, "N"]
     """A number from -1 to 1 that a robot keeps."""
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -180,10 +181,12 @@ class NeuralStrategy:
 
     def _moved(self, memory: Memory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> Memory:
         places = {place: getattr(memory, place) for place in PLACES}
-        return memory._replace(**{
-            name: place._replace(vector=after_motion(place.told(), turn, forward).vector)
-            for name, place in places.items()
-        })
+        return memory._replace(
+            **{
+                name: place._replace(vector=after_motion(place.told(), turn, forward).vector)
+                for name, place in places.items()
+            }
+        )
 
     def _remember(self, memory: Memory, seen: Observation) -> Memory:
         trusts = self.weights[SHAPE.n_weights :].reshape(len(PLACES), -1)
@@ -207,7 +210,9 @@ class NeuralStrategy:
         close = jnp.clip(2.0 * nearness - 1.0, 0.0)
         flagged = jnp.where(seen.payload["priority"], nearness, 0.0)
         to_sender = jnp.where(seen.is_heard[..., None], _unit(seen.bearing), 0.0)
-        neighbours, nearest, carriers = ((part[..., None] * to_sender).sum(axis=1) for part in (nearness, close, flagged))
+        neighbours, nearest, carriers = (
+            (part[..., None] * to_sender).sum(axis=1) for part in (nearness, close, flagged)
+        )
         walls = _unit(jnp.asarray(self.robot.sides.bearings)) * seen.sees_wall[..., None]
         numbers = [
             nearness.max(axis=1),
