@@ -24,7 +24,6 @@ from iswarm_mj.strategy.network import Shape, forward, load_weights
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -61,11 +60,7 @@ class Neural:
             UserError: the file is not one of weights, or of another network.
         """
         path = SHIPPED if self.weights is None else self.weights
-        weights = load_weights(path)
-        if len(weights) != N_WEIGHTS:
-            raise UserError(
-                f"{path} has {len(weights)} weights, but the network has {N_WEIGHTS}; give those of this strategy"
-            )
+        weights = load_weights(path, np.zeros(N_WEIGHTS, np.float32))
         return untrained(config, robot, weights)
 
     def for_training(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "NeuralStrategy":
@@ -89,7 +84,8 @@ def first_weights() -> Float[np.ndarray, "W"]:
         row = SHAPE.inputs if given == "always" else INPUTS.index(given)
         linear[row, outputs.index(output)] = gain
     hidden = np.zeros((SHAPE.inputs + 1) * SHAPE.hidden, np.float32)
-    return np.concatenate([hidden, linear.ravel(), FIRST_TRUST, FIRST_TRUST])
+    trusts = np.array([*FIRST_TRUST, *FIRST_TRUST], np.float32)
+    return np.concatenate([hidden, linear.ravel(), trusts])
 
 
 FIRST = (

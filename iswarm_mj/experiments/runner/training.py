@@ -122,7 +122,7 @@ def train(
         journal = stack.enter_context(Journal(out / CHECKPOINT, settings))
         remove_parts(out, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
         rows: list[dict[str, Any]] = []
-        best, kept = -np.inf, search.mean
+        best, kept = -np.inf, search.mean.copy()
         done, compiling = len(journal.entries), "preparing, and waiting for the first generation"
         bar = stack.enter_context(
             Progress(training.generations, "generation", done=min(done, training.generations), waiting=compiling)
@@ -142,9 +142,9 @@ def train(
                 )
                 journal.add((generation,), entry)
             if entry["mean"] is None and best == -np.inf:
-                kept = search.mean
+                kept = search.mean.copy()
             elif entry["mean"] is not None and entry["mean"] > best:
-                best, kept = entry["mean"], search.mean
+                best, kept = entry["mean"], search.mean.copy()
             rows.append(_row(generation, found, entry["mean"], float(candidates.std(axis=0).mean())))
             if is_new or generation == training.generations - 1:
                 write_csv(out / CURVE, rows)
