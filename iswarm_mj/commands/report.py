@@ -119,5 +119,5 @@ class Reproduce(ManyRunsOptions):
         search, repeats = Search(config=self.config, seed=self.seed, replicates=self.replicates), self.trials
         if self.quick:
             search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
-        trials = GraspSettings(repeats=repeats, seed=self.seed)
+        trials = GraspSettings(("15e-6:25e-6:6",), (5.0, 10.0, 30.0, 50.0), repeats=repeats, seed=self.seed)
         return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials, self.execution)

@@ -20,14 +20,16 @@ class TrialRow(NamedTuple):
     radius: float
     """Of the ball [m]."""
     relative_humidity: float
-    """[%]"""
+    """Of the setting [%]."""
+    trial_humidity: float
+    """Of the trial, within the spread [%]."""
     repeat: int
     """Number of the trial at this radius and humidity."""
     seed: int
     work_tool_object: float
-    """W_TO at this humidity [J/m^2]."""
+    """W_TO at the trial's humidity [J/m^2]."""
     work_object_substrate: float
-    """W_OS at this humidity [J/m^2]."""
+    """W_OS at the trial's humidity [J/m^2]."""
     engine: str
     """"mujoco" or "mjx"."""
     impl: str
@@ -72,7 +74,8 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
     row = partial(
         TrialRow,
         radius=trial.radius,
-        relative_humidity=trial.relative_humidity,
+        relative_humidity=case.humidity,
+        trial_humidity=trial.relative_humidity,
         repeat=case.repeat,
         seed=settings.seed,
         work_tool_object=tool,
