@@ -61,8 +61,10 @@ def draw(seed: int, radius: float, relative_humidity: float, repeat: int, humidi
     works = np.array([WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE]) / factor.mean()
     variations = np.array([VARIATION_TOOL_OBJECT, VARIATION_OBJECT_SUBSTRATE])
     variations = np.sqrt(variations**2 - (factor.std() / factor.mean()) ** 2)
+    tool, substrate = np.asarray(scattered_work(works, variations, normal)).tolist()
     return Trial(
         radius,
-        *map(float, scattered_work(works, variations, normal)),
+        tool,
+        substrate,
         float(np.clip(relative_humidity + humidity_spread * random.uniform(-1, 1), 0, 100)),
     )
