@@ -57,6 +57,8 @@ def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10, noise=1.0, dry=-
                     "flight_time": None,
                     "landing_speed": None,
                     "landed": None,
+                    "transport": None,
+                    "off_target": None,
                     "quasi_static_voltage": 25.0,
                     "faulty": False,
                     "engine": "mujoco",
@@ -76,6 +78,8 @@ def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10, noise=1.0, dry=-
                         "voltage": float(drop),
                         "limit_voltage": 80.0,
                         "landed": True,
+                        "transport": 50e-6,
+                        "off_target": 0.1e-6,
                     },
                 ]
     return rows

@@ -55,6 +55,10 @@ class TrialRow(NamedTuple):
     """Only of a release [m/s]."""
     landed: bool | None = None
     """Only of a release: the ball came to rest on the plate and stayed."""
+    transport: float | None = None
+    """Only of a release: distance of the target aside, to which the ball was carried [m]."""
+    off_target: float | None = None
+    """Only of a release: distance of the ball from the target, the place below the tool's axis, in the end [m]."""
     faulty: bool = False
     """The state became infinite or nan."""
 
@@ -121,6 +125,8 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
             flight_time=_number(release.flight_time[i]),
             landing_speed=_number(release.landing_speed[i]),
             landed=bool(release.landed[i]),
+            transport=protocol.transport,
+            off_target=_number(release.off_target[i]),
             faulty=bool(release.faulty[i]),
         )
 

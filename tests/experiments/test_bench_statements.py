@@ -6,10 +6,10 @@ from helpers_findings import grasp_rows
 
 from iswarm_mj.experiments.analysis import bench_statements
 from iswarm_mj.experiments.analysis.bench_statements import STATEMENTS
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 
-PURE, ALWAYS, GRASP, FLAT_GRASP, DRIER, _, _, RELEASE, RELIABLE, THEORY, FLAT_RELEASE, ALIKE, MELTS, *_ = range(15)
-ON_BOARD, FIG_6 = 13, 14
+PURE, ALWAYS, GRASP, FLAT_GRASP, DRIER, _, _, RELEASE, RELIABLE, THEORY, FLAT_RELEASE, ALIKE, MELTS, *_ = range(16)
+ON_BOARD, FIG_6, TRANSPORT = 13, 14, 15
 """Places of the statements on trials."""
 
 
@@ -19,8 +19,8 @@ def found(rows):
 
 def test_trials_that_go_as_the_papers():
     """Section 3.2.3 has releases above the 40 V of section 5, and means above the 20 V of Fig. 6."""
-    *others, on_board, figure_6 = (f.verdict for f in found(grasp_rows(repeats=16)))
-    assert set(others) == {HOLDS} and (on_board, figure_6) == (FAILS, FAILS)
+    *others, on_board, figure_6, transport = (f.verdict for f in found(grasp_rows(repeats=16)))
+    assert {*others, transport} == {HOLDS} and (on_board, figure_6) == (FAILS, FAILS)
 
 
 def test_voltages_on_board_and_that_of_fig_6():
@@ -94,6 +94,14 @@ def test_faulty_rows_do_not_count():
     for row in rows[::7]:
         row |= {"faulty": True, "voltage": 1000.0}
     assert FAILS not in {f.verdict for f in found(rows)[:ON_BOARD]}
+
+
+@pytest.mark.parametrize("change", [{"off_target": 26e-6}, {"landed": False}])
+def test_one_ball_off_the_target_spoils_the_transport(change):
+    rows = grasp_rows(repeats=16)
+    next(r for r in rows if r["experiment"] == "release").update(change)
+    assert found(rows)[TRANSPORT].verdict == FAILS
+    assert found([row | {"transport": 0.0} for row in rows])[TRANSPORT].verdict == NOT_RUN
 
 
 @pytest.mark.parametrize(

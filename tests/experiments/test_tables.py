@@ -167,8 +167,8 @@ def test_contents_of_blocks(tmp_path):
     assert tables.content("results", "density") is None is tables.content("results-none", "grasp")
     assert tables.content("results", "engines", "results-initial") is None
     summary, level = tables.content("results", "summary"), LEVEL.get()
-    # each of 15 intervals is at 1 - 0.05 / 15, by which 40 of 40 no longer shows that more than 90 % do
-    assert "with intervals at 99.67 %, by Bonferroni for these 15 verdicts" in summary and level == 0.95
+    # each of 16 intervals is at 1 - 0.05 / 16, by which 40 of 40 no longer shows that more than 90 % do
+    assert "with intervals at 99.69 %, by Bonferroni for these 16 verdicts" in summary and level == 0.95
     assert "become undecided: Without contact no ball is lifted" in summary
     with pytest.raises(UserError, match=r"^The block was 'grasps'; there are laws, grasp, "):
         tables.content("results", "grasps")

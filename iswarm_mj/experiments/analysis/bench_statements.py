@@ -56,6 +56,8 @@ FLAT = 0.2
 its largest ball [V/um]."""
 _MOST = (0.95, np.inf)
 """Limits of the share of the trials that lie within a range that the paper gives."""
+TRANSPORT = 50e-6
+"""Distance of the target, to which balls are carried [m]; of a ball's diameter or more."""
 _UM = 1e6
 _MELTED = 15e-6
 """Radius of the ball that was seen to melt [m]."""
@@ -242,6 +244,17 @@ def _figure_6(rows: Rows) -> Judged | None:
     return shares({"": (_inside(found, (0.0, PAPER_FIG_6)), len(found))}, (RARE, np.inf)) if len(found) else None
 
 
+def _transported(rows: Rows) -> Judged | None:
+    """Whether each grasped ball ends within its radius of the target aside."""
+    dry = select(rows, relative_humidity=PAPER_HUMIDITY)
+    balls = by([row for row in dry if row["experiment"] != "no_contact"], "radius", "repeat").values()
+    tried = [ball for ball in balls if not any(row["faulty"] for row in ball)]
+    releases = [row for ball in tried for row in ball if row.get("transport") == TRANSPORT]  # earlier tables lack it
+    off = [row["off_target"] / row["radius"] if row["landed"] else np.inf for row in releases]
+    said = f" balls, at most {number(max(off))} radii from the target" if off else ""
+    return always(sum(each <= 1 for each in off), len(tried), said) if off else None
+
+
 def _melting(rows: Rows) -> Judged | None:
     """By the law: whether the oxide breaks down, and the heat melts the ball, while the tool touches it."""
     contacts, time = Contacts(), Protocol().contact_time
@@ -280,5 +293,6 @@ TRIALS = {
     "melting": _melting,
     "on board": _on_board,
     "figure 6": _figure_6,
+    "transport": _transported,
 }
 STATEMENTS = stated({name: _law(fact) for name, fact in LAWS.items()} | TRIALS)
