@@ -24,6 +24,11 @@ def areas_of(arrays: Arrays, step: int) -> Arrays:
     return {name: values[step] for name, values in arrays.items() if name.startswith(AREA)}
 
 
+def boxes_of(arrays: Arrays) -> Float[np.ndarray, "T M 3"]:
+    """Return the poses of the boxes; none in trajectories of earlier versions."""
+    return arrays["box_pose"] if "box_pose" in arrays else np.zeros((len(arrays["pose"]), 0, 3), np.float32)
+
+
 class Scene(NamedTuple):
     """Constants of one world with N robots, K balls and A dust areas. SI units throughout.
 
@@ -70,6 +75,8 @@ class Scene(NamedTuple):
     metric_descriptions: tuple[str, ...] = ()
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+    boxes: Float[np.ndarray, "M 4"] = np.zeros((0, 4))
+    """Half edges [m], mass [kg] and friction of the boxes that robots push."""
     corners: Float[np.ndarray, "C 2"] = np.zeros((0, 2))
     """Of the arena, anticlockwise [m]; none: of the square."""
     team_names: tuple[str, ...] = ()

@@ -71,7 +71,7 @@ REFUSED = {
     "sleep to be disabled": set_option("enableflags", mujoco.mjtEnableBit.mjENBL_SLEEP),
     "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
     "one mass": set_array("dof_M0", 20.0, joint),
-    "hulls, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
+    "hulls, boxes, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
     "collide with each other": set_array("geom_contype", 0, hull),
     "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),
     "walls where": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),

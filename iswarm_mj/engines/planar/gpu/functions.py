@@ -114,14 +114,15 @@ geometry = in_warp(contact_geometry)
 rays = in_warp(ray_geometry)
 light = in_warp(reception)
 arena = in_warp(plane)
+_KINDS[kinds.Kinds] = wp.array(dtype=arena.Kind)
 rows = in_warp(contact_rows)
 view = in_warp(in_sight)
-ContactLaw, Light, Plane, View = law.ContactLaw, light.Light, arena.Plane, view.View
+ContactLaw, Kind, Light, Plane, View = law.ContactLaw, arena.Kind, light.Light, arena.Plane, view.View
 
 
-def words_of(parameters: tuple) -> np.ndarray:
-    """Numbers of a named tuple as they lie in its struct, in words of 32 bits, which kernels of JAX take."""
-    return np.array([tuple(parameters)], _KINDS[type(parameters)].numpy_dtype()).view(np.int32)
+def words_of(*parameters: tuple) -> np.ndarray:
+    """Numbers of named tuples as they lie in their structs, in words of 32 bits, which kernels of JAX take."""
+    return np.array(list(map(tuple, parameters)), _KINDS[type(parameters[0])].numpy_dtype()).view(np.int32)
 
 
 @wp.func
@@ -134,6 +135,12 @@ def plane_in(words: wp.array(dtype=int)):
 def light_in(words: wp.array(dtype=int)):
     """(1,) likewise, of the light."""
     return wp.array(ptr=words.ptr, shape=(1,), dtype=Light)
+
+
+@wp.func
+def kinds_in(words: wp.array(dtype=int), n: int):
+    """(n,) likewise, the kinds of bodies."""
+    return wp.array(ptr=words.ptr, shape=(n,), dtype=Kind)
 
 
 @functools.cache
