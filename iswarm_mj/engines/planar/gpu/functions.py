@@ -9,6 +9,7 @@ import functools
 import os
 import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -25,14 +26,20 @@ from iswarm_mj.engines.planar import (
     ray_geometry,
     reception,
 )
+from iswarm_mj.engines.planar.compiled import version_of
 
 
 def _start() -> None:
-    """Start Warp; its kernels are kept in its cache or, where nothing can be written there, until this process ends."""
+    """Start Warp; its kernels are kept in its cache or, where nothing can be written there, until this process ends.
+
+    Warp 1.18 would go on with a kernel whose structs were edited, so that each state of the sources has its own place.
+    """
     wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
     try:
         wp.init()
-        is_writable = os.access(wp.config.kernel_cache_dir, os.W_OK)
+        own = Path(wp.config.kernel_cache_dir) / f"iswarm_mj-{version_of('**/*.py')}"
+        own.mkdir(parents=True, exist_ok=True)
+        wp.config.kernel_cache_dir, is_writable = str(own), os.access(own, os.W_OK)
     except OSError:
         is_writable = False
     if not is_writable:
