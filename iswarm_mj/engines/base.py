@@ -118,7 +118,7 @@ def take_phases(
     for phase in phases:
         targets, runs = phase.velocity(moved.poses[..., :n_robots, :]), is_running & (fault == 0)
         if n_boxes:
-            targets = xp.concatenate([targets, xp.zeros((*is_running.shape, n_boxes, 3), targets.dtype)], axis=-2)
+            targets = xp.concatenate([targets, xp.zeros_like(targets, shape=(*is_running.shape, n_boxes, 3))], axis=-2)
         moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)
         fault = fault | failure
     return concluded(bodies, moved, touching, fault, is_running, walls)
