@@ -66,7 +66,7 @@ def at_start(engine, bodies, poses, velocities):
 
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0, 157.5])
 def test_friction_stops_a_sliding_box(angle):
-    """After v^2 / (2 mu g), in steps of h; midway between axis and diagonal friction is 1 / cos(22.5 deg) times that."""
+    """After v^2 / (2 mu g), in steps of h; midway between axis and diagonal friction is 1 / cos(22.5 deg) as much."""
     friction, speed, h = 0.002, 20.0, 0.1
     slower = friction * GRAVITY * h / (1.0 if angle % 45 == 0 else math.cos(math.pi / 8))  # in a step
     n = int(speed / slower)
