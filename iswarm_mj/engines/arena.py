@@ -173,7 +173,7 @@ def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -
 
     The floor's friction is that of joints, and of tendons that slide along the diagonals: together they let go at the
     weight times the coefficient along the axes and the diagonals, at up to 8 % more in between, whatever else pushes.
-    About the vertical axis it is that of a box whose weight is spread evenly.
+    About the vertical axis it is that of a box whose weight is spread evenly. What one sees is another geom.
     """
     _, _, half_x, half_y, _, mass, friction = box
     (a, b), (slide, hinge) = mm_from_rd(np.array([half_x, half_y])), JOINTS[1:]
@@ -193,8 +193,9 @@ def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -
         tendon.wrap_joint(prefix + "y", left * math.sqrt(0.5))
     names = ("contype", "conaffinity", "condim", "group", "solref", "solimp", "solmix", "priority", "margin", "gap")
     same = {name: getattr(hull, name) for name in names}
-    size, kind = [a, b, hull.size[2]], mujoco.mjtGeom.mjGEOM_BOX
-    body.add_geom(name=prefix + "hull", type=kind, size=size, mass=mg_from_kg(mass), rgba=_BOX, **same)
+    shape = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [a, b, hull.size[2]]}
+    body.add_geom(name=prefix + "hull", mass=mg_from_kg(mass), **shape, **same)
+    body.add_geom(name=prefix + "block", mass=0.0, contype=0, conaffinity=0, group=2, rgba=_BOX, **shape)
 
 
 def _add(spec: mujoco.MjSpec, like: str, name: str, pos: list[float], quat: list[float], **own: Any) -> None:
