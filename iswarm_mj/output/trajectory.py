@@ -24,11 +24,6 @@ def areas_of(arrays: Arrays, step: int) -> Arrays:
     return {name: values[step] for name, values in arrays.items() if name.startswith(AREA)}
 
 
-def boxes_of(arrays: Arrays) -> Float[np.ndarray, "T M 3"]:
-    """Return the poses of the boxes; none in trajectories of earlier versions."""
-    return arrays["box_pose"] if "box_pose" in arrays else np.zeros((len(arrays["pose"]), 0, 3), np.float32)
-
-
 class Scene(NamedTuple):
     """Constants of one world with N robots, K balls and A dust areas. SI units throughout.
 

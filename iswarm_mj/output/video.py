@@ -14,7 +14,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from iswarm_mj.output.stage import Shot, Stage, recorded
-from iswarm_mj.output.trajectory import METRIC, Arrays, areas_of, boxes_of
+from iswarm_mj.output.trajectory import METRIC, Arrays, areas_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -93,7 +93,7 @@ def _pictures(stage: Stage, frames: Arrays, film: Film, last: int, bar: Progress
     metrics = frames["scene_metric_names"].tolist()
     for number in range(last * film.frames_per_step + 1):
         step, part = divmod(number, film.frames_per_step)
-        moving = frames["pose"], frames["ball_position"], boxes_of(frames)
+        moving = frames["pose"], frames["ball_position"], frames["box_pose"]
         pose, balls, boxes = (interpolated(values, step, part / film.frames_per_step) for values in moving)
         delivered = f"{frames['delivered'][step]} of {balls.shape[0]} balls delivered"
         counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
