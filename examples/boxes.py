@@ -3,7 +3,7 @@
     iswarm run --task examples/boxes.py:Push --strategy examples/boxes.py:Sweep --robots 80 --steps 600 \
         --arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.005  -4 -5 1.5 0.8 30 1e-5 0.005  5 -7 0.8 0.8 0 8e-6 0.005
 
-Each box is x, y, half edges [rd], yaw [deg], mass [kg] and friction with the floor; a drive pushes with 0.24 uN at most.
+Each box is x, y, half edges [rd], yaw [deg], mass [kg] and friction with the floor; a drive pushes with up to 0.24 uN.
 """
 
 from dataclasses import dataclass

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import mujoco
@@ -104,10 +105,13 @@ def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
     return tuple(_kind(arena, body, has_drive=body == 0) for body in bodies)
 
 
-def table_of(kinds: Sequence[Kind], n_robots: int) -> np.ndarray:
-    """Return the kinds of N robots, of the boxes and of all that is fixed, as records (N + M + 1,)."""
+@lru_cache(maxsize=16)  # each step needs it
+def table_of(kinds: tuple[Kind, ...], n_robots: int) -> np.ndarray:
+    """Return the kinds of N robots, of the boxes and of all that is fixed, as records (N + M + 1,), read-only."""
     robot, *boxes = kinds
-    return np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
+    table = np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
+    table.flags.writeable = False
+    return table
 
 
 KIND = np.dtype([(name, np.float64) for name in Kind._fields])
