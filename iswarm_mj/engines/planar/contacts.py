@@ -21,8 +21,9 @@ from iswarm_mj.engines.planar.kinds import place_of, velocity_of
 from iswarm_mj.engines.planar.plane import Plane
 
 _IMPULSES = ("p1", "p2", "before1", "before2")  # now, and as the latest sweep ended
+_INVERSE = ("mass1", "inertia1", "swing1", "mass2", "inertia2", "swing2")  # of both bodies, see `velocity_change`
 _INTEGERS = ("first", "second", "n_rows", "rubs")
-_NUMBERS = (*Rows._fields[1:], "h11", "h12", "h22", *_IMPULSES)
+_NUMBERS = (*Rows._fields[1:], "h11", "h12", "h22", *_INVERSE, *_IMPULSES)
 
 CONTACT = np.dtype([(name, np.int64) for name in _INTEGERS] + [(name, np.float64) for name in _NUMBERS])
 """A touching pair: two bodies, of which the first may be the last one of all, which is fixed; its `Rows` and H;
@@ -117,7 +118,9 @@ def _add(
     contact.arm1, contact.arm2, contact.lever1, contact.lever2 = rows.arm1, rows.arm2, rows.lever1, rows.lever2
     contact.offset1, contact.offset2 = rows.offset1, rows.offset2
     contact.softness1, contact.softness2 = rows.softness1, rows.softness2
-    inverse = one.inverse_mass, one.inverse_inertia, other.inverse_mass, other.inverse_inertia
-    contact.h11, contact.h12, contact.h22 = matrix(rows, *inverse)
+    m1, i1, m2, i2 = one.inverse_mass, one.inverse_inertia, other.inverse_mass, other.inverse_inertia
+    contact.mass1, contact.inertia1, contact.swing1 = m1, i1, i1 * one.radius
+    contact.mass2, contact.inertia2, contact.swing2 = m2, i2, i2 * other.radius
+    contact.h11, contact.h12, contact.h22 = matrix(rows, m1, i1, m2, i2)
     contact.p1 = contact.p2 = contact.before1 = contact.before2 = 0.0
     return 1 if rows.n_rows > 0 else 0

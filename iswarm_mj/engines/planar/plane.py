@@ -107,11 +107,9 @@ def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
 
 @lru_cache(maxsize=16)  # each step needs it
 def table_of(kinds: tuple[Kind, ...], n_robots: int) -> np.ndarray:
-    """Return the kinds of N robots, of the boxes and of all that is fixed, as records (N + M + 1,), read-only."""
+    """Return the kinds of N robots, of the boxes and of all that is fixed, as records (N + M + 1,), which nobody changes."""
     robot, *boxes = kinds
-    table = np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
-    table.flags.writeable = False
-    return table
+    return np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
 
 
 KIND = np.dtype([(name, np.float64) for name in Kind._fields])
@@ -147,6 +145,8 @@ def solids_of(arena: ArenaModel, obstacles: Sequence[Obstacle]) -> Float[np.ndar
 def with_boxes(solids: Array, poses: Float[Array, "B M 3"], kinds: Sequence[Kind]) -> Float[Array, "B WOM 6"]:
     """Return what light meets beside robots in B worlds: walls and obstacles (W + O, 6), and boxes at these poses."""
     xp, n_worlds = array_module(poses), len(poses)
+    if len(kinds) == 1:
+        return xp.tile(solids, (n_worlds, 1, 1))
     halves = xp.asarray([kind[:2] for kind in kinds[1:]], poses.dtype).reshape(-1, 2)
     yaw, halves = poses[..., 2:], xp.broadcast_to(halves, (n_worlds, *halves.shape))
     boxes = xp.concatenate([poses[..., :2], xp.cos(yaw), xp.sin(yaw), halves], axis=-1)

@@ -101,7 +101,7 @@ def solve_island(
             first, second = velocity_of(velocities, contact.first), velocity_of(velocities, contact.second)
             h = contact.h11, contact.h12, contact.h22
             p1, p2 = relaxed(contact, *h, contact.p1, contact.p2, first, second)
-            change = max(change, _change(contact, p1, p2, kinds))
+            change = max(change, _change(contact, p1, p2))
             uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
             _set_impulses(contact, p1, p2, velocities, rubs, kinds)
         if change <= plane.tolerance or (len(members) == 1 and not contacts[members[0]].rubs):
@@ -119,13 +119,11 @@ def solve_island(
 
 
 @inlined
-def _change(contact: Any, p1: float, p2: float, kinds: np.ndarray) -> float:
+def _change(contact: Any, p1: float, p2: float) -> float:
     """By how much a velocity changes at most if the impulses are replaced."""
     d1, d2 = p1 - contact.p1, p2 - contact.p2
-    one, other = kinds[contact.first], kinds[contact.second]
     arms, levers = (contact.arm1, contact.arm2), (contact.lever1, contact.lever2)
-    swings = one.inverse_inertia * one.radius, other.inverse_inertia * other.radius
-    return velocity_change(d1, d2, *arms, *levers, one.inverse_mass, swings[0], other.inverse_mass, swings[1])
+    return velocity_change(d1, d2, *arms, *levers, contact.mass1, contact.swing1, contact.mass2, contact.swing2)
 
 
 @inlined
@@ -134,27 +132,27 @@ def _set_impulses(
 ) -> None:
     """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
     first, second = velocities[contact.first], velocities[contact.second]
-    one, other = kinds[contact.first], kinds[contact.second]
     d1, d2 = p1 - contact.p1, p2 - contact.p2
     push = d1 + d2
-    first[0] -= one.inverse_mass * contact.nx * push
-    first[1] -= one.inverse_mass * contact.ny * push
-    first[2] -= one.inverse_inertia * (contact.arm1 * d1 + contact.arm2 * d2)
-    second[0] += other.inverse_mass * contact.nx * push
-    second[1] += other.inverse_mass * contact.ny * push
-    second[2] += other.inverse_inertia * (contact.lever1 * d1 + contact.lever2 * d2)
+    first[0] -= contact.mass1 * contact.nx * push
+    first[1] -= contact.mass1 * contact.ny * push
+    first[2] -= contact.inertia1 * (contact.arm1 * d1 + contact.arm2 * d2)
+    second[0] += contact.mass2 * contact.nx * push
+    second[1] += contact.mass2 * contact.ny * push
+    second[2] += contact.inertia2 * (contact.lever1 * d1 + contact.lever2 * d2)
     contact.p1, contact.p2 = p1, p2
     if contact.rubs:
-        if one.grip > 0.0:
+        if contact.first < len(rubs):
             rub(contact.first, velocities, rubs, kinds)
-        if other.grip > 0.0:
-            rub(contact.second, velocities, rubs, kinds)
+        rub(contact.second, velocities, rubs, kinds)
 
 
 @compiled
 def rub(body: int, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray) -> None:
     """Let the floor's friction stop a body as far as it can; arguments as for `solve_island`."""
     kind, v = kinds[body], velocity_of(velocities, body)
+    if kind.grip == 0.0:
+        return
     x, y, turn = held(kind, v, rubs[body, 0], rubs[body, 1], rubs[body, 2])
     velocities[body, 0] += kind.inverse_mass * (x - rubs[body, 0])
     velocities[body, 1] += kind.inverse_mass * (y - rubs[body, 1])
