@@ -136,6 +136,7 @@ class Core:
         intent: Intent,
         motion: Motion,
         poses: Float[Array, "N 3"],
+        boxes: Float[Array, "M 3"] | None,
         sight: Sight,
     ) -> State:
         """Return the state after a step, but for its bodies.
@@ -146,6 +147,7 @@ class Core:
             intent: of the robots.
             motion: of the robots.
             poses: after it.
+            boxes: likewise, where there are some.
             sight: what robots then receive.
         """
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
@@ -153,7 +155,7 @@ class Core:
         moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
-        inputs = StepInputs(poses, sight, step, jnp.ones((), bool))
+        inputs = StepInputs(poses, sight, step, jnp.ones((), bool), boxes)
         seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, before.is_alive)
         progress = params.task.progress(seen.swarm.task)
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)

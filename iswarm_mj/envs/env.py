@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngine
+from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngine, boxes_of
 from iswarm_mj.envs import observations
 from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.core import Core
@@ -73,6 +73,10 @@ class Env:
         """Return where robots are (*B, N, 3), which they do not know: x, y [mm] and yaw [rad]."""
         return self._engine.poses(state.data.world.bodies)
 
+    def boxes(self, state: State) -> Any:
+        """Return where boxes are (*B, M, 3), likewise; None where there are none."""
+        return boxes_of(self._engine, state.data.world.bodies)
+
     def reset(self, key: jax.Array) -> State:
         """Begin an episode.
 
@@ -123,8 +127,9 @@ class Env:
     def _seen(self, data: Episode, is_new: Any, intent: Any, motion: Motion) -> State:
         engine, bodies = self._engine, motion.bodies
         sight = engine.sense(bodies, *self._given((intent.is_emitting, jnp.ones(self._axes, bool))))
-        poses = jnp.asarray(engine.poses(bodies), jnp.float32)
-        state = self._observe(data, is_new, intent, motion._replace(bodies=None), poses, sight)
+        seen = engine.poses(bodies), boxes_of(engine, bodies)
+        poses, boxes = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), seen)
+        state = self._observe(data, is_new, intent, motion._replace(bodies=None), poses, boxes, sight)
         self._latest = bodies
         return state._replace(data=state.data._replace(world=state.data.world._replace(bodies=bodies)))
 

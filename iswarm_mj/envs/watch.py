@@ -61,11 +61,15 @@ class Watched:
 
     def _record(self, state: State) -> StepRecord:
         """A state as a record (1, 1, ...)."""
-        poses, rows = np.asarray(self._env.poses(state)), [self.world]
-        world = state.data.world._replace(bodies=None)
-        if poses.ndim == 2:
-            poses, world, rows = poses[None], jax.tree.map(lambda a: np.asarray(a)[None], world), [0]
-        record = start_record(world, poses.astype(float), rows, self._env.core.robot)
+        found, rows = (
+            (self._env.poses(state), self._env.boxes(state), state.data.world._replace(bodies=None)),
+            [self.world],
+        )
+        if self._env.n_worlds is None and found[0].ndim == 2:
+            found, rows = jax.tree.map(lambda a: np.asarray(a)[None], found), [0]
+        poses, boxes, world = found
+        poses, boxes = jax.tree.map(lambda a: np.asarray(a, float), (poses, boxes))
+        record = start_record(world, poses, rows, self._env.core.robot, boxes)
         return record._replace(collisions=np.asarray(world.collisions)[rows][None])
 
 
@@ -90,8 +94,8 @@ class Pictures:
     def show(self, state: State, world: int = 0) -> UInt8[np.ndarray, "height width 3"]:
         """Return the pixels of a world in a state."""
         arrays = self._watched(state, world).start().arrays()
-        pose, is_loaded, balls = (arrays[name][0] for name in ("pose", "is_loaded", "ball_position"))
-        return self._stage.show(pose, is_loaded, balls, areas_of(arrays, 0))
+        pose, is_loaded, balls, boxes = (arrays[n][0] for n in ("pose", "is_loaded", "ball_position", "box_pose"))
+        return self._stage.show(pose, is_loaded, balls, boxes, areas_of(arrays, 0))
 
     def close(self) -> None:
         """Release OpenGL."""

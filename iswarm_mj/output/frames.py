@@ -125,6 +125,7 @@ class RecordedWorld:
             memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in recorded.values()),
             memory_sizes=tuple(math.prod(np.shape(parts_of(own.swarm.memory)[name])[2:]) for name in recorded),
             obstacles=np.array(config.arena.obstacles).reshape(-1, 5) * [*[ROBOT_DIAMETER] * 4, np.pi / 180],
+            boxes=np.array(config.arena.boxes).reshape(-1, 7)[:, [2, 3, 5, 6]] * [*[ROBOT_DIAMETER] * 2, 1, 1],
             corners=np.array(config.arena.corners) * ROBOT_DIAMETER,
             area_names=tuple(areas),
             area_colours=tuple(look.colour for look in areas.values()),
