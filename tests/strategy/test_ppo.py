@@ -71,3 +71,12 @@ def test_without_noise_robots_do_what_they_do_in_a_run():
         np.testing.assert_allclose(memory.dust.vector, record.swarm.memory.dust.vector[-1], atol=1e-3)
         np.testing.assert_array_equal(memory.dump.known, record.swarm.memory.dump.known[-1])
     assert memory.dust.known.sum() > 3 and memory.flag.any() and int(state.metrics["picked"][0]) > 0
+
+
+@pytest.mark.slow
+def test_it_learns():
+    """Robots earn more after 20 iterations, by far more than the 16 worlds of an iteration differ by chance."""
+    arena = ArenaConfig(size=25, dust_area_offset=9, dust_area_size=5, n_dust=36)
+    learner = Learner(SwarmConfig(arena), 30, 100, 16, 3e-3, 0.5, 0)
+    found = [learner.learn(key) for key in jax.random.split(jax.random.key(0), 24)]
+    assert np.mean(found[-4:]) > np.mean(found[:4]) + 60
