@@ -1,6 +1,6 @@
 """Train the network of `neural` by policy gradients: PPO (Schulman et al. 2017) on the environment, in JAX.
 
-    python tools/ppo_neural.py --arena 25 9 5 36 --robots 30 --steps 100 --iterations 100 --out runs/ppo
+    python tools/ppo_neural.py --iterations 100 --out runs/ppo
 
 The policy is a Gaussian about the aim (2), the speed and the flag that the network returns; the code of the strategy
 makes turn, step and message of the sampled numbers. All robots share the weights. The numbers that say how robots trust
@@ -8,7 +8,6 @@ vectors keep their values, since no gradient goes through memory. `iswarm clean 
 `tools/compare_policies.py --weights` take `weights.npz`.
 """
 
-import argparse
 import math
 from dataclasses import replace
 from functools import partial
@@ -17,6 +16,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+import tyro
 from jax.example_libraries.optimizers import adam
 
 from iswarm_mj import make_env
@@ -32,11 +32,14 @@ from iswarm_mj.strategy.neural import PLACES, SHAPE, first_weights, untrained
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.utils.units import RD, mm_from_rd
 
+ARENA = ArenaConfig(size=25, dust_area_offset=9, dust_area_size=5, n_dust=36)
 NOISE = jnp.array([0.5, 0.5, 0.3, 0.5])
 """Standard deviations of aim, speed and flag."""
-CRITIC = Shape(SHAPE.inputs + 2, 16, 1)
-"""It reads what the network reads, the share of balls delivered, and the share of the time that is left."""
-DISCOUNT, LAMBDA, CLIP, POINTS, EPOCHS, PARTS = 0.99, 0.95, 0.2, 20.0, 4, 8
+CRITIC = Shape(SHAPE.inputs + 3, 16, 1)
+"""It reads what the network reads, the shares of balls picked up and delivered, and that of the time that is left."""
+SHARED = 0.5
+"""Share of the swarm's mean in a robot's reward."""
+RATE, DISCOUNT, LAMBDA, CLIP, POINTS, EPOCHS, PARTS = 3e-3, 0.99, 0.95, 0.2, 20.0, 4, 8
 
 
 def observed(env, obs):
@@ -104,15 +107,15 @@ def loss(params, strategy, sample, before, advantage, given, target):
 class Learner:
     """An environment of B worlds, the policy and the critic."""
 
-    def __init__(self, config, n_robots, steps, n_worlds, rate, shared, seed):
+    def __init__(self, config, n_robots, steps, n_worlds, seed):
         given = {"payload": payload_for(mm_from_rd(config.strategy.message_range)), "engine": PlanarSettings(1)}
         self.env = make_env(n_robots=n_robots, config=config, steps=steps, n_worlds=n_worlds, seed=seed, **given)
-        self.n_worlds, self.shared, self.strategy = n_worlds, shared, untrained(config, self.env.core.robot)
+        self.n_worlds, self.strategy = n_worlds, untrained(config, self.env.core.robot)
         rng = np.random.default_rng(seed)
         weights, critic = first_weights(), rng.normal(0, 0.1, CRITIC.n_weights).astype(np.float32)
         to_hidden = (SHAPE.inputs + 1) * SHAPE.hidden  # zeros both into and out of hidden units have no gradient
         weights[:to_hidden] = rng.normal(0, 0.3, to_hidden)
-        begin, self._update, self._params = adam(rate)
+        begin, self._update, self._params = adam(RATE)
         self.state, self.n_updates = begin({"policy": jnp.asarray(weights), "critic": jnp.asarray(critic)}), 0
         self._act, self._improve = jax.jit(self._acts), jax.jit(self._improves)
 
@@ -136,12 +139,13 @@ class Learner:
         return jax.vmap(partial(decide, self.env, replace(self.strategy, weights=weights)))(memory, obs, keys, noise)
 
     def episode(self, key):
-        """Return samples (T, B, N, ...), shares of balls and time (T, B, 2), rewards (T, B, N), and what counts."""
+        """Return samples (T, B, N, ...), shares of balls and time (T, B, 3), rewards (T, B, N), and what counts."""
         (state, memory), weights, taken, core = self.begin(key), self.weights, [], self.env.core
         counts = np.ones(self.n_worlds, bool)
         for step in range(core.steps):
             left = jnp.full(self.n_worlds, 1.0 - step / core.steps)
-            shares = jnp.stack([state.metrics["delivered"] / core.config.arena.n_dust, left], axis=1)
+            found = (state.metrics[name] / core.config.arena.n_dust for name in ("picked", "delivered"))
+            shares = jnp.stack([*found, left], axis=1)
             noise = NOISE * jax.random.normal(jax.random.fold_in(key, step), (self.n_worlds, self.env.n_robots, 4))
             state, memory, sample = self.step(weights, state, memory, noise)
             taken.append((*sample, shares, np.asarray(state.reward) * counts[:, None], counts))
@@ -150,7 +154,7 @@ class Learner:
 
     def _improves(self, state, number, key, episode):
         *sample, shares, reward, counts = episode
-        reward = ((1.0 - self.shared) * reward + self.shared * reward.mean(axis=2, keepdims=True)) / POINTS
+        reward = ((1.0 - SHARED) * reward + SHARED * reward.mean(axis=2, keepdims=True)) / POINTS
         given = jnp.concatenate([sample[0], jnp.repeat(shares[:, :, None], reward.shape[2], axis=2)], axis=-1)
         *sample, given = (part.reshape(-1, *part.shape[3:]) for part in (*sample, given))
         params, counts = self._params(state), counts[..., None]
@@ -183,27 +187,23 @@ class Learner:
         return episode[-2].sum(axis=(0, 2)).mean()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("runs/ppo"))
-    parser.add_argument("--arena", type=float, nargs=4, default=(25, 9, 5, 36), help="edge, dust offset, edge, balls")
-    parser.add_argument("--robots", type=int, default=30)
-    parser.add_argument("--steps", type=int, default=100, help="control steps of an episode")
-    parser.add_argument("--worlds", type=int, default=16, help="episodes of an iteration")
-    parser.add_argument("--iterations", type=int, default=100)
-    parser.add_argument("--rate", type=float, default=3e-3, help="of Adam")
-    parser.add_argument("--shared", type=float, default=0.5, help="share of the swarm's mean in a robot's reward")
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    size, offset, edge, balls = args.arena
-    config = SwarmConfig(ArenaConfig(size=size, dust_area_offset=offset, dust_area_size=edge, n_dust=int(balls)))
-    learner = Learner(config, args.robots, args.steps, args.worlds, args.rate, args.shared, args.seed)
-    args.out.mkdir(parents=True, exist_ok=True)
-    for number in range(args.iterations):
-        points = learner.learn(jax.random.fold_in(jax.random.key(args.seed), number))
+def train(
+    out: Path = Path("runs/ppo"),  # directory of `weights.npz`
+    arena: ArenaConfig = ARENA,
+    robots: int = 30,
+    steps: int = 100,  # of an episode
+    worlds: int = 16,  # episodes of an iteration
+    iterations: int = 100,
+    seed: int = 0,
+):
+    """Train, and write the weights after each iteration."""
+    learner = Learner(SwarmConfig(arena), robots, steps, worlds, seed)
+    out.mkdir(parents=True, exist_ok=True)
+    for number in range(iterations):
+        points = learner.learn(jax.random.fold_in(jax.random.key(seed), number))
         print(f"iteration {number + 1}: {points:.0f} points a world", flush=True)
-        save_weights(args.out / "weights.npz", learner.weights)
+        save_weights(out / "weights.npz", learner.weights)
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(train)

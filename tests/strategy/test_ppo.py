@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from helpers_envs import poses_of
 from helpers_small import SMALL
-from ppo_neural import NOISE, Learner, log_probability, wanted
+from ppo_neural import ARENA, NOISE, Learner, log_probability, wanted
 from scipy import stats
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
@@ -21,7 +21,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.neural import N_WEIGHTS, SHAPE, WAYS, untrained
 from iswarm_mj.tasks.cleaning import CLEANING
 
-N, STEPS, SEED = 12, 30, 3
+N, STEPS, SEED = 12, 16, 3
 
 
 def weights_near_the_first(learner, size):
@@ -53,7 +53,7 @@ def test_the_slope_of_the_probability_is_that_of_finite_differences():
 
 
 def test_without_noise_robots_do_what_they_do_in_a_run():
-    learner = Learner(SMALL, N, STEPS, 1, 1e-3, 0.0, SEED)
+    learner = Learner(SMALL, N, STEPS, 1, SEED)
     weights, key = weights_near_the_first(learner, 0.1), jax.random.key(7)
     state, memory = learner.begin(key)
     start_key, own, _ = jax.random.split(jax.random.split(key, 1)[0], 3)
@@ -76,7 +76,6 @@ def test_without_noise_robots_do_what_they_do_in_a_run():
 @pytest.mark.slow
 def test_it_learns():
     """Robots earn more after 20 iterations, by far more than the 16 worlds of an iteration differ by chance."""
-    arena = ArenaConfig(size=25, dust_area_offset=9, dust_area_size=5, n_dust=36)
-    learner = Learner(SwarmConfig(arena), 30, 100, 16, 3e-3, 0.5, 0)
+    learner = Learner(SwarmConfig(ARENA), 30, 100, 16, 0)
     found = [learner.learn(key) for key in jax.random.split(jax.random.key(0), 24)]
     assert np.mean(found[-4:]) > np.mean(found[:4]) + 60
