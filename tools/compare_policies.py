@@ -5,7 +5,8 @@
     python tools/compare_policies.py --only neural no-messages no-vectors no-flag no-memory
 
 A row per strategy: worlds in which all balls were delivered; control steps until then, those of the other worlds
-counted as --steps, and collisions: medians with 95 % intervals by order statistics; balls delivered on average.
+counted as --steps, and collisions: medians with 95 % intervals by order statistics; the mean number of balls delivered
+with its interval by bootstrap.
 `knows-all` is the network with robots that are told where dump and nearest ball are; the rows without something are
 the network with its shipped weights, or with --weights.
 """
@@ -56,6 +57,7 @@ def main():
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--robots", type=int, default=280)
     parser.add_argument("--size", type=float, default=49.0, help="edge of the arena [rd]")
+    parser.add_argument("--dust", type=float, nargs=3, default=(12, 6, 72), help="offset, edge of areas [rd], balls")
     parser.add_argument("--failed", type=float, default=0.0, help="share of robots that are dead from the start")
     parser.add_argument("--noise", type=float, default=1.0, help="times the errors of distances and messages")
     parser.add_argument("--turn-error", type=float, default=0.0, help="standard deviation of executed turns [deg]")
@@ -69,7 +71,9 @@ def main():
         error_in_communication=0.1 * args.noise,
         p_communication_break=0.1 * args.noise,
     )
-    config = SwarmConfig(ArenaConfig(size=args.size), DriveConfig(error_turn=args.turn_error), light)
+    offset, edge, balls = args.dust
+    arena = ArenaConfig(size=args.size, dust_area_offset=offset, dust_area_size=edge, n_dust=int(balls))
+    config = SwarmConfig(arena, DriveConfig(error_turn=args.turn_error), light)
     settings = RunSettings(
         args.robots, args.steps, FRESH, n_worlds=args.worlds, failed_fraction=args.failed, record_worlds=()
     )
@@ -91,15 +95,14 @@ def main():
         clean = sum(one.finished_at is not None for one in found)
         steps = told([one.finished_at or args.steps for one in found])
         collisions = told([one.collisions for one in found])
-        delivered = np.mean([one.delivered for one in found])
+        delivered = told([one.delivered for one in found], np.mean)
         faults = " faults!" * bool(run.faults)
-        print(f"| {name} | {clean} of {args.worlds} | {steps} | {collisions} | {delivered:.1f} |{faults}", flush=True)
+        print(f"| {name} | {clean} of {args.worlds} | {steps} | {collisions} | {delivered} |{faults}", flush=True)
 
 
-def told(values):
-    """The median of values with its interval."""
-    estimate, low, high = interval(np.array(values, float), np.median)
-    return f"{estimate:.0f} ({low:.0f} to {high:.0f})"
+def told(values, statistic=np.median):
+    """A statistic of values with its interval."""
+    return "{:.1f} ({:.1f} to {:.1f})".format(*interval(np.array(values, float), statistic))
 
 
 if __name__ == "__main__":

@@ -158,18 +158,26 @@ class NeuralStrategy:
 
     def act(self, memory: Memory, observation: Observation, key: Array) -> tuple[Memory, Command]:
         """Merge what was heard, let the network weigh directions, and go there, or to the ball that is near."""
-        known, seen = self._remember(memory, observation), observation
-        numbers, ways = self._perceived(known, seen, key)
+        known = self._remember(memory, observation)
+        return self._carried_out(known, observation, *self._wanted(*self._perceived(known, observation, key)))
+
+    def _wanted(self, numbers: Float[Array, "N I"], ways: Float[Array, "N V 2"]) -> tuple[Array, Array, Array]:
+        """Aims (N, 2), speeds and flags (N,) that the network returns; a flag above 0 is sent."""
         out = forward(SHAPE, self.weights[: SHAPE.n_weights], numbers)
-        aim = (out[:, : len(WAYS), None] * ways).sum(axis=1)
+        return (out[:, : len(WAYS), None] * ways).sum(axis=1), out[:, len(WAYS)], out[:, len(WAYS) + 1]
+
+    def _carried_out(
+        self, known: Memory, seen: Observation, aim: Array, speed: Array, flag: Array
+    ) -> tuple[Memory, Command]:
+        """Commands of robots that want this, and their memories afterwards."""
         angle, largest = jnp.arctan2(aim[:, 1], aim[:, 0]), jnp.deg2rad(self.config.drive.max_turn)
         turn = jnp.clip(angle, -largest, largest)
-        ahead = jnp.clip(out[:, len(WAYS)], -1.0, 1.0) * jnp.maximum(jnp.cos(angle - turn), 0.0)
+        ahead = jnp.clip(speed, -1.0, 1.0) * jnp.maximum(jnp.cos(angle - turn), 0.0)
         command = Command(turn, mm_from_rd(self.config.step_length) * ahead)
         approaches = controller.approaching(self.picks(known), seen)
         command = controller.approach(self.config, self.robot.probe_tip, approaches, seen.ball_vector, command)
         command = Command(*(jnp.where(seen.waits, 0.0, part) for part in command))
-        return self._moved(known, *command)._replace(flag=out[:, len(WAYS) + 1] > 0), command
+        return self._moved(known, *command)._replace(flag=flag > 0), command
 
     def fell_short(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
         """Return the memories of robots that walked less than they commanded, see `ReckoningStrategy`."""
