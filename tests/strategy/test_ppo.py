@@ -52,6 +52,7 @@ def test_the_slope_of_the_probability_is_that_of_finite_differences():
         np.testing.assert_allclose(log_probability(strategy, numbers, ways, drawn, matters), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_without_noise_robots_do_what_they_do_in_a_run():
     learner = Learner(SMALL, N, STEPS, 1, SEED)
     weights, key = weights_near_the_first(learner, 0.1), jax.random.key(7)
